@@ -1,0 +1,77 @@
+"""One measured figure, and how times are measured on a machine that is shared and noisy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+import gc
+from statistics import median
+from time import perf_counter
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """
+    One figure of the benchmark.
+
+    Attributes:
+        name: what was measured.
+        value: the figure, in `unit`.
+        unit: its unit.
+        target: what is to be reached, in `unit`; None where there is none.
+        floor: the least possible, measured in the same run, in `unit`; None where there is none.
+        peers: figure of each peer at the same work, measured in the same run, in `unit`.
+        higher_is_better: whether the target is a lower bound instead of an upper one.
+        note: what a reader must know, e.g. a peer that is not installed.
+
+    """
+
+    name: str
+    value: float
+    unit: str
+    target: float | None = None
+    floor: float | None = None
+    peers: dict[str, float] = field(default_factory=dict)
+    higher_is_better: bool = False
+    note: str = ''
+
+    @property
+    def reached(self) -> bool | None:
+        """Whether the target is met; None where there is none."""
+        if self.target is None:
+            return None
+        return self.value >= self.target if self.higher_is_better else self.value <= self.target
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the figure as plain types."""
+        return asdict(self)
+
+
+def time_call(work: Callable[[], object], *, rounds: int = 15, calls: int = 1) -> float:
+    """
+    Measure the time of one call.
+
+    Args:
+        work: what to call.
+        rounds: how many times to measure; the median is returned.
+        calls: calls in each round.
+
+    Returns:
+        Seconds for one call, with garbage collection kept out.
+
+    """
+    work()
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        times = []
+        for _ in range(rounds):
+            start = perf_counter()
+            for _ in range(calls):
+                work()
+            times.append((perf_counter() - start) / calls)
+    finally:
+        if collecting:
+            gc.enable()
+    return median(times)

@@ -1,0 +1,64 @@
+"""Find the verb, let it parse the rest, turn errors into one line and an exit code."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from importlib import import_module
+import sys
+
+from handover_dmp import __version__
+from handover_dmp.errors import HandoverError
+
+DESCRIPTION = 'Human-robot handover with a decoupled Dynamic Movement Primitive.'
+
+VERBS = {
+    'demo': 'run one handover on the whole ROS 2 graph, record it, check it, report on it',
+    'synthesize': 'write the synthetic data set',
+    'import': 'turn mocap files of other formats into trials',
+    'learn': 'learn a movement primitive from one trial, or from several',
+    'rollout': 'run the movement primitive alone against a recorded hand',
+    'simulate': 'run one handover in lockstep in this process, without ROS',
+    'evaluate': "the paper's Section III: Table I and its figures",
+    'tune': 'find better parameters on some trials, report on the others',
+    'bag': 'write trials as bags; inspect and repair bags',
+    'plot': 'draw the figures of a recorded run',
+    'bench': 'measure speed and accuracy beside peers and floors',
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """
+    Run the command.
+
+    Args:
+        arguments: the words after `handover_dmp`; those of the process if left out.
+
+    Returns:
+        0 if it did what it says, 1 for bad data or a failed run, 2 for wrong usage.
+
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    verb = next((word for word in words if not word.startswith('-')), None)
+    parser = argparse.ArgumentParser(prog='handover_dmp', description=DESCRIPTION)
+    parser.add_argument('--version', action='version', version=__version__)
+    verbs = parser.add_subparsers(dest='verb', metavar='VERB', required=True)
+    for name, purpose in VERBS.items():
+        verb_parser = verbs.add_parser(name, help=purpose, description=purpose)
+        if name == verb:
+            module = import_module(f'handover_dmp.cli.{_module_name(name)}')
+            module.add_arguments(verb_parser)
+            verb_parser.set_defaults(run=module.run)
+    options = parser.parse_args(words)
+    try:
+        return int(options.run(options))
+    except HandoverError as error:
+        print(f'handover_dmp {options.verb}: {error}', file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt:
+        print(f'handover_dmp {options.verb}: interrupted', file=sys.stderr)
+        return 130
+
+
+def _module_name(verb: str) -> str:
+    return f'{verb}_verb' if verb in {'import'} else verb

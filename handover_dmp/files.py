@@ -1,0 +1,49 @@
+"""Writing files so that a reader sees the old one or the new one, never half of one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+import os
+from pathlib import Path
+import tempfile
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """
+    Give a temporary path beside `path` and move it there if the block ends without an error.
+
+    Args:
+        path: file to write; its folder is made if need be.
+
+    Yields:
+        The temporary path to write to, with the same suffix.
+
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(prefix=f'.{path.stem}-', suffix=path.suffix, dir=path.parent)
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        yield temporary
+        mask = os.umask(0)
+        os.umask(mask)
+        temporary.chmod(0o666 & ~mask)
+        temporary.replace(path)
+    finally:
+        with suppress(FileNotFoundError):
+            temporary.unlink()
+
+
+def write_text(path: Path, text: str) -> None:
+    """
+    Write a text file whole or not at all.
+
+    Args:
+        path: file to write.
+        text: its content, written as UTF-8.
+
+    """
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding='utf-8')

@@ -1,0 +1,1 @@
+"""The five ROS 2 nodes: each parameters, topics, timers and one object of the other rooms."""

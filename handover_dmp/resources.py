@@ -1,0 +1,34 @@
+"""Where the files that come with the package lie: `config/`, `urdf/`, `launch/`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+PACKAGE = 'handover_dmp'
+
+
+def share_path(relative: str) -> Path:
+    """
+    Find a file of the package's share folder.
+
+    In a source tree that is the root of the repository; after an install (pip or colcon, both lay
+    it out alike) it is `share/handover_dmp` under the prefix that the package was installed to.
+
+    Args:
+        relative: path below the share folder, e.g. `urdf/lwr4.urdf`.
+
+    Returns:
+        The absolute path.
+
+    Raises:
+        FileNotFoundError: the file is in neither place.
+
+    """
+    package_folder = Path(__file__).resolve().parent
+    source_tree = package_folder.parent
+    candidates = [source_tree] if (source_tree / 'package.xml').is_file() else []
+    candidates += [prefix / 'share' / PACKAGE for prefix in package_folder.parents]
+    for folder in candidates:
+        if (folder / relative).exists():
+            return folder / relative
+    raise FileNotFoundError(f'{relative}: not among the files of {PACKAGE}')

@@ -1,0 +1,52 @@
+"""The defaults of everything that a user may want to change; they stand once, in `config/`."""
+
+from __future__ import annotations
+
+from dataclasses import field
+from functools import cache
+from typing import Any
+
+import yaml
+
+from handover_dmp.resources import share_path
+
+
+@cache
+def defaults(node: str) -> dict[str, Any]:
+    """
+    Read the parameters of one node from `config/handover.yaml`.
+
+    Args:
+        node: name of the node, e.g. `dmp`.
+
+    Returns:
+        Parameter name to value; names of nested parameters are joined by dots, as ROS 2 does.
+
+    """
+    tree = yaml.safe_load(share_path('config/handover.yaml').read_text(encoding='utf-8'))
+    return dict(_flatten(tree[node]['ros__parameters']))
+
+
+def setting(node: str, name: str) -> Any:
+    """
+    Make a dataclass field whose default is a parameter of `config/handover.yaml`.
+
+    Args:
+        node: name of the node.
+        name: name of its parameter, nested ones joined by dots.
+
+    Returns:
+        The dataclass field.
+
+    """
+    return field(default_factory=lambda: defaults(node)[name])
+
+
+def _flatten(tree: dict[str, Any], prefix: str = '') -> list[tuple[str, Any]]:
+    pairs: list[tuple[str, Any]] = []
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            pairs += _flatten(value, f'{prefix}{key}.')
+        else:
+            pairs.append((prefix + key, value))
+    return pairs

@@ -1,0 +1,17 @@
+"""What several rooms' tests share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+KTH = Path(__file__).resolve().parents[2] / 'shared' / 'data' / 'kth_handovers'
+
+
+@pytest.fixture(scope='session')
+def kth_folder() -> Path:
+    """Folder of the recorded handovers between people; the test skips where it is absent."""
+    if not (KTH / 'trials.csv').is_file():
+        pytest.skip('recordings of people not available')
+    return KTH
