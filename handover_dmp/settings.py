@@ -14,7 +14,7 @@ from handover_dmp.resources import share_path
 @cache
 def defaults(node: str) -> dict[str, Any]:
     """
-    Read the parameters of one node from `config/handover.yaml`.
+    Read the parameters of one node from `config/handover.yaml`, with those of every node.
 
     Args:
         node: name of the node, e.g. `dmp`.
@@ -24,7 +24,9 @@ def defaults(node: str) -> dict[str, Any]:
 
     """
     tree = yaml.safe_load(share_path('config/handover.yaml').read_text(encoding='utf-8'))
-    return dict(_flatten(tree[node]['ros__parameters']))
+    return dict(
+        _flatten(tree['/**']['ros__parameters']) + _flatten(tree[node]['ros__parameters'])
+    )
 
 
 def setting(node: str, name: str) -> Any:

@@ -1,0 +1,217 @@
+"""
+From a wrist command and the arm's joint states to joint velocities, or to the reason for none.
+
+What surrounds the inverse kinematics in a running controller: joint states that come in another
+order, incomplete or late, commands that stop, hands that vanish. No ROS in here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handover_dmp.robot.model import RobotModel
+from handover_dmp.robot.priority_ik import IkSolution, PriorityIk, WristTarget
+from handover_dmp.settings import setting
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class WristControllerOptions:
+    """
+    When inputs are too old.
+
+    Attributes:
+        joint_state_timeout_s: age, by arrival, beyond which nothing is commanded any more, s.
+        command_timeout_s: the same for the wrist command, beyond which the arm brakes, s.
+        hand_timeout_s: the same for the hand, beyond which it is taken to be anywhere, s.
+
+    """
+
+    joint_state_timeout_s: float = setting('priority_ik', 'joint_state_timeout_s')
+    command_timeout_s: float = setting('priority_ik', 'command_timeout_s')
+    hand_timeout_s: float = setting('priority_ik', 'hand_timeout_s')
+
+
+@dataclass(frozen=True)
+class JointCommand:
+    """
+    The answer of one period.
+
+    Attributes:
+        velocities: (n,), rad/s, in the model's order; None if the arm must not be commanded.
+        reason: why the arm brakes or is not commanded; empty while all is well.
+        solution: what the inverse kinematics found; None while braking.
+
+    """
+
+    velocities: Array | None
+    reason: str
+    solution: IkSolution | None = None
+
+
+class WristController:
+    """Follows wrist commands with an arm by priority inverse kinematics, as long as it is safe."""
+
+    def __init__(
+        self, model: RobotModel, ik: PriorityIk, options: WristControllerOptions | None = None
+    ) -> None:
+        """
+        Take the arm and its inverse kinematics.
+
+        Args:
+            model: the arm.
+            ik: its inverse kinematics.
+            options: the time-outs.
+
+        """
+        self.model = model
+        self.ik = ik
+        self.options = options or WristControllerOptions()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget every input."""
+        self._positions: Array | None = None
+        self._measured_velocities = np.zeros(self.model.dof)
+        self._joint_fault = 'no joint states yet'
+        self._joint_arrival_s = float('-inf')
+        self._commanded: Array | None = None
+        self._target: WristTarget | None = None
+        self._target_arrival_s = float('-inf')
+        self._hand: Array | None = None
+        self._hand_arrival_s = float('-inf')
+        self._order: tuple[tuple[str, ...], list[int]] = ((), [])
+
+    @property
+    def positions(self) -> Array | None:
+        """Joint positions, (n,), rad, in the model's order; None before the first good ones."""
+        return self._positions
+
+    def set_joint_state(
+        self,
+        names: Sequence[str],
+        positions: Sequence[float],
+        velocities: Sequence[float],
+        arrival_s: float,
+    ) -> bool:
+        """
+        Take measured joint states, in any order, among those of other joints.
+
+        Args:
+            names: of the joints.
+            positions: rad, one a name.
+            velocities: rad/s, one a name, or none at all.
+            arrival_s: when they came, s.
+
+        Returns:
+            Whether they were used.
+
+        """
+        self._joint_fault = self._fault(names, positions, velocities)
+        if self._joint_fault:
+            return False
+        order = self._order[1]
+        self._positions = np.asarray(positions, dtype=float)[order]
+        if len(velocities):
+            self._measured_velocities = np.asarray(velocities, dtype=float)[order]
+        self._joint_arrival_s = arrival_s
+        return True
+
+    def _fault(
+        self, names: Sequence[str], positions: Sequence[float], velocities: Sequence[float]
+    ) -> str:
+        if tuple(names) != self._order[0]:
+            missing = [name for name in self.model.joint_names if name not in names]
+            if missing:
+                return f'joint states lack {", ".join(missing)}'
+            if len(set(names)) != len(names):
+                return 'joint states name a joint twice'
+            index = {name: i for i, name in enumerate(names)}
+            self._order = (tuple(names), [index[name] for name in self.model.joint_names])
+        if len(positions) != len(names) or len(velocities) not in (0, len(names)):
+            return f'joint states have {len(names)} names but {len(positions)} positions'
+        order = self._order[1]
+        if not np.all(np.isfinite(np.asarray(positions, dtype=float)[order])):
+            return 'joint positions are not finite'
+        if len(velocities) and not np.all(np.isfinite(np.asarray(velocities, dtype=float)[order])):
+            return 'joint velocities are not finite'
+        return ''
+
+    def set_target(self, target: WristTarget, arrival_s: float) -> bool:
+        """
+        Take a wrist command.
+
+        Args:
+            target: pose and twist of the wrist, in `world`.
+            arrival_s: when it came, s.
+
+        Returns:
+            Whether it was used; one that is not finite is not.
+
+        """
+        parts = (target.position, target.velocity, target.rotation, target.angular_velocity)
+        if not all(np.all(np.isfinite(part)) for part in parts if part is not None):
+            return False
+        self._target = target
+        self._target_arrival_s = arrival_s
+        return True
+
+    def set_hand(self, position: Sequence[float], arrival_s: float) -> None:
+        """
+        Take the position of the partner's hand, for separation and for what points at it.
+
+        Args:
+            position: (3,), m, in `world`.
+            arrival_s: when it came, s.
+
+        """
+        hand = np.asarray(position, dtype=float)
+        if np.all(np.isfinite(hand)):
+            self._hand = hand
+            self._hand_arrival_s = arrival_s
+
+    def update(self, now_s: float, dt: float) -> JointCommand:
+        """
+        Answer one period.
+
+        Args:
+            now_s: the time, s, on the clock of the arrivals.
+            dt: until the next answer, s.
+
+        Returns:
+            Joint velocities, or the reason for none.
+
+        """
+        if self._joint_fault:
+            return self._stop(self._joint_fault)
+        assert self._positions is not None
+        age = now_s - self._joint_arrival_s
+        if age > self.options.joint_state_timeout_s:
+            return self._stop(f'joint states are {age:.3f} s old')
+        if self._commanded is None:
+            self._commanded = self._measured_velocities
+        if self._target is None:
+            return self._brake('no wrist command yet', dt)
+        age = now_s - self._target_arrival_s
+        if age > self.options.command_timeout_s:
+            return self._brake(f'wrist command is {age:.3f} s old', dt)
+        seen = now_s - self._hand_arrival_s <= self.options.hand_timeout_s
+        solution = self.ik.solve(
+            self._positions, self._commanded, self._target, dt, hand=self._hand if seen else None
+        )
+        self._commanded = solution.joint_velocity
+        return JointCommand(solution.joint_velocity, '', solution)
+
+    def _brake(self, reason: str, dt: float) -> JointCommand:
+        assert self._positions is not None and self._commanded is not None
+        self._commanded = self.ik.brake(self._positions, self._commanded, dt)
+        return JointCommand(self._commanded, reason)
+
+    def _stop(self, reason: str) -> JointCommand:
+        self._commanded = None
+        return JointCommand(None, reason)
