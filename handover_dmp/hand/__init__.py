@@ -1,0 +1,47 @@
+"""
+What is known of the human: recorded handovers, their readers and filters, the goal estimator.
+
+The public names are imported when they are first used, so that a node that needs the goal
+estimator alone does not load scipy.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any, TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from handover_dmp.hand.data_set import read_data_set, write_data_set
+    from handover_dmp.hand.filtering import condition, smooth, velocities
+    from handover_dmp.hand.synthetic import synthesize
+    from handover_dmp.hand.trial import HandoverTrial, read_trial, write_trial
+
+_HOMES = {
+    'HandoverTrial': 'trial',
+    'condition': 'filtering',
+    'read_data_set': 'data_set',
+    'read_trial': 'trial',
+    'smooth': 'filtering',
+    'synthesize': 'synthetic',
+    'velocities': 'filtering',
+    'write_data_set': 'data_set',
+    'write_trial': 'trial',
+}
+
+__all__ = [
+    'HandoverTrial',
+    'condition',
+    'read_data_set',
+    'read_trial',
+    'smooth',
+    'synthesize',
+    'velocities',
+    'write_data_set',
+    'write_trial',
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    return getattr(import_module(f'{__name__}.{_HOMES[name]}'), name)

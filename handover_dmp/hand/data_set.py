@@ -1,0 +1,135 @@
+"""A folder of trials with its index `trials.csv`."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+import csv
+import io
+from pathlib import Path
+import re
+
+import numpy as np
+
+from handover_dmp.errors import DataError
+from handover_dmp.files import write_text
+from handover_dmp.hand.tables import quote, read_records
+from handover_dmp.hand.trial import (
+    EXCHANGES,
+    HandoverTrial,
+    INDEX_COLUMNS,
+    INDEX_NAME,
+    read_trial,
+    write_trial,
+)
+
+# Exchanges of one configuration lie within an arm's length of each other; this is another room.
+SAME_FRAME_M = 2.0
+
+
+def read_data_set(folder: str | Path) -> list[HandoverTrial]:
+    """
+    Read every trial that the index of a data set names.
+
+    Args:
+        folder: the data set; its `trials.csv` has at least the columns
+            `file,configuration,exchange,trial`.
+
+    Returns:
+        The trials in the order of the index.
+
+    Raises:
+        DataError: the index or a trial is missing or faulty, two trials have one name, or trials
+            of one configuration and exchange lie metres apart; names file, line and fault.
+
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise DataError(f'{folder}: no such folder')
+    index = folder / INDEX_NAME
+    trials = []
+    names: set[tuple[str, str, int]] = set()
+    for line, row in read_records(index, INDEX_COLUMNS):
+        trial = _read_row(folder, row, f'{index}: line {line}')
+        name = (trial.configuration, trial.exchange, trial.number)
+        if name in names:
+            raise DataError(f'{index}: line {line}: {trial.label} is there twice')
+        names.add(name)
+        trials.append(trial)
+    if not trials:
+        raise DataError(f'{index}: names no trial')
+    _check_frames(folder, trials)
+    return trials
+
+
+def write_data_set(trials: Sequence[HandoverTrial], folder: str | Path) -> None:
+    """
+    Write trials and their index; the index last, so that it never names a file that is not there.
+
+    Args:
+        trials: what to write, no two of one configuration, exchange and number.
+        folder: where to; made if need be. Files of the same names are replaced.
+
+    Raises:
+        DataError: two trials have the same name.
+
+    """
+    folder = Path(folder)
+    files = [file_name(trial) for trial in trials]
+    repeated = [name for name, count in Counter(files).items() if count > 1]
+    if repeated:
+        raise DataError(f'{folder}: more than one trial would be written as {repeated[0]}')
+    table = io.StringIO()
+    writer = csv.writer(table, lineterminator='\n')
+    writer.writerow([*INDEX_COLUMNS, 'rate_hz', 'source'])
+    for trial, file in zip(trials, files, strict=True):
+        write_trial(trial, folder / file)
+        row = [file, trial.configuration, trial.exchange, trial.number]
+        writer.writerow([*row, f'{trial.rate_hz:g}', trial.source])
+    write_text(folder / INDEX_NAME, table.getvalue())
+
+
+def file_name(trial: HandoverTrial) -> str:
+    """Return the name of a trial's file, `<configuration>_<exchange>_<number>.csv`."""
+    configuration = re.sub(r'[^A-Za-z0-9_-]+', '-', trial.configuration).strip('-') or 'unnamed'
+    return f'{configuration}_{trial.exchange}_{trial.number}.csv'
+
+
+def _read_row(folder: Path, row: dict[str, str], where: str) -> HandoverTrial:
+    file = row['file']
+    if not file or '\0' in file or Path(file).is_absolute() or '..' in Path(file).parts:
+        raise DataError(f'{where}: file {quote(file)} is not the name of a file in this folder')
+    if not row['configuration']:
+        raise DataError(f'{where}: configuration is empty')
+    if row['exchange'] not in EXCHANGES:
+        raise DataError(f"{where}: exchange {quote(row['exchange'])} instead of 'give' or 'take'")
+    if not re.fullmatch('[0-9]{1,9}', row['trial'], re.ASCII):
+        raise DataError(f'{where}: trial {quote(row["trial"])} is not a number')
+    path = folder / file
+    if not path.exists():
+        raise DataError(f'{where}: names {quote(file)}, which is not there')
+    return read_trial(
+        path,
+        configuration=row['configuration'],
+        exchange=row['exchange'],
+        number=int(row['trial']),
+    )
+
+
+def _check_frames(folder: Path, trials: Sequence[HandoverTrial]) -> None:
+    cases: defaultdict[tuple[str, str], list[HandoverTrial]] = defaultdict(list)
+    for trial in trials:
+        cases[trial.configuration, trial.exchange].append(trial)
+    for case in cases.values():
+        ends = np.array([np.concatenate([trial.p1[-1], trial.p2[-1]]) for trial in case])
+        apart = ends - np.median(ends, axis=0)
+        distances = np.sqrt(np.square(apart).reshape(len(case), 2, 3).sum(axis=2)).max(axis=1)
+        # Of two, each is as far from the middle as the other.
+        limit = SAME_FRAME_M / 2 if len(case) == 2 else SAME_FRAME_M
+        if distances.max() > limit:
+            worst = len(case) - 1 - int(np.argmax(distances[::-1]))
+            raise DataError(
+                f'{folder / case[worst].source}: its exchange lies {distances[worst]:.2g} m '
+                f'from the others of {case[worst].configuration} {case[worst].exchange}; '
+                'are the frames the same?'
+            )
