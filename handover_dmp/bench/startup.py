@@ -1,0 +1,45 @@
+"""How long the command takes to start: heavy libraries are loaded only where they are used."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from statistics import median
+import subprocess
+import sys
+from time import perf_counter
+
+from handover_dmp.bench.measurement import Measurement
+
+ROUNDS = 15
+
+
+def run(progress: Callable[[str], None]) -> list[Measurement]:
+    """
+    Measure `handover_dmp --help` beside a Python that does nothing.
+
+    Args:
+        progress: called with what is being measured.
+
+    Returns:
+        One figure, in seconds.
+
+    """
+    progress('start of the command')
+    commands = {'help': ['-m', 'handover_dmp', '--help'], 'python': ['-c', 'pass']}
+    times: dict[str, list[float]] = {name: [] for name in commands}
+    # In turns, so that a busy second of the machine falls on both.
+    for _ in range(ROUNDS):
+        for name, command in commands.items():
+            start = perf_counter()
+            subprocess.run([sys.executable, *command], check=True, stdout=subprocess.DEVNULL)
+            times[name].append(perf_counter() - start)
+    return [
+        Measurement(
+            name='start of `handover_dmp --help`',
+            value=median(times['help']),
+            unit='s',
+            target=0.3,
+            floor=median(times['python']),
+            note='floor: start of Python',
+        )
+    ]

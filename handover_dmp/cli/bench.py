@@ -1,0 +1,164 @@
+"""`handover_dmp bench`: speed and accuracy, each figure beside its target, floor and peers."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+SUBJECTS = {
+    'startup': 'start of the command',
+    'dmp': 'the movement primitive: step, rollouts, learning, error, lag',
+    'rvm': 'sparse Bayesian learning',
+    'ik': 'inverse kinematics by priorities',
+    'sim': 'the handover in lockstep with PyBullet',
+    'ros': 'rate, jitter and latency of the ROS 2 graph',
+    'bag': 'recording',
+    'evaluate': 'Table I',
+    'soak': '30 minutes of handovers with random faults; only when named',
+}
+COMPARE = 'compare'
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """
+    Declare the words after `bench`.
+
+    Args:
+        parser: parser of the verb.
+
+    """
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.usage = (
+        '%(prog)s [SUBJECT ...] [--json FILE] [--markdown FILE]\n'
+        '       %(prog)s compare BEFORE.json AFTER.json [--tolerance TIMES]'
+    )
+    parser.epilog = 'subjects:\n' + '\n'.join(
+        f'  {name:<10}{purpose}' for name, purpose in SUBJECTS.items()
+    )
+    parser.add_argument(
+        'words',
+        nargs='*',
+        metavar='SUBJECT',
+        help='what to measure (default: all but soak), or `compare` and two files of --json',
+    )
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write the figures as JSON')
+    parser.add_argument(
+        '--markdown', type=Path, metavar='FILE', help='write the table as Markdown'
+    )
+    parser.add_argument(
+        '--tolerance',
+        type=float,
+        default=1.25,
+        metavar='TIMES',
+        help='how many times worse a figure may get before `compare` fails (default: %(default)s)',
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """
+    Measure, or compare two runs.
+
+    Args:
+        options: what `add_arguments` declared.
+
+    Returns:
+        0, or 1 if a comparison found a slowdown.
+
+    Raises:
+        UsageError: a subject that does not exist, or not two files to compare.
+        HandoverError: a subject that was named needs a package that is not installed.
+
+    """
+    if options.words[:1] == [COMPARE]:
+        return _compare(options)
+    return _measure(options)
+
+
+def _measure(options: argparse.Namespace) -> int:
+    from importlib import import_module
+
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    from handover_dmp.bench.measurement import Measurement
+    from handover_dmp.bench.report import machine, markdown, table, write_json
+    from handover_dmp.errors import HandoverError, UsageError
+    from handover_dmp.files import write_text
+
+    unknown = [word for word in options.words if word not in SUBJECTS]
+    if unknown:
+        raise UsageError(f'no subject {unknown[0]!r}: choose from {", ".join(SUBJECTS)}')
+    subjects = options.words or [subject for subject in SUBJECTS if subject != 'soak']
+
+    description = machine()
+    results: list[Measurement] = []
+    skipped: list[str] = []
+    columns = (SpinnerColumn(), TextColumn('{task.description}'), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task('', total=len(subjects))
+        for subject in subjects:
+            try:
+                measure = import_module(f'handover_dmp.bench.{subject}').run
+                results += measure(
+                    lambda what, subject=subject: bar.update(
+                        task, description=f'{subject}: {what}'
+                    )
+                )
+            except ModuleNotFoundError as error:
+                if str(error.name).startswith('handover_dmp'):
+                    raise
+                absent = f'{subject}: {error.name} is not installed'
+                if options.words:
+                    raise HandoverError(absent) from error
+                skipped.append(absent)
+            bar.advance(task)
+            # After every subject: what takes long must not be lost to what fails later.
+            if options.json:
+                write_json(options.json, description, results)
+
+    if options.markdown:
+        write_text(options.markdown, markdown(results))
+    console = _wide_console()
+    console.print(table(results))
+    versions = ', '.join(f'{name} {number}' for name, number in description['versions'].items())
+    console.print(
+        f'{description["processor"]}, {description["cores"]} cores, load {description["load"]}; '
+        f'{description["system"]}; Python {description["python"]}; {versions}',
+        style='dim',
+        highlight=False,
+    )
+    for reason in skipped:
+        console.print(f'left out: {reason}')
+    return 0
+
+
+def _compare(options: argparse.Namespace) -> int:
+    from handover_dmp.bench.report import compare, comparison_table, read_json
+    from handover_dmp.errors import UsageError
+
+    if len(options.words) != 3:
+        raise UsageError('compare takes two files: compare BEFORE.json AFTER.json')
+    before, after = (read_json(Path(word)) for word in options.words[1:])
+    changes, single = compare(before, after)
+    console = _wide_console()
+    console.print(comparison_table(changes, options.tolerance))
+    for name in single:
+        console.print(f'in one of the two alone: {name}')
+    slower = [change.name for change in changes if change.is_slowdown(options.tolerance)]
+    if slower:
+        console.print(f'[red]worse by more than × {options.tolerance:g}:[/] {", ".join(slower)}')
+    else:
+        console.print(f'nothing is worse by more than × {options.tolerance:g}')
+    return 1 if slower else 0
+
+
+def _wide_console() -> Console:
+    """Return a console that does not squeeze the table where there is no terminal."""
+    from rich.console import Console
+
+    console = Console()
+    return console if console.is_terminal else Console(width=160)
