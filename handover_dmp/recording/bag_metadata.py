@@ -1,0 +1,212 @@
+"""`metadata.yaml` of a bag, as rosbag2 of ROS 2 Jazzy writes it (version 9)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+import os
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from handover_dmp.errors import DataError
+from handover_dmp.files import write_text
+from handover_dmp.recording.qos import Qos
+
+METADATA_FILE = 'metadata.yaml'
+ROOT = 'rosbag2_bagfile_information'
+VERSION = 9
+# what rosbag2 writes where there is no message and so no first one
+NO_TIME = 2**63 - 1
+
+
+@dataclass(frozen=True)
+class TopicMetadata:
+    """
+    A topic of a bag.
+
+    Attributes:
+        name: e.g. `/hand/pose`.
+        type_name: e.g. `geometry_msgs/msg/PoseStamped`.
+        type_hash: `RIHS01_…`; empty where it is not known.
+        qos: what its publishers offered.
+
+    """
+
+    name: str
+    type_name: str
+    type_hash: str = ''
+    qos: tuple[Qos | dict[str, Any], ...] = ()
+
+    def as_rosbag2(self) -> dict[str, Any]:
+        """Return it as it stands in the file."""
+        return {
+            'name': self.name,
+            'type': self.type_name,
+            'serialization_format': 'cdr',
+            'offered_qos_profiles': [
+                profile.as_rosbag2() if isinstance(profile, Qos) else profile
+                for profile in self.qos
+            ],
+            'type_description_hash': self.type_hash,
+        }
+
+
+@dataclass
+class FileStatistics:
+    """
+    What one file of a bag holds; grows while it is written.
+
+    Attributes:
+        name: of the file, within the folder of the bag.
+        first_ns: least log time; `NO_TIME` where there is no message.
+        last_ns: greatest log time.
+        counts: topic name to number of messages.
+
+    """
+
+    name: str
+    first_ns: int = NO_TIME
+    last_ns: int = 0
+    counts: dict[str, int] = field(default_factory=dict)
+
+    def add(self, topic: str, log_time_ns: int) -> None:
+        """Count one message."""
+        self.counts[topic] = self.counts.get(topic, 0) + 1
+        if log_time_ns < self.first_ns:
+            self.first_ns = log_time_ns
+        if log_time_ns > self.last_ns:
+            self.last_ns = log_time_ns
+
+    @property
+    def message_count(self) -> int:
+        """Number of messages."""
+        return sum(self.counts.values())
+
+    @property
+    def duration_ns(self) -> int:
+        """Time from the first to the last message."""
+        return max(0, self.last_ns - self.first_ns) if self.counts else 0
+
+
+def bag_information(
+    topics: Sequence[TopicMetadata],
+    files: Sequence[FileStatistics],
+    custom_data: dict[str, str] | None = None,
+) -> dict[str, Any]:
+    """
+    Put together what `metadata.yaml` says, in the order of rosbag2.
+
+    Args:
+        topics: of the bag.
+        files: of the bag.
+        custom_data: pairs of text kept with the bag.
+
+    Returns:
+        The content below the key `rosbag2_bagfile_information`.
+
+    """
+    first = min((file.first_ns for file in files), default=NO_TIME)
+    last = max((file.last_ns for file in files), default=0)
+    counts = {
+        topic.name: sum(file.counts.get(topic.name, 0) for file in files) for topic in topics
+    }
+    return {
+        'version': VERSION,
+        'storage_identifier': 'mcap',
+        'duration': {'nanoseconds': max(0, last - first)},
+        'starting_time': {'nanoseconds_since_epoch': first},
+        'message_count': sum(counts.values()),
+        'topics_with_message_count': [
+            {'topic_metadata': topic.as_rosbag2(), 'message_count': counts[topic.name]}
+            for topic in topics
+        ],
+        # of whole files and of single messages; that of the chunks is told by the file itself
+        'compression_format': '',
+        'compression_mode': '',
+        'relative_file_paths': [file.name for file in files],
+        'files': [
+            {
+                'path': file.name,
+                'starting_time': {'nanoseconds_since_epoch': file.first_ns},
+                'duration': {'nanoseconds': file.duration_ns},
+                'message_count': file.message_count,
+            }
+            for file in files
+        ],
+        'custom_data': custom_data or None,
+        'ros_distro': os.environ.get('ROS_DISTRO', 'jazzy'),
+    }
+
+
+def load_plain(text: str) -> Any:
+    """
+    Read YAML of plain values, without aliases, of which a small text can unfold into a huge one.
+
+    Args:
+        text: the YAML text.
+
+    Returns:
+        What it says.
+
+    Raises:
+        DataError: not YAML, or with aliases.
+
+    """
+    try:
+        return yaml.load(text, Loader=_PlainLoader)
+    except (yaml.YAMLError, RecursionError, ValueError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise DataError(f'not proper YAML: {reason}') from error
+
+
+def dump_information(information: dict[str, Any]) -> str:
+    """Return the YAML text of it, as it also stands within each file."""
+    return str(yaml.dump(information, Dumper=_PlainDumper, sort_keys=False))
+
+
+def write_metadata(folder: Path, information: dict[str, Any]) -> None:
+    """Write `metadata.yaml`, whole or not at all."""
+    write_text(folder / METADATA_FILE, dump_information({ROOT: information}))
+
+
+def read_metadata(folder: Path) -> dict[str, Any]:
+    """
+    Read `metadata.yaml`.
+
+    Args:
+        folder: of the bag.
+
+    Returns:
+        The content below the key `rosbag2_bagfile_information`.
+
+    Raises:
+        DataError: not readable, not YAML, or of something else.
+
+    """
+    path = folder / METADATA_FILE
+    try:
+        tree = load_plain(path.read_text(encoding='utf-8'))
+    except (OSError, UnicodeDecodeError, DataError) as error:
+        raise DataError(f'{path}: not the metadata of a bag: {error}') from error
+    information = tree.get(ROOT) if isinstance(tree, dict) else None
+    if not isinstance(information, dict):
+        raise DataError(f'{path}: not the metadata of a bag: no {ROOT}')
+    return information
+
+
+class _PlainDumper(yaml.SafeDumper):
+    """Writes what occurs twice twice: other readers of bags know no YAML anchors."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
+class _PlainLoader(yaml.SafeLoader):
+    """Reads no aliases."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.AliasEvent):
+            raise yaml.YAMLError('aliases are not part of the metadata of a bag')
+        return super().compose_node(parent, index)

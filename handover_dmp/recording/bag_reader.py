@@ -1,0 +1,344 @@
+"""Reading bags, of this package or of rosbag2, without ROS, whole or broken off."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator
+from contextlib import redirect_stderr
+from dataclasses import dataclass, replace
+from io import StringIO
+from pathlib import Path
+import re
+import struct
+from typing import Any, NamedTuple
+
+from mcap.records import Channel, Metadata, Schema
+from mcap.records import Message as McapMessage
+from mcap_ros2.decoder import DecoderFactory
+
+from handover_dmp.errors import DataError
+from handover_dmp.recording.bag_metadata import load_plain, METADATA_FILE, read_metadata
+from handover_dmp.recording.mcap_file import is_complete, read_records
+
+# far above the largest definition there is, far below what the parser gets slow at
+DEFINITION_LINES = 4000
+LINE_LENGTH = 1000
+# what the decoder raises at bytes or definitions that do not fit together; its parser has errors
+# without a common base
+MISFIT = (Exception,)
+
+
+class BagMessage(NamedTuple):
+    """
+    One message of a bag.
+
+    Attributes:
+        topic: its topic.
+        message: the decoded message; its fields are attributes, as in ROS.
+        log_time_ns: when it was recorded, ns.
+
+    """
+
+    topic: str
+    message: Any
+    log_time_ns: int
+
+
+@dataclass
+class TopicInformation:
+    """
+    What a bag holds of one topic.
+
+    Attributes:
+        type_name: type of its messages.
+        count: number of messages.
+        first_ns: least log time.
+        last_ns: greatest log time.
+
+    """
+
+    type_name: str
+    count: int = 0
+    first_ns: int = 0
+    last_ns: int = 0
+
+    @property
+    def rate_hz(self) -> float:
+        """Mean rate; 0 where there are fewer than two messages."""
+        elapsed_s = (self.last_ns - self.first_ns) * 1e-9
+        return (self.count - 1) / elapsed_s if self.count > 1 and elapsed_s > 0 else 0.0
+
+
+@dataclass(frozen=True)
+class BagInformation:
+    """
+    What a bag holds.
+
+    Attributes:
+        files: its MCAP files.
+        topics: topic name to what is known of it.
+        complete: whether every file was closed by its recorder and `metadata.yaml` is there.
+        size: bytes of all files.
+
+    """
+
+    files: tuple[Path, ...]
+    topics: dict[str, TopicInformation]
+    complete: bool
+    size: int
+
+    @property
+    def message_count(self) -> int:
+        """Number of messages."""
+        return sum(topic.count for topic in self.topics.values())
+
+    @property
+    def first_ns(self) -> int:
+        """Log time of the first message, ns; 0 for an empty bag."""
+        return min((topic.first_ns for topic in self.topics.values() if topic.count), default=0)
+
+    @property
+    def last_ns(self) -> int:
+        """Log time of the last message, ns; 0 for an empty bag."""
+        return max((topic.last_ns for topic in self.topics.values()), default=0)
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first to the last message, s."""
+        return (self.last_ns - self.first_ns) * 1e-9
+
+
+def bag_files(path: Path | str) -> list[Path]:
+    """
+    Find the MCAP files of a bag.
+
+    Args:
+        path: an MCAP file, the folder of a bag, or the folder of a run with its bag in `bag/`.
+
+    Returns:
+        The files, in the order they were written in.
+
+    Raises:
+        DataError: there is no bag, or one of another storage than MCAP.
+
+    """
+    path = Path(path)
+    if path.is_file():
+        if path.suffix != '.mcap':
+            raise DataError(f'{path}: not an MCAP file')
+        return [path]
+    if not path.is_dir():
+        raise DataError(f'{path}: no such bag')
+    if (path / METADATA_FILE).is_file():
+        return _listed_files(path)
+    files = numbered_files(path)
+    if files:
+        return files
+    if (path / 'bag').is_dir():
+        return bag_files(path / 'bag')
+    if next(path.glob('*.db3'), None) is not None:
+        raise DataError(_not_mcap(path, 'sqlite3'))
+    raise DataError(f'{path}: no bag in this folder')
+
+
+def read_bag(path: Path | str, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
+    """
+    Read and decode the messages of a bag.
+
+    Args:
+        path: an MCAP file, the folder of a bag, or the folder of a run with its bag in `bag/`.
+        topics: those wanted; all if left out. Others are not decoded, so it does not matter what
+            they hold.
+
+    Yields:
+        Messages in the order they stand in the bag, which is the order they were received in.
+
+    Raises:
+        DataError: there is no such bag, or it is damaged. A bag whose recorder was killed is not
+            damaged, it just ends.
+
+    """
+    for file in bag_files(path):
+        yield from _read_file(file, topics)
+
+
+def bag_information(path: Path | str) -> BagInformation:
+    """
+    Find out what a bag holds, by reading it from one end to the other.
+
+    Args:
+        path: an MCAP file, the folder of a bag, or the folder of a run with its bag in `bag/`.
+
+    Returns:
+        Its topics with their counts and times.
+
+    Raises:
+        DataError: there is no such bag, or it is damaged.
+
+    """
+    files = bag_files(path)
+    topics: dict[str, TopicInformation] = {}
+    for file in files:
+        types: dict[int, str] = {}
+        channels: dict[int, TopicInformation] = {}
+        for record in read_records(file):
+            if isinstance(record, Schema):
+                types[record.id] = record.name
+            elif isinstance(record, Channel):
+                type_name = types.get(record.schema_id, '')
+                channels[record.id] = topics.setdefault(record.topic, TopicInformation(type_name))
+            elif isinstance(record, McapMessage):
+                topic = _known(channels, record.channel_id, file)
+                topic.first_ns = min(
+                    topic.first_ns if topic.count else record.log_time, record.log_time
+                )
+                topic.last_ns = max(topic.last_ns, record.log_time)
+                topic.count += 1
+    closed = all(is_complete(file) for file in files)
+    described = Path(path).is_file() or (files[0].parent / METADATA_FILE).is_file()
+    size = sum(file.stat().st_size for file in files)
+    return BagInformation(tuple(files), topics, closed and described, size)
+
+
+def bag_custom_data(path: Path | str) -> dict[str, str]:
+    """
+    Read the pairs of text that a bag carries along.
+
+    Args:
+        path: an MCAP file, the folder of a bag, or the folder of a run with its bag in `bag/`.
+
+    Returns:
+        The `custom_data` of its first file; empty where there is none.
+
+    Raises:
+        DataError: there is no such bag, or it is damaged.
+
+    """
+    for record in read_records(bag_files(path)[0]):
+        if isinstance(record, Metadata):
+            return custom_data(record)
+    return {}
+
+
+def custom_data(record: Metadata) -> dict[str, str]:
+    """Return the pairs of text within the record that rosbag2 keeps its metadata in."""
+    try:
+        information = load_plain(record.metadata.get('serialized_metadata', ''))
+        pairs = information['custom_data'] or {}
+        return {str(key): str(value) for key, value in pairs.items()}
+    except (DataError, KeyError, TypeError, AttributeError):
+        return {}
+
+
+def numbered_files(folder: Path) -> list[Path]:
+    """Return the MCAP files of a folder in the order of the numbers that their names end with."""
+    return sorted(folder.glob('*.mcap'), key=_file_number)
+
+
+def _read_file(file: Path, topics: Collection[str] | None) -> Iterator[BagMessage]:
+    factory = DecoderFactory()
+    schemas: dict[int, Schema] = {}
+    names: dict[int, str] = {}
+    decoders: dict[int, Callable[[bytes], Any] | None] = {}
+    for record in read_records(file):
+        if isinstance(record, McapMessage):
+            decode = _known(decoders, record.channel_id, file)
+            if decode is None:
+                continue
+            topic = names[record.channel_id]
+            try:
+                message = decode(_Checked(record.data))
+            except MISFIT as error:
+                raise DataError(
+                    f'{file}: {topic}: a message that does not fit its type: {error!r}'[:300]
+                ) from error
+            yield BagMessage(topic, message, record.log_time)
+        elif isinstance(record, Schema):
+            schemas[record.id] = record
+        elif isinstance(record, Channel) and record.id not in decoders:
+            names[record.id] = record.topic
+            wanted = topics is None or record.topic in topics
+            decoders[record.id] = _decoder(factory, schemas, record, file) if wanted else None
+
+
+def _decoder(
+    factory: DecoderFactory, schemas: dict[int, Schema], channel: Channel, file: Path
+) -> Callable[[bytes], Any]:
+    schema = schemas.get(channel.schema_id)
+    if schema is None:
+        raise DataError(f'{file}: {channel.topic}: the definition of its type is missing')
+    try:
+        # the parser tells its complaints to the terminal before it raises them
+        with redirect_stderr(StringIO()):
+            plain = replace(schema, data=_without_comments(schema.data))
+            decode = factory.decoder_for(channel.message_encoding, plain)
+    except MISFIT as error:
+        raise DataError(
+            f'{file}: {channel.topic}: no proper definition of {schema.name}: {error!r}'[:300]
+        ) from error
+    if decode is None:
+        raise DataError(
+            f'{file}: {channel.topic}: encoded as {channel.message_encoding} with a definition in '
+            f'{schema.encoding}, only cdr with ros2msg can be read'
+        )
+    return decode  # type: ignore[no-any-return]
+
+
+def _without_comments(definition: bytes) -> bytes:
+    """Return a definition without its comments, on which the parser wastes most of its time."""
+    lines = [line.split('#')[0].rstrip() for line in definition.decode().splitlines()]
+    lines = [line for line in lines if line]
+    if len(lines) > DEFINITION_LINES or max(map(len, lines), default=0) > LINE_LENGTH:
+        raise ValueError('too long')
+    return '\n'.join(lines).encode()
+
+
+class _Checked(bytes):
+    """Bytes of which no more can be taken than there are; the decoder takes without asking."""
+
+    def __getitem__(self, key: Any) -> Any:
+        if isinstance(key, slice) and key.stop is not None and key.stop > len(self):
+            raise struct.error('it is too short')
+        return super().__getitem__(key)
+
+
+def _known(table: dict[int, Any], channel: int, file: Path) -> Any:
+    try:
+        return table[channel]
+    except KeyError:
+        raise DataError(f'{file}: a message of channel {channel}, which is not defined') from None
+
+
+def _listed_files(folder: Path) -> list[Path]:
+    information = read_metadata(folder)
+    storage = information.get('storage_identifier')
+    if storage != 'mcap':
+        raise DataError(_not_mcap(folder, storage))
+    if information.get('compression_mode') not in (None, '', 'none', 'NONE'):
+        raise DataError(
+            f'{folder}: recorded with whole files or single messages compressed; convert it with '
+            f'ros2 bag convert'
+        )
+    names = information.get('relative_file_paths')
+    if not isinstance(names, list) or not names:
+        raise DataError(f'{folder / METADATA_FILE}: names no files')
+    files = []
+    for name in names:
+        # a bag consists of files beside its metadata; anything else is not ours to open
+        if not isinstance(name, str) or Path(name).name != name:
+            raise DataError(f'{folder / METADATA_FILE}: {name!r} is not the name of a file')
+        if not (folder / name).is_file():
+            raise DataError(f'{folder / name}: missing, though {METADATA_FILE} names it')
+        files.append(folder / name)
+    return files
+
+
+def _not_mcap(folder: Path, storage: object) -> str:
+    return (
+        f'{folder}: stored as {storage}, only MCAP can be read; convert it with ros2 bag convert '
+        f'or rosbags-convert'
+    )
+
+
+def _file_number(file: Path) -> tuple[int, str]:
+    number = re.search(r'_(\d{1,9})$', file.stem)
+    return (int(number.group(1)) if number else 0, file.name)

@@ -1,0 +1,374 @@
+"""Writing bags: a folder with MCAP files and `metadata.yaml`, as rosbag2 writes them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+import struct
+from time import monotonic
+from types import TracebackType
+
+from mcap.well_known import MessageEncoding, SchemaEncoding
+from mcap.writer import CompressionType, LIBRARY_IDENTIFIER
+from mcap.writer import Writer as McapWriter
+
+from handover_dmp import __version__
+from handover_dmp.errors import DataError, UsageError
+from handover_dmp.recording.bag_metadata import (
+    bag_information,
+    dump_information,
+    FileStatistics,
+    TopicMetadata,
+    write_metadata,
+)
+from handover_dmp.recording.message_definitions import message_definition, MessageDefinition
+from handover_dmp.recording.messages import encoder, Message
+from handover_dmp.recording.qos import COMMAND, dump_profiles, Qos
+from handover_dmp.settings import defaults
+
+COMPRESSIONS = {
+    'zstd': CompressionType.ZSTD,
+    'lz4': CompressionType.LZ4,
+    'none': CompressionType.NONE,
+}
+LIBRARY = f'handover_dmp {__version__}; {LIBRARY_IDENTIFIER}'
+# name of the record that rosbag2 keeps its metadata under within each file
+METADATA_RECORD = 'rosbag2'
+
+
+class BagWriter:
+    """
+    Writes one bag. Needs no ROS running, only the definitions of the messages.
+
+    Not for several threads at a time. What was written reaches the file when a chunk is full or
+    when the oldest message of the open chunk is `flush_period_s` old; a recorder of topics that
+    may fall silent calls `flush` from a timer. A process that is killed loses no more than that.
+
+    Args:
+        folder: of the bag; must not exist, for a recording is never overwritten.
+        compression: of the chunks, `zstd`, `lz4` or `none`.
+        chunk_size: bytes, before compression, after which a chunk is closed.
+        flush_period_s: age at which a chunk is closed though it is not full.
+        split_size: bytes after which the next file is begun; 0 for never.
+        split_duration_s: seconds of log time after which the next file is begun; 0 for never.
+        custom_data: pairs of text that `metadata.yaml` carries along.
+
+    Where an argument is left out it is the parameter of the node `recorder`.
+
+    Raises:
+        DataError: the folder exists or cannot be made.
+        UsageError: no such compression.
+
+    """
+
+    def __init__(
+        self,
+        folder: Path | str,
+        *,
+        compression: str | None = None,
+        chunk_size: int | None = None,
+        flush_period_s: float | None = None,
+        split_size: int | None = None,
+        split_duration_s: float | None = None,
+        custom_data: dict[str, str] | None = None,
+    ) -> None:
+        def chosen(value: object, name: str) -> object:
+            return defaults('recorder')[name] if value is None else value
+
+        self.folder = Path(folder)
+        self._compression = str(chosen(compression, 'compression'))
+        self._chunk_size = int(str(chosen(chunk_size, 'chunk_size')))
+        self._flush_period_s = float(str(chosen(flush_period_s, 'flush_period_s')))
+        self._split_size = int(str(chosen(split_size, 'split_size')))
+        split_s = float(str(chosen(split_duration_s, 'split_duration_s')))
+        self._split_duration_ns = round(split_s * 1e9)
+        self._custom_data = dict(custom_data or {})
+        if self._compression not in COMPRESSIONS:
+            raise UsageError(
+                f'compression {self._compression!r}: not one of {", ".join(COMPRESSIONS)}'
+            )
+        self._topics: dict[str, TopicMetadata] = {}
+        self._files: list[FileStatistics] = []
+        self._failure: str | None = None
+        self._closed = False
+        try:
+            self.folder.mkdir(parents=True)
+        except FileExistsError as error:
+            raise DataError(
+                f'{self.folder}: exists already; a bag is never overwritten'
+            ) from error
+        except OSError as error:
+            raise DataError(f'{self.folder}: cannot be made: {error.strerror}') from error
+        self._file = self._begin_file()
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """Names of the topics added so far."""
+        return tuple(self._topics)
+
+    @property
+    def message_count(self) -> int:
+        """Number of messages written so far."""
+        return sum(file.message_count for file in self._files)
+
+    def add_topic(self, name: str, type_name: str, qos: Qos | Iterable[Qos] = COMMAND) -> None:
+        """
+        Make a topic known; one that is known already is left as it is.
+
+        Args:
+            name: of the topic.
+            type_name: of its messages, e.g. `geometry_msgs/msg/PoseStamped`.
+            qos: what its publisher offered, or its publishers.
+
+        Raises:
+            DataError: no package on this machine defines the type; or the file cannot be written.
+
+        """
+        if name in self._topics:
+            return
+        definition = message_definition(type_name)
+        profiles = (qos,) if isinstance(qos, Qos) else tuple(qos)
+        self._topics[name] = TopicMetadata(name, type_name, definition.type_hash, profiles)
+        self._check_usable()
+        try:
+            self._file.add_topic(self._topics[name], definition)
+        except OSError as error:
+            raise self._failed(error) from error
+
+    def write(
+        self, topic: str, data: bytes, log_time_ns: int, publish_time_ns: int | None = None
+    ) -> None:
+        """
+        Write one message.
+
+        Args:
+            topic: name of a topic that was added.
+            data: the message, CDR with its header, as a raw subscription gives it.
+            log_time_ns: when it was received, ns.
+            publish_time_ns: when it was sent, ns; the same if left out.
+
+        Raises:
+            DataError: the topic is not known, a time is no 64-bit number, or the file cannot be
+                written, e.g. because the disk is full. After that nothing more can be written,
+                and what had reached the file stays readable.
+
+        """
+        self._check_usable()
+        if publish_time_ns is None:
+            publish_time_ns = log_time_ns
+        try:
+            if self._must_split(log_time_ns):
+                self._end_file()
+                self._file = self._begin_file()
+            self._file.write(topic, data, log_time_ns, publish_time_ns)
+            if monotonic() - self._file.flushed_at > self._flush_period_s:
+                self._file.flush()
+        except OSError as error:
+            raise self._failed(error) from error
+        except KeyError as error:
+            raise DataError(f'{self.folder}: topic {topic} was not added') from error
+        except struct.error as error:
+            raise DataError(f'{self.folder}: {topic}: time out of range: {log_time_ns}') from error
+
+    def write_message(
+        self, topic: str, message: Message, log_time_ns: int, publish_time_ns: int | None = None
+    ) -> None:
+        """
+        Encode and write one message.
+
+        Args:
+            topic: name of a topic that was added.
+            message: nested dictionaries of its fields, as `handover_dmp.recording.messages` makes.
+            log_time_ns: when it was received, ns.
+            publish_time_ns: when it was sent, ns; the same if left out.
+
+        Raises:
+            DataError: as `write`.
+
+        """
+        if topic not in self._topics:
+            raise DataError(f'{self.folder}: topic {topic} was not added')
+        data = encoder(self._topics[topic].type_name)(message)
+        self.write(topic, data, log_time_ns, publish_time_ns)
+
+    def flush(self) -> None:
+        """
+        Hand everything written so far to the operating system.
+
+        Raises:
+            DataError: the file cannot be written.
+
+        """
+        self._check_usable()
+        try:
+            self._file.flush()
+        except OSError as error:
+            raise self._failed(error) from error
+
+    def close(self) -> None:
+        """
+        Write the indexes and `metadata.yaml`; a second call does nothing.
+
+        Raises:
+            DataError: the file cannot be written.
+
+        """
+        if self._closed:
+            return
+        self._closed = True
+        if self._failure is not None:
+            # the error was raised when it happened; here there is only the file to let go of
+            self._file.abandon()
+            return
+        try:
+            self._end_file()
+            write_metadata(self.folder, self._information(self._files))
+        except OSError as error:
+            raise self._failed(error) from error
+
+    def __enter__(self) -> BagWriter:
+        """Return the writer."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close the bag."""
+        self.close()
+
+    def _information(self, files: list[FileStatistics]) -> dict[str, object]:
+        return bag_information(list(self._topics.values()), files, self._custom_data)
+
+    def _begin_file(self) -> _BagFile:
+        statistics = FileStatistics(f'{self.folder.name}_{len(self._files)}.mcap')
+        try:
+            file = _BagFile(
+                self.folder / statistics.name, self._compression, self._chunk_size, statistics
+            )
+            # without it a reader of a bag that was never closed cannot know the version, and so
+            # not how quality of service is written
+            file.add_metadata(dump_information(self._information([statistics])))
+            for topic in self._topics.values():
+                file.add_topic(topic, message_definition(topic.type_name))
+        except OSError as error:
+            raise self._failed(error) from error
+        self._files.append(statistics)
+        return file
+
+    def _end_file(self) -> None:
+        self._file.finish(dump_information(self._information([self._file.statistics])))
+
+    def _must_split(self, log_time_ns: int) -> bool:
+        if not self._file.statistics.counts:
+            return False
+        if self._split_size and self._file.size >= self._split_size:
+            return True
+        elapsed_ns = log_time_ns - self._file.statistics.first_ns
+        return bool(self._split_duration_ns) and elapsed_ns >= self._split_duration_ns
+
+    def _check_usable(self) -> None:
+        if self._failure is not None:
+            raise DataError(self._failure)
+        if self._closed:
+            raise DataError(f'{self.folder}: the bag is closed')
+
+    def _failed(self, error: OSError) -> DataError:
+        self._failure = (
+            f'{self.folder}: recording stopped: {error.strerror}; what was written before is kept '
+            f'(handover_dmp bag repair {self.folder})'
+        )
+        return DataError(self._failure)
+
+
+class _BagFile:
+    """One MCAP file of a bag while it is written."""
+
+    def __init__(
+        self, path: Path, compression: str, chunk_size: int, statistics: FileStatistics
+    ) -> None:
+        self.statistics = statistics
+        self.flushed_at = monotonic()
+        self._sink = _Sink(path)
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+        self._writer = McapWriter(
+            self._sink,  # type: ignore[arg-type]
+            chunk_size=chunk_size,
+            compression=COMPRESSIONS[compression],
+        )
+        self._writer.start(profile='ros2', library=LIBRARY)
+
+    @property
+    def size(self) -> int:
+        return self._sink.size
+
+    def add_metadata(self, text: str) -> None:
+        self._writer.add_metadata(METADATA_RECORD, {'serialized_metadata': text})
+
+    def add_topic(self, topic: TopicMetadata, definition: MessageDefinition) -> None:
+        if topic.type_name not in self._schemas:
+            self._schemas[topic.type_name] = self._writer.register_schema(
+                topic.type_name, SchemaEncoding.ROS2, definition.text.encode()
+            )
+        self._channels[topic.name] = self._writer.register_channel(
+            topic.name,
+            MessageEncoding.CDR,
+            self._schemas[topic.type_name],
+            {
+                'offered_qos_profiles': dump_profiles(
+                    qos for qos in topic.qos if isinstance(qos, Qos)
+                ),
+                'topic_type_hash': topic.type_hash,
+            },
+        )
+
+    def write(self, topic: str, data: bytes, log_time_ns: int, publish_time_ns: int) -> None:
+        self._writer.add_message(self._channels[topic], log_time_ns, data, publish_time_ns)
+        self.statistics.add(topic, log_time_ns)
+
+    def flush(self) -> None:
+        self.flushed_at = monotonic()
+        self._writer.flush()  # type: ignore[no-untyped-call]
+
+    def finish(self, metadata: str) -> None:
+        # metadata goes between chunks, so the open one is closed first
+        self._writer.flush()  # type: ignore[no-untyped-call]
+        self.add_metadata(metadata)
+        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._sink.close()
+
+    def abandon(self) -> None:
+        self._sink.close()
+
+
+class _Sink:
+    """
+    A file that holds nothing back.
+
+    The writer hands over whole records, so a buffer between it and the operating system would
+    spare nothing, but a killed process would lose what is in it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open('xb', buffering=0)
+        self.size = 0
+
+    def write(self, data: bytes) -> int:
+        remaining = memoryview(data)
+        while remaining:
+            written = self._file.write(remaining)
+            self.size += written
+            remaining = remaining[written:]
+        return len(data)
+
+    def tell(self) -> int:
+        return self.size
+
+    def flush(self) -> None:
+        """Do nothing: everything is with the operating system already."""
+
+    def close(self) -> None:
+        self._file.close()

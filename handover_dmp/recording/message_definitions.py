@@ -1,0 +1,131 @@
+"""
+The definition of a ROS message: its full text, and the hash that ROS 2 knows the type by.
+
+A bag is worth reading in ten years only if it carries the definitions of what is in it. They come
+from the message packages: from `share/<package>/msg` below every prefix of a sourced ROS 2
+(`AMENT_PREFIX_PATH`) or of this Python environment, where the wheels put them. Where neither is,
+the library `rosbags` is asked, if it is installed; it knows the standard packages.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+import json
+import os
+from pathlib import Path
+import re
+import sys
+from typing import Any
+
+from handover_dmp.errors import DataError
+
+SEPARATOR = '=' * 80
+TYPE_NAME = re.compile(r'([A-Za-z]\w*)/msg/([A-Za-z]\w*)')
+
+
+@dataclass(frozen=True)
+class MessageDefinition:
+    """
+    A message type as a bag carries it.
+
+    Attributes:
+        type_name: e.g. `geometry_msgs/msg/PoseStamped`.
+        text: definition of the type and of every type within it, in the encoding `ros2msg`.
+        type_hash: REP 2016 hash, `RIHS01_` and 64 hexadecimal digits.
+
+    """
+
+    type_name: str
+    text: str
+    type_hash: str
+
+
+@cache
+def message_definition(type_name: str) -> MessageDefinition:
+    """
+    Find the definition of a message type.
+
+    Args:
+        type_name: e.g. `geometry_msgs/msg/PoseStamped`.
+
+    Returns:
+        Its definition.
+
+    Raises:
+        DataError: not the name of a message type, or no package on this machine defines it.
+
+    """
+    if TYPE_NAME.fullmatch(type_name) is None:
+        raise DataError(f'{type_name!r} is not the name of a message type, PACKAGE/msg/NAME')
+    file = _interface_file(type_name, '.json')
+    if file is None:
+        return _from_rosbags(type_name)
+    description = json.loads(file.read_text(encoding='utf-8'))
+    return MessageDefinition(type_name, _full_text(type_name, description), _hash(description))
+
+
+def search_prefixes() -> list[Path]:
+    """Return the prefixes that are searched, those of a sourced ROS 2 first."""
+    sourced = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
+    return [Path(prefix) for prefix in [*sourced, sys.prefix] if prefix]
+
+
+def _interface_file(type_name: str, suffix: str) -> Path | None:
+    package, _, name = type_name.split('/')
+    for prefix in search_prefixes():
+        file = prefix / 'share' / package / 'msg' / f'{name}{suffix}'
+        if file.is_file():
+            return file
+    return None
+
+
+def _message_text(type_name: str) -> str:
+    file = _interface_file(type_name, '.msg')
+    if file is None:
+        raise DataError(f'{type_name}: its package is installed without {type_name}.msg')
+    return file.read_text(encoding='utf-8')
+
+
+def _hash(description: dict[str, Any]) -> str:
+    # the first of the list is the type itself, the others are those within it
+    return str(description['type_hashes'][0]['hash_string'])
+
+
+def _full_text(type_name: str, description: dict[str, Any]) -> str:
+    """Put the texts together in the order of rosbag2: depth first, by name, each once."""
+    described = description['type_description_msg']
+    members = {
+        one['type_name']: sorted(
+            {field['type']['nested_type_name'] for field in one['fields']} - {''}
+        )
+        for one in [described['type_description'], *described['referenced_type_descriptions']]
+    }
+    seen = {type_name}
+    texts = [_message_text(type_name)]
+
+    def append_members(outer: str) -> None:
+        for inner in members[outer]:
+            if inner not in seen:
+                seen.add(inner)
+                short_name = inner.replace('/msg/', '/')
+                texts.append(f'\n{SEPARATOR}\nMSG: {short_name}\n{_message_text(inner)}')
+                append_members(inner)
+
+    append_members(type_name)
+    return ''.join(texts)
+
+
+def _from_rosbags(type_name: str) -> MessageDefinition:
+    try:
+        from rosbags.typesys import get_typestore, Stores
+
+        store = get_typestore(Stores.ROS2_JAZZY)
+        text, _ = store.generate_msgdef(type_name, ros_version=2)
+        return MessageDefinition(type_name, text, store.hash_rihs01(type_name))
+    except Exception as error:
+        # whichever way the optional library fails, the way out is the same
+        raise DataError(
+            f'{type_name}: no package on this machine defines it; source a ROS 2 installation or '
+            f"run: pip install 'handover_dmp[ros]'"
+        ) from error

@@ -1,0 +1,151 @@
+"""Messages without ROS: from plain values to the bytes that go over the wire and into bags."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+from typing import Any
+
+# The library that decodes also encodes, but shows only a writer of whole files. Ours must put
+# quality of service and type hashes into them too, so its encoder is taken from within.
+from mcap_ros2._dynamic import serialize_dynamic
+
+from handover_dmp.recording.message_definitions import message_definition
+
+Message = Mapping[str, Any]
+
+
+@cache
+def encoder(type_name: str) -> Callable[[Message], bytes]:
+    """
+    Make the function that encodes messages of one type.
+
+    Args:
+        type_name: e.g. `geometry_msgs/msg/PoseStamped`.
+
+    Returns:
+        Function from the message, as nested dictionaries of its fields, to CDR bytes, little
+        endian, with the four bytes of header. Fields left out are zero or empty.
+
+    Raises:
+        DataError: no package on this machine defines the type.
+
+    """
+    definition = message_definition(type_name)
+    return serialize_dynamic(type_name, definition.text)[type_name]  # type: ignore[no-any-return]
+
+
+def time_message(time_ns: int) -> dict[str, int]:
+    """Return a `builtin_interfaces/Time` or `Duration` of so many nanoseconds."""
+    seconds, nanoseconds = divmod(int(time_ns), 10**9)
+    return {'sec': seconds, 'nanosec': nanoseconds}
+
+
+def header(time_ns: int, frame: str = 'world') -> dict[str, Any]:
+    """Return a `std_msgs/Header`."""
+    return {'stamp': time_message(time_ns), 'frame_id': frame}
+
+
+def clock(time_ns: int) -> dict[str, Any]:
+    """Return a `rosgraph_msgs/Clock`."""
+    return {'clock': time_message(time_ns)}
+
+
+def pose_stamped(
+    time_ns: int,
+    position: Sequence[float],
+    orientation: Sequence[float] = (0.0, 0.0, 0.0, 1.0),
+    frame: str = 'world',
+) -> dict[str, Any]:
+    """
+    Return a `geometry_msgs/PoseStamped`.
+
+    Args:
+        time_ns: stamp in nanoseconds.
+        position: (3,), m.
+        orientation: quaternion x, y, z, w.
+        frame: frame that the pose is given in.
+
+    """
+    return {
+        'header': header(time_ns, frame),
+        'pose': {
+            'position': _named(position, 'xyz'),
+            'orientation': _named(orientation, 'xyzw'),
+        },
+    }
+
+
+def twist_stamped(
+    time_ns: int,
+    linear: Sequence[float],
+    angular: Sequence[float] = (0.0, 0.0, 0.0),
+    frame: str = 'world',
+) -> dict[str, Any]:
+    """
+    Return a `geometry_msgs/TwistStamped`.
+
+    Args:
+        time_ns: stamp in nanoseconds.
+        linear: (3,), m/s.
+        angular: (3,), rad/s.
+        frame: frame that the twist is given in.
+
+    """
+    return {
+        'header': header(time_ns, frame),
+        'twist': {'linear': _named(linear, 'xyz'), 'angular': _named(angular, 'xyz')},
+    }
+
+
+def joint_state(
+    time_ns: int,
+    names: Sequence[str],
+    positions: Sequence[float],
+    velocities: Sequence[float] = (),
+    efforts: Sequence[float] = (),
+) -> dict[str, Any]:
+    """
+    Return a `sensor_msgs/JointState`.
+
+    Args:
+        time_ns: stamp in nanoseconds.
+        names: of the joints.
+        positions: rad.
+        velocities: rad/s.
+        efforts: Nm.
+
+    """
+    return {
+        'header': header(time_ns, ''),
+        'name': list(names),
+        'position': _floats(positions),
+        'velocity': _floats(velocities),
+        'effort': _floats(efforts),
+    }
+
+
+def float_array(values: Sequence[float], labels: Sequence[str] = ()) -> dict[str, Any]:
+    """
+    Return a `std_msgs/Float64MultiArray`.
+
+    Args:
+        values: the data.
+        labels: name of each value; kept as the labels of the layout, one dimension of size 1 each.
+
+    """
+    dimensions = [{'label': label, 'size': 1, 'stride': 1} for label in labels]
+    return {'layout': {'dim': dimensions, 'data_offset': 0}, 'data': _floats(values)}
+
+
+def string(text: str) -> dict[str, Any]:
+    """Return a `std_msgs/String`."""
+    return {'data': text}
+
+
+def _named(values: Sequence[float], names: str) -> dict[str, float]:
+    return {name: float(value) for name, value in zip(names, values, strict=True)}
+
+
+def _floats(values: Sequence[float]) -> list[float]:
+    return [float(value) for value in values]

@@ -1,0 +1,98 @@
+"""Quality of service of a recorded topic, in the words that rosbag2 uses in its files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import yaml
+
+INFINITE = (9223372036, 854775807)
+
+
+@dataclass(frozen=True)
+class Qos:
+    """
+    What one publisher offered.
+
+    The defaults are those that rosbag2 finds when it asks a running graph, where the history and
+    the depth of a publisher are not told.
+
+    Attributes:
+        reliability: `reliable` or `best_effort`.
+        durability: `volatile` or `transient_local`.
+        history: `keep_last`, `keep_all` or `unknown`.
+        depth: queue length of `keep_last`.
+        deadline: seconds and nanoseconds.
+        lifespan: seconds and nanoseconds.
+        liveliness: `automatic` or `manual_by_topic`.
+        liveliness_lease_duration: seconds and nanoseconds.
+
+    """
+
+    reliability: str = 'reliable'
+    durability: str = 'volatile'
+    history: str = 'unknown'
+    depth: int = 0
+    deadline: tuple[int, int] = INFINITE
+    lifespan: tuple[int, int] = INFINITE
+    liveliness: str = 'automatic'
+    liveliness_lease_duration: tuple[int, int] = INFINITE
+
+    @classmethod
+    def from_profile(cls, profile: Any) -> Qos:
+        """
+        Take over a `rclpy.qos.QoSProfile`.
+
+        Args:
+            profile: the profile, e.g. of an entry of `get_publishers_info_by_topic`.
+
+        Returns:
+            The same in the words of rosbag2.
+
+        """
+
+        def parts(duration: Any) -> tuple[int, int]:
+            seconds, nanoseconds = divmod(int(duration.nanoseconds), 10**9)
+            return seconds, nanoseconds
+
+        return cls(
+            reliability=profile.reliability.name.lower(),
+            durability=profile.durability.name.lower(),
+            history=profile.history.name.lower(),
+            depth=int(profile.depth),
+            deadline=parts(profile.deadline),
+            lifespan=parts(profile.lifespan),
+            liveliness=profile.liveliness.name.lower(),
+            liveliness_lease_duration=parts(profile.liveliness_lease_duration),
+        )
+
+    def as_rosbag2(self) -> dict[str, Any]:
+        """Return the profile as rosbag2 writes it in `metadata.yaml` of version 9."""
+
+        def time(duration: tuple[int, int]) -> dict[str, int]:
+            return {'sec': duration[0], 'nsec': duration[1]}
+
+        return {
+            'history': self.history,
+            'depth': self.depth,
+            'reliability': self.reliability,
+            'durability': self.durability,
+            'deadline': time(self.deadline),
+            'lifespan': time(self.lifespan),
+            'liveliness': self.liveliness,
+            'liveliness_lease_duration': time(self.liveliness_lease_duration),
+            'avoid_ros_namespace_conventions': False,
+        }
+
+
+SENSOR = Qos(reliability='best_effort')
+COMMAND = Qos()
+LATCHED = Qos(durability='transient_local')
+
+
+def dump_profiles(profiles: Iterable[Qos]) -> str:
+    """Return the YAML text that rosbag2 keeps with each channel."""
+    text = yaml.safe_dump([profile.as_rosbag2() for profile in profiles], sort_keys=False)
+    return str(text).strip()

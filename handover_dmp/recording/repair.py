@@ -1,0 +1,195 @@
+"""Repairing bags whose recorder was killed, or whose disk lost a part of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from mcap.records import Attachment, Channel, Footer, McapRecord, Message, Metadata, Schema
+from mcap.writer import CompressionType, Writer
+
+from handover_dmp.errors import DataError
+from handover_dmp.files import replacing
+from handover_dmp.recording.bag_metadata import (
+    bag_information,
+    FileStatistics,
+    load_plain,
+    read_metadata,
+    TopicMetadata,
+    write_metadata,
+)
+from handover_dmp.recording.bag_reader import bag_files, custom_data, numbered_files
+from handover_dmp.recording.bag_writer import LIBRARY
+from handover_dmp.recording.mcap_file import Damage, read_records
+
+
+@dataclass(frozen=True)
+class Repair:
+    """
+    What was done to a bag.
+
+    Attributes:
+        files: its MCAP files.
+        rewritten: those of them that had to be written anew.
+        message_count: messages that the bag holds now.
+        dropped_chunks: pieces in the middle that could not be read and are lost.
+        metadata_written: whether `metadata.yaml` was missing or wrong.
+
+    """
+
+    files: tuple[Path, ...]
+    rewritten: tuple[Path, ...]
+    message_count: int
+    dropped_chunks: int
+    metadata_written: bool
+
+
+def repair_bag(path: Path | str) -> Repair:
+    """
+    Make a bag whole again: every file with its indexes and its end, and `metadata.yaml`.
+
+    Files that are whole stay as they are. The others are written anew beside the old one, from
+    all that can be read of it, and take its place when they are complete. What the bag of a
+    killed recorder lacks is what it had in memory.
+
+    Args:
+        path: the folder of a bag, the folder of a run with its bag in `bag/`, or one MCAP file.
+
+    Returns:
+        What was done.
+
+    Raises:
+        DataError: there is no bag, or it cannot be written.
+
+    """
+    files = _files_to_repair(Path(path))
+    topics: dict[str, TopicMetadata] = {}
+    statistics: list[FileStatistics] = []
+    rewritten = []
+    pairs: dict[str, str] = {}
+    dropped = 0
+    for file in files:
+        damage = Damage()
+        content = _File(topics, FileStatistics(file.name))
+        for record in read_records(file, damage):
+            content.take(record)
+        if not damage.complete or damage.dropped_chunks or not content.closed:
+            try:
+                _rewrite(file)
+            except OSError as error:
+                raise DataError(f'{file}: cannot be written: {error.strerror}') from error
+            rewritten.append(file)
+        pairs |= content.custom_data
+        dropped += damage.dropped_chunks
+        statistics.append(content.statistics)
+    information = bag_information(list(topics.values()), statistics, pairs)
+    written = Path(path).is_dir() and (bool(rewritten) or not _described(files[0].parent))
+    if written:
+        write_metadata(files[0].parent, information)
+    return Repair(
+        tuple(files), tuple(rewritten), int(information['message_count']), dropped, written
+    )
+
+
+def _files_to_repair(path: Path) -> list[Path]:
+    """Find the files of a bag whose `metadata.yaml` may be what is broken."""
+    try:
+        return bag_files(path)
+    except DataError:
+        for folder in (path, path / 'bag'):
+            files = numbered_files(folder)
+            if files:
+                return files
+        raise
+
+
+def _described(folder: Path) -> bool:
+    try:
+        return bool(read_metadata(folder))
+    except DataError:
+        return False
+
+
+class _File:
+    """What one file holds, gathered while its records pass."""
+
+    def __init__(self, topics: dict[str, TopicMetadata], statistics: FileStatistics) -> None:
+        self.statistics = statistics
+        self.closed = False
+        self.custom_data: dict[str, str] = {}
+        self._topics = topics
+        self._types: dict[int, str] = {}
+        self._names: dict[int, str] = {}
+
+    def take(self, record: McapRecord) -> None:
+        if isinstance(record, Schema):
+            self._types[record.id] = record.name
+        elif isinstance(record, Channel) and record.id not in self._names:
+            self._names[record.id] = record.topic
+            self._topics.setdefault(record.topic, _topic(record, self._types))
+        elif isinstance(record, Message) and record.channel_id in self._names:
+            self.statistics.add(self._names[record.channel_id], record.log_time)
+        elif isinstance(record, Metadata):
+            self.custom_data |= custom_data(record)
+        elif isinstance(record, Footer):
+            self.closed = True
+
+
+def _topic(channel: Channel, types: dict[int, str]) -> TopicMetadata:
+    profiles = []
+    with suppress(DataError):
+        loaded = load_plain(channel.metadata.get('offered_qos_profiles', ''))
+        profiles = [one for one in loaded or () if isinstance(one, dict)]
+    return TopicMetadata(
+        channel.topic,
+        types.get(channel.schema_id, ''),
+        channel.metadata.get('topic_type_hash', ''),
+        tuple(profiles),
+    )
+
+
+def _rewrite(file: Path) -> None:
+    with replacing(file) as temporary, temporary.open('wb') as stream:
+        writer = Writer(stream, compression=CompressionType.ZSTD, chunk_size=2**16)
+        writer.start(profile='ros2', library=LIBRARY)
+        schemas = {0: 0}
+        channels: dict[int, int] = {}
+        for record in _readable(file):
+            if isinstance(record, Schema) and record.id not in schemas:
+                schemas[record.id] = writer.register_schema(
+                    record.name, record.encoding, record.data
+                )
+            elif isinstance(record, Channel) and record.id not in channels:
+                if record.schema_id in schemas:
+                    channels[record.id] = writer.register_channel(
+                        record.topic,
+                        record.message_encoding,
+                        schemas[record.schema_id],
+                        record.metadata,
+                    )
+            elif isinstance(record, Message) and record.channel_id in channels:
+                writer.add_message(
+                    channels[record.channel_id],
+                    record.log_time,
+                    record.data,
+                    record.publish_time,
+                    record.sequence,
+                )
+            elif isinstance(record, Metadata):
+                writer.add_metadata(record.name, record.metadata)
+            elif isinstance(record, Attachment):
+                writer.add_attachment(
+                    record.create_time,
+                    record.log_time,
+                    record.name,
+                    record.media_type,
+                    record.data,
+                )
+        # the writer ends the file but leaves closing it to whom it belongs
+        writer.finish()  # type: ignore[no-untyped-call]
+
+
+def _readable(file: Path) -> Iterator[McapRecord]:
+    return read_records(file, Damage())
