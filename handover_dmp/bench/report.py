@@ -12,13 +12,12 @@ from pathlib import Path
 import platform
 from typing import Any
 
-from rich.markup import escape
-from rich.table import Table
-
 from handover_dmp import __version__
 from handover_dmp.bench.measurement import Measurement
 from handover_dmp.errors import DataError
 from handover_dmp.files import write_text
+from rich.markup import escape
+from rich.table import Table
 
 # Libraries that a figure may depend on: those used, and the peers.
 LIBRARIES = (

@@ -81,13 +81,12 @@ def run(options: argparse.Namespace) -> int:
 def _measure(options: argparse.Namespace) -> int:
     from importlib import import_module
 
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
     from handover_dmp.bench.measurement import Measurement
     from handover_dmp.bench.report import machine, markdown, table, write_json
     from handover_dmp.errors import HandoverError, UsageError
     from handover_dmp.files import write_text
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     unknown = [word for word in options.words if word not in SUBJECTS]
     if unknown:
