@@ -13,10 +13,20 @@ from typing import Any, TYPE_CHECKING
 if TYPE_CHECKING:
     from handover_dmp.hand.data_set import read_data_set, write_data_set
     from handover_dmp.hand.filtering import condition, smooth, velocities
+    from handover_dmp.hand.goal_estimator import GoalEstimator, HandEstimate, HandFilter
+    from handover_dmp.hand.replay import HandSample, Replay
+    from handover_dmp.hand.sensor import Observation, SensorModel
     from handover_dmp.hand.synthetic import synthesize
     from handover_dmp.hand.trial import HandoverTrial, read_trial, write_trial
 
 _HOMES = {
+    'GoalEstimator': 'goal_estimator',
+    'HandEstimate': 'goal_estimator',
+    'HandFilter': 'goal_estimator',
+    'HandSample': 'replay',
+    'Observation': 'sensor',
+    'Replay': 'replay',
+    'SensorModel': 'sensor',
     'HandoverTrial': 'trial',
     'condition': 'filtering',
     'read_data_set': 'data_set',
@@ -29,7 +39,14 @@ _HOMES = {
 }
 
 __all__ = [
+    'GoalEstimator',
+    'HandEstimate',
+    'HandFilter',
+    'HandSample',
     'HandoverTrial',
+    'Observation',
+    'Replay',
+    'SensorModel',
     'condition',
     'read_data_set',
     'read_trial',

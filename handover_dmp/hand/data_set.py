@@ -9,8 +9,6 @@ import io
 from pathlib import Path
 import re
 
-import numpy as np
-
 from handover_dmp.errors import DataError
 from handover_dmp.files import write_text
 from handover_dmp.hand.tables import quote, read_records
@@ -22,6 +20,7 @@ from handover_dmp.hand.trial import (
     read_trial,
     write_trial,
 )
+import numpy as np
 
 # Exchanges of one configuration lie within an arm's length of each other; this is another room.
 SAME_FRAME_M = 2.0

@@ -18,13 +18,12 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 
+from handover_dmp.errors import DataError
+from handover_dmp.hand.trial import HandoverTrial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import BSpline, CubicSpline
 from scipy.linalg import solveh_banded
-
-from handover_dmp.errors import DataError
-from handover_dmp.hand.trial import HandoverTrial
 
 RATE_HZ = 200.0
 CUTOFF_HZ = 6.0
@@ -91,6 +90,21 @@ def smooth(
     return stamps[0] + new, spline(new), spline.derivative()(new)
 
 
+def interpolate(times: ArrayLike, positions: ArrayLike) -> CubicSpline:
+    """
+    Lay a smooth curve through positions, without filtering.
+
+    Args:
+        times: (n,) s, strictly increasing, n >= 4.
+        positions: (n, d) m.
+
+    Returns:
+        The cubic spline; call it with a time within `times` to get (d,) m.
+
+    """
+    return CubicSpline(times, positions)
+
+
 def velocities(times: ArrayLike, positions: ArrayLike) -> NDArray[np.float64]:
     """
     Differentiate positions that are smooth already (`condition` them first where they are not).
@@ -103,7 +117,7 @@ def velocities(times: ArrayLike, positions: ArrayLike) -> NDArray[np.float64]:
         (n, d) m/s, the derivative of the interpolating cubic spline.
 
     """
-    derivative: NDArray[np.float64] = CubicSpline(times, positions).derivative()(times)
+    derivative: NDArray[np.float64] = interpolate(times, positions).derivative()(times)
     return derivative
 
 

@@ -25,12 +25,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from handover_dmp.errors import UsageError
+from handover_dmp.hand.trial import EXCHANGES, HandoverTrial
 import numpy as np
 from numpy.random import RandomState
 from numpy.typing import NDArray
-
-from handover_dmp.errors import UsageError
-from handover_dmp.hand.trial import EXCHANGES, HandoverTrial
 
 RATE_HZ = 200.0
 NOISE_M = 1e-4
@@ -231,13 +230,15 @@ def _sway(random: RandomState, times: NDArray[np.float64]) -> NDArray[np.float64
     places = _SWAY_M * _clipped_normal(random, (int(position[-1]) + 2, 3))
     here = position.astype(int)
     share = _minimum_jerk(position - here)[:, None]
-    return places[here] + share * (places[here + 1] - places[here])
+    wandering: NDArray[np.float64] = places[here] + share * (places[here + 1] - places[here])
+    return wandering
 
 
 def _minimum_jerk(u: NDArray[np.float64]) -> NDArray[np.float64]:
     """Go from 0 to 1 while u does, at rest at both ends (Flash and Hogan 1985)."""
     u = np.clip(u, 0.0, 1.0)
-    return u * u * u * (10.0 + u * (6.0 * u - 15.0))
+    share: NDArray[np.float64] = u * u * u * (10.0 + u * (6.0 * u - 15.0))
+    return share
 
 
 def _bump(u: NDArray[np.float64]) -> NDArray[np.float64]:

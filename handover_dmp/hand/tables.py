@@ -8,10 +8,9 @@ import math
 from pathlib import Path
 import re
 
+from handover_dmp.errors import DataError
 import numpy as np
 from numpy.typing import NDArray
-
-from handover_dmp.errors import DataError
 
 LARGEST_TEXT_BYTES = 16_000_000
 MOST_ROWS = 200_000

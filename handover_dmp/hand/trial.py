@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 import re
 
-import numpy as np
-from numpy.typing import NDArray
-
 from handover_dmp.errors import DataError
 from handover_dmp.files import write_text
 from handover_dmp.hand.tables import read_records, read_table
+import numpy as np
+from numpy.typing import NDArray
 
 HEADER = ('t', 'p1_x', 'p1_y', 'p1_z', 'p2_x', 'p2_y', 'p2_z')
 EXCHANGES = ('give', 'take')
