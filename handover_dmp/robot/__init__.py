@@ -1,0 +1,1 @@
+"""The arm: its model and limits, priority inverse kinematics, interpolation, simulation."""

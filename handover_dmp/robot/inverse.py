@@ -1,0 +1,184 @@
+"""Postures for poses: inverse kinematics without time, and the size of the space in reach."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+import pinocchio as pin
+from scipy.optimize import least_squares, minimize
+
+from handover_dmp.robot.errors import UnreachableError
+
+if TYPE_CHECKING:
+    from handover_dmp.robot.model import RobotModel
+
+Array = NDArray[np.float64]
+
+TOLERANCE = 1e-6
+POSTURE_WEIGHT = 0.02
+ATTEMPTS = 12
+POLISHING_STEPS = 20
+
+
+def posture_at(
+    model: RobotModel, position: Array, rotation: Array | None, q0: Array | None
+) -> Array:
+    """
+    Find a posture with the wrist at a pose, within the limits and not far from another one.
+
+    Each attempt minimises the squared pose error plus a little of the squared distance to the
+    posture asked for (bounded least squares), then leaves that distance aside and removes what
+    pose error is left (Newton's method). Attempts after the first start at seeded random postures.
+
+    Args:
+        model: the arm.
+        position: (3,), m, in `world`.
+        rotation: (3, 3), of the wrist in `world`; None for any.
+        q0: (n,), rad, the posture to stay near to; None for `model.home`.
+
+    Returns:
+        Joint positions, (n,), rad.
+
+    Raises:
+        UnreachableError: no attempt got within 1e-6 m and 1e-6 rad.
+
+    """
+    near = np.array(model.home if q0 is None else q0, dtype=float)
+    low = np.where(np.isfinite(model.limits.lower), model.limits.lower, near - 2.0 * np.pi)
+    high = np.where(np.isfinite(model.limits.upper), model.limits.upper, near + 2.0 * np.pi)
+    near = np.clip(near, low, high)
+    goal = np.asarray(position, dtype=float)
+    chance = np.random.default_rng(0)
+    closest = np.inf
+    for attempt in range(ATTEMPTS):
+        start = near if attempt == 0 else chance.uniform(low, high)
+        posture = _near_pose(model, goal, rotation, near, start, low, high)
+        posture = _polished(model, goal, rotation, posture, low, high)
+        error = _pose_error(model, posture, goal, rotation)
+        closest = min(closest, float(np.linalg.norm(error[:3])))
+        if np.linalg.norm(error[:3]) < TOLERANCE and np.linalg.norm(error[3:]) < TOLERANCE:
+            return posture
+    if closest < TOLERANCE:
+        raise UnreachableError(
+            f'{model.name} can bring its wrist to {_metres(goal)} but not with that rotation', 0.0
+        )
+    raise UnreachableError(
+        f'{model.name} cannot bring its wrist to {_metres(goal)}: {closest:.3f} m are missing',
+        closest,
+    )
+
+
+def shoulder(model: RobotModel) -> Array:
+    """
+    Find the centre of the space in reach.
+
+    Args:
+        model: the arm.
+
+    Returns:
+        The point of the first joint's axis that is nearest to the second's, (3,), m; the first
+        joint's origin where the two are parallel or there is only one.
+
+    """
+    pinocchio_model = model.pinocchio_model
+    data = pinocchio_model.createData()
+    jacobian = pin.computeJointJacobians(pinocchio_model, data, np.array(model.home))
+    first = data.oMi[1].translation.copy()
+    if model.dof < 2:
+        return first
+    a, b = jacobian[3:, 0], jacobian[3:, 1]
+    between = data.oMi[2].translation - first
+    crossing = 1.0 - float(a @ b) ** 2
+    if crossing < 1e-9 or not a.any() or not b.any():
+        return first
+    along = (float(a @ between) - float(a @ b) * float(b @ between)) / crossing
+    point: Array = first + along * a
+    return point
+
+
+def greatest_reach(model: RobotModel) -> float:
+    """
+    Find how far from the shoulder the wrist gets.
+
+    Args:
+        model: the arm.
+
+    Returns:
+        The distance, m, the best of several local maxima within the position limits.
+
+    """
+    centre = model.shoulder
+    low = np.maximum(model.limits.lower, -np.pi)
+    high = np.minimum(model.limits.upper, np.pi)
+
+    def cost(posture: Array) -> tuple[float, Array]:
+        jacobian = model.wrist_jacobian(posture)[:3]
+        arm = model.pinocchio_data.oMf[model.wrist_frame_id].translation - centre
+        return -0.5 * float(arm @ arm), -(jacobian.T @ arm)
+
+    chance = np.random.default_rng(0)
+    starts = [np.clip(model.home, low, high), *chance.uniform(low, high, (7, model.dof))]
+    bounds = list(zip(low, high, strict=True))
+    best = max(
+        -minimize(cost, start, jac=True, method='L-BFGS-B', bounds=bounds).fun for start in starts
+    )
+    return float(np.sqrt(2.0 * best))
+
+
+def _pose_error(
+    model: RobotModel, posture: Array, goal: Array, rotation: Array | None
+) -> Array:
+    """Give what is missing to the pose, (3,) or (6,), m and rad, along the axes of `world`."""
+    position, current = model.wrist_pose(posture)
+    if rotation is None:
+        return goal - position
+    return np.concatenate([goal - position, current @ pin.log3(current.T @ rotation)])
+
+
+def _near_pose(
+    model: RobotModel,
+    goal: Array,
+    rotation: Array | None,
+    near: Array,
+    start: Array,
+    low: Array,
+    high: Array,
+) -> Array:
+    rows = 3 if rotation is None else 6
+    held = POSTURE_WEIGHT * np.eye(model.dof)
+
+    def residual(posture: Array) -> Array:
+        error = _pose_error(model, posture, goal, rotation)
+        return np.concatenate([error, POSTURE_WEIGHT * (posture - near)])
+
+    def slope(posture: Array) -> Array:
+        return np.vstack([-model.wrist_jacobian(posture)[:rows], held])
+
+    inset = 1e-9 * (high - low)
+    start = np.clip(start, low + inset, high - inset)
+    found: Array = least_squares(residual, start, slope, bounds=(low, high), max_nfev=60).x
+    return found
+
+
+def _polished(
+    model: RobotModel, goal: Array, rotation: Array | None, posture: Array, low: Array, high: Array
+) -> Array:
+    rows = 3 if rotation is None else 6
+    free = np.ones(model.dof, dtype=bool)
+    for _ in range(POLISHING_STEPS):
+        error = _pose_error(model, posture, goal, rotation)
+        if np.linalg.norm(error) < 1e-3 * TOLERANCE:
+            break
+        jacobian = model.wrist_jacobian(posture)[:rows] * free
+        step = np.linalg.lstsq(jacobian, error, rcond=1e-6)[0]
+        step *= min(1.0, 0.3 / max(float(np.abs(step).max()), 1e-12))
+        moved = posture + step
+        posture = np.clip(moved, low, high)
+        free &= posture == moved
+    return posture
+
+
+def _metres(point: Array) -> str:
+    return '(' + ', '.join(f'{coordinate:.3f}' for coordinate in point) + ') m'

@@ -1,0 +1,133 @@
+"""The limits of the joints, and the velocities that keep all of them for ever."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class JointLimits:
+    """
+    What the joints can do.
+
+    Attributes:
+        lower: (n,), rad; -inf for a joint that turns for ever.
+        upper: (n,), rad; inf for a joint that turns for ever.
+        velocity: (n,), rad/s, either way.
+        acceleration: (n,), rad/s², either way.
+        effort: (n,), Nm, either way.
+
+    """
+
+    lower: Array
+    upper: Array
+    velocity: Array
+    acceleration: Array
+    effort: Array
+
+    def inside(self, joint_positions: Array, tolerance: float = 0.0) -> bool:
+        """
+        Say whether a posture is within the position limits.
+
+        Args:
+            joint_positions: (n,), rad.
+            tolerance: rad allowed beyond them.
+
+        Returns:
+            Whether every joint is.
+
+        """
+        return bool(
+            np.all(joint_positions >= self.lower - tolerance)
+            and np.all(joint_positions <= self.upper + tolerance)
+        )
+
+
+class VelocityBox:
+    """
+    Joint velocities for the next period that break no limit now and force none to be broken later.
+
+    Towards a position limit at distance d a joint may move at
+
+        v ≤ −βa·dt + √((βa·dt)² + 2βa·d),
+
+    from where braking at βa, one period after another, ends at the limit and not behind it: after
+    a period at that bound, d' = d − v·dt, the bound has fallen by at most βa·dt. So with β ≤ 1 the
+    intersection with v_previous ± a·dt is never empty, and once inside means inside for ever.
+    β < 1 keeps acceleration in hand for whatever moves the arm a little off the ideal.
+
+    From outside (started beyond a position limit, or faster than allowed) the acceleration limit
+    comes first: the joint brakes, and then returns, as fast as it may. A joint beyond its position
+    limit returns at the speed that the same formula gives for its distance.
+    """
+
+    def __init__(self, limits: JointLimits, braking_share: float) -> None:
+        """
+        Take the limits.
+
+        Args:
+            limits: of the joints.
+            braking_share: β, above 0 and at most 1.
+
+        Raises:
+            ValueError: β is out of range; the box would not be recursively feasible.
+
+        """
+        if not 0.0 < braking_share <= 1.0:
+            raise ValueError(f'braking share {braking_share} is not in (0, 1]')
+        self._limits = limits
+        self._braking = braking_share * limits.acceleration
+
+    def bounds(
+        self, joint_positions: Array, previous_velocity: Array, dt: float
+    ) -> tuple[Array, Array]:
+        """
+        Compute the box.
+
+        Args:
+            joint_positions: (n,), rad.
+            previous_velocity: (n,), rad/s, of the period that ends now.
+            dt: length of the next period, s.
+
+        Returns:
+            Lower and upper bounds, (n,) each, rad/s; the lower never above the upper.
+
+        """
+        limits = self._limits
+        step = self._braking * dt
+        upper = self._towards(limits.upper - joint_positions, step)
+        lower = -self._towards(joint_positions - limits.lower, step)
+        change = limits.acceleration * dt
+        slowest, fastest = previous_velocity - change, previous_velocity + change
+        return (
+            np.minimum(np.maximum(lower, slowest), fastest),
+            np.minimum(np.maximum(upper, slowest), fastest),
+        )
+
+    def brake(
+        self, joint_positions: Array, previous_velocity: Array, dt: float
+    ) -> Array:
+        """
+        Compute the velocities of the box that are nearest to standstill.
+
+        Args:
+            joint_positions: (n,), rad.
+            previous_velocity: (n,), rad/s.
+            dt: length of the next period, s.
+
+        Returns:
+            Joint velocities, (n,), rad/s.
+
+        """
+        lower, upper = self.bounds(joint_positions, previous_velocity, dt)
+        return np.minimum(np.maximum(lower, 0.0), upper)
+
+    def _towards(self, distance: Array, step: Array) -> Array:
+        root = np.sqrt(step * step + 2.0 * self._braking * np.abs(distance)) - step
+        fastest = self._limits.velocity
+        return np.copysign(np.minimum(root, fastest), distance)
