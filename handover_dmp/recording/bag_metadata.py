@@ -8,11 +8,10 @@ import os
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from handover_dmp.errors import DataError
 from handover_dmp.files import write_text
 from handover_dmp.recording.qos import Qos
+import yaml
 
 METADATA_FILE = 'metadata.yaml'
 ROOT = 'rosbag2_bagfile_information'

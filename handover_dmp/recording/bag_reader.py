@@ -11,13 +11,12 @@ import re
 import struct
 from typing import Any, NamedTuple
 
-from mcap.records import Channel, Metadata, Schema
-from mcap.records import Message as McapMessage
-from mcap_ros2.decoder import DecoderFactory
-
 from handover_dmp.errors import DataError
 from handover_dmp.recording.bag_metadata import load_plain, METADATA_FILE, read_metadata
 from handover_dmp.recording.mcap_file import is_complete, read_records
+from mcap.records import Channel, Metadata, Schema
+from mcap.records import Message as McapMessage
+from mcap_ros2.decoder import DecoderFactory
 
 # far above the largest definition there is, far below what the parser gets slow at
 DEFINITION_LINES = 4000

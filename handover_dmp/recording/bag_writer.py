@@ -4,13 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-import struct
 from time import monotonic
 from types import TracebackType
-
-from mcap.well_known import MessageEncoding, SchemaEncoding
-from mcap.writer import CompressionType, LIBRARY_IDENTIFIER
-from mcap.writer import Writer as McapWriter
 
 from handover_dmp import __version__
 from handover_dmp.errors import DataError, UsageError
@@ -18,6 +13,7 @@ from handover_dmp.recording.bag_metadata import (
     bag_information,
     dump_information,
     FileStatistics,
+    NO_TIME,
     TopicMetadata,
     write_metadata,
 )
@@ -25,6 +21,9 @@ from handover_dmp.recording.message_definitions import message_definition, Messa
 from handover_dmp.recording.messages import encoder, Message
 from handover_dmp.recording.qos import COMMAND, dump_profiles, Qos
 from handover_dmp.settings import defaults
+from mcap.well_known import MessageEncoding, SchemaEncoding
+from mcap.writer import CompressionType, LIBRARY_IDENTIFIER
+from mcap.writer import Writer as McapWriter
 
 COMPRESSIONS = {
     'zstd': CompressionType.ZSTD,
@@ -148,14 +147,16 @@ class BagWriter:
             publish_time_ns: when it was sent, ns; the same if left out.
 
         Raises:
-            DataError: the topic is not known, a time is no 64-bit number, or the file cannot be
-                written, e.g. because the disk is full. After that nothing more can be written,
-                and what had reached the file stays readable.
+            DataError: the topic is not known, a time is negative or beyond 64 bits, or the file
+                cannot be written, e.g. because the disk is full. After that nothing more can be
+                written, and what had reached the file stays readable.
 
         """
         self._check_usable()
         if publish_time_ns is None:
             publish_time_ns = log_time_ns
+        if not (0 <= log_time_ns < NO_TIME and 0 <= publish_time_ns < NO_TIME):
+            raise DataError(f'{self.folder}: {topic}: time out of range: {log_time_ns} ns')
         try:
             if self._must_split(log_time_ns):
                 self._end_file()
@@ -167,8 +168,6 @@ class BagWriter:
             raise self._failed(error) from error
         except KeyError as error:
             raise DataError(f'{self.folder}: topic {topic} was not added') from error
-        except struct.error as error:
-            raise DataError(f'{self.folder}: {topic}: time out of range: {log_time_ns}') from error
 
     def write_message(
         self, topic: str, message: Message, log_time_ns: int, publish_time_ns: int | None = None

@@ -18,13 +18,12 @@ import struct
 from typing import cast, IO
 import zlib
 
+from handover_dmp.errors import DataError
 import lz4.frame  # type: ignore[import-untyped]
 from mcap.exceptions import McapError
 from mcap.records import Chunk, McapRecord
 from mcap.stream_reader import StreamReader
 import zstandard
-
-from handover_dmp.errors import DataError
 
 MAGIC = b'\x89MCAP0\r\n'
 # rosbag2 closes a chunk at 768 kB, so one as large as this holds a message as large as this

@@ -6,11 +6,11 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import Any
 
+from handover_dmp.recording.message_definitions import message_definition
+
 # The library that decodes also encodes, but shows only a writer of whole files. Ours must put
 # quality of service and type hashes into them too, so its encoder is taken from within.
 from mcap_ros2._dynamic import serialize_dynamic
-
-from handover_dmp.recording.message_definitions import message_definition
 
 Message = Mapping[str, Any]
 

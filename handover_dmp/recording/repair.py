@@ -7,9 +7,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from mcap.records import Attachment, Channel, Footer, McapRecord, Message, Metadata, Schema
-from mcap.writer import CompressionType, Writer
-
 from handover_dmp.errors import DataError
 from handover_dmp.files import replacing
 from handover_dmp.recording.bag_metadata import (
@@ -23,6 +20,8 @@ from handover_dmp.recording.bag_metadata import (
 from handover_dmp.recording.bag_reader import bag_files, custom_data, numbered_files
 from handover_dmp.recording.bag_writer import LIBRARY
 from handover_dmp.recording.mcap_file import Damage, read_records
+from mcap.records import Attachment, Channel, Footer, McapRecord, Message, Metadata, Schema
+from mcap.writer import CompressionType, Writer
 
 
 @dataclass(frozen=True)
