@@ -1,0 +1,95 @@
+"""The command as a whole: help, version, exit codes, one line for each error."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+import subprocess
+import sys
+
+from handover_dmp import __version__
+from handover_dmp.cli.main import main, VERBS
+import pytest
+
+
+def run(*words: str, folder: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """Run the command as a user does."""
+    return subprocess.run(
+        [sys.executable, '-m', 'handover_dmp', *words],
+        capture_output=True,
+        text=True,
+        cwd=folder,
+        timeout=120,
+    )
+
+
+def test_help_names_every_verb_and_what_it_does() -> None:
+    result = run('--help')
+    assert result.returncode == 0
+    assert result.stderr == ''
+    words = ' '.join(result.stdout.split())
+    for verb, purpose in VERBS.items():
+        assert f'{verb} {purpose}' in words
+
+
+def test_version() -> None:
+    result = run('--version')
+    assert (result.returncode, result.stdout) == (0, f'{__version__}\n')
+
+
+@pytest.mark.parametrize('verb', VERBS)
+def test_help_of_a_verb(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as exit_info:
+        main([verb, '--help'])
+    assert exit_info.value.code == 0
+    text = capsys.readouterr().out
+    assert VERBS[verb] in ' '.join(text.split())
+    assert '--json' in text
+
+
+@pytest.mark.parametrize(
+    'words', [[], ['juggle'], ['--juggle'], ['learn', '--juggle'], ['--', 'learn']]
+)
+def test_wrong_usage_is_exit_code_2_without_traceback(words: list[str]) -> None:
+    result = run(*words)
+    assert result.returncode == 2
+    assert result.stdout == ''
+    assert result.stderr.startswith('usage: handover_dmp')
+    assert 'Traceback' not in result.stderr
+    assert 'error: ' in result.stderr.splitlines()[-1]
+
+
+def test_option_of_the_command_before_the_verb_does_not_hide_the_verb() -> None:
+    assert run('--version', 'learn').stdout == f'{__version__}\n'
+
+
+@pytest.mark.parametrize(
+    ('content', 'named'),
+    [
+        (None, 'trial.csv'),
+        ('', 'trial.csv'),
+        ('t,p1_x,p1_y,p1_z,p2_x,p2_y,p2_z\n0.0,one,0,0,0,0,0\n', 'line 2'),
+    ],
+    ids=['missing', 'empty', 'not a number'],
+)
+def test_bad_input_is_one_line_that_names_file_and_fault(
+    tmp_path: Path, content: str | None, named: str
+) -> None:
+    if content is not None:
+        (tmp_path / 'trial.csv').write_text(content)
+    before = set(tmp_path.iterdir())
+    result = run('learn', 'trial.csv', '-o', 'model.json', folder=tmp_path)
+    assert result.returncode in (1, 2)
+    assert result.stdout == ''
+    (line,) = result.stderr.splitlines()
+    assert line.startswith('handover_dmp learn: ')
+    assert 'trial.csv' in line
+    assert named in line
+    assert set(tmp_path.iterdir()) == before
+
+
+def test_every_verb_has_a_module_of_one_form() -> None:
+    for verb in VERBS:
+        module = import_module(f'handover_dmp.cli.{"import_verb" if verb == "import" else verb}')
+        assert callable(module.add_arguments)
+        assert callable(module.run)

@@ -1,0 +1,117 @@
+"""What each room may know of the others, and what the package may need from outside."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from importlib.metadata import packages_distributions, requires
+from pathlib import Path
+import re
+import sys
+from xml.etree import ElementTree
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / 'handover_dmp'
+# Names of imports that do not follow from the name of the distribution, for those not installed.
+DISTRIBUTIONS = {'pink': 'pin-pink', 'yaml': 'pyyaml', 'sklearn': 'scikit-learn'}
+ROS_ROOMS = ('nodes', 'recording', 'bench')
+FOREIGN = {
+    'dmp': ('robot', 'hand', 'recording', 'nodes', 'evaluation'),
+    'hand': ('robot', 'nodes', 'evaluation'),
+    'robot': ('dmp', 'hand', 'recording', 'nodes', 'evaluation'),
+    'evaluation': ('nodes',),
+    'recording': ('dmp', 'robot', 'nodes', 'evaluation'),
+}
+
+
+def imports(file: Path) -> Iterator[str]:
+    """Yield the full name of every module that a file imports, anywhere in it."""
+    for node in ast.walk(ast.parse(file.read_text(encoding='utf-8'))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            yield from (f'{node.module}.{alias.name}' for alias in node.names)
+
+
+def names_of_ros() -> set[str]:
+    """Return the ROS packages that `package.xml` asks for."""
+    root = ElementTree.parse(ROOT / 'package.xml').getroot()
+    names = {str(element.text) for element in root if element.tag.endswith('depend')}
+    return {name for name in names if re.fullmatch(r'[a-z0-9_]+', name)}
+
+
+def requirements(*extras: str) -> set[str]:
+    """Return the distributions that an install with these extras brings."""
+    found = set()
+    for requirement in requires('handover_dmp') or ():
+        extra = re.search(r"extra == ['\"](\w+)['\"]", requirement)
+        if extra is None or extra.group(1) in extras:
+            found.add(normal(re.match(r'[\w.-]+', requirement).group()))
+    return found
+
+
+def normal(name: str) -> str:
+    """Return the one way to write the name of a distribution."""
+    return re.sub(r'[-_.]+', '-', name).lower()
+
+
+def distributions(module: str) -> set[str]:
+    """Return the distributions that a top-level module may come from."""
+    installed = packages_distributions().get(module, [])
+    return {normal(name) for name in [*installed, DISTRIBUTIONS.get(module, module)]}
+
+
+def third_party() -> dict[str, set[str]]:
+    """Return every module from outside, and the rooms that import it."""
+    found: dict[str, set[str]] = {}
+    for file in PACKAGE.rglob('*.py'):
+        for name in imports(file):
+            top = name.partition('.')[0]
+            if top not in sys.stdlib_module_names and top != 'handover_dmp':
+                found.setdefault(top, set()).add(file.relative_to(PACKAGE).parts[0])
+    return found
+
+
+def test_what_is_imported_is_declared() -> None:
+    ros = names_of_ros()
+    for module, rooms in third_party().items():
+        if module in ros:
+            assert rooms <= set(ROS_ROOMS), f'{module} belongs in {ROS_ROOMS}, not in {rooms}'
+            continue
+        declared = requirements(*(['bench'] if rooms == {'bench'} else []))
+        assert distributions(module) & declared, f'{module}, of {rooms}, is not declared'
+
+
+def test_what_is_declared_is_imported() -> None:
+    used = {name for module in third_party() for name in distributions(module)}
+    # Its module is made by its own code generator, the data lies beside it.
+    assert requirements() - used == set()
+
+
+def test_ros_packages_that_are_declared_are_used() -> None:
+    launch = (ROOT / 'launch' / 'handover.launch.py').read_text(encoding='utf-8')
+    tests = {'ament_copyright', 'ament_flake8', 'ament_pep257', 'ros2launch'}
+    libraries = {'pinocchio'}
+    for name in names_of_ros() - tests - libraries:
+        assert name in third_party() or name in launch, name
+
+
+@pytest.mark.parametrize('room', FOREIGN)
+def test_a_room_knows_nothing_of_those_that_are_not_its_business(room: str) -> None:
+    files = list((PACKAGE / room).rglob('*.py'))
+    assert files
+    for file in files:
+        for name in imports(file):
+            for foreign in FOREIGN[room]:
+                message = f'{file.relative_to(ROOT)} imports {name}'
+                assert not f'{name}.'.startswith(f'handover_dmp.{foreign}.'), message
+
+
+def test_nodes_know_nothing_of_each_other() -> None:
+    nodes = ('robot_sim', 'hand_tracker', 'dmp', 'priority_ik', 'recorder')
+    for node in nodes:
+        for name in imports(PACKAGE / 'nodes' / f'{node}.py'):
+            for other in nodes:
+                assert not f'{name}.'.startswith(f'handover_dmp.nodes.{other}.')

@@ -1,0 +1,106 @@
+"""The rules of the ament linters, and this repository's own: layout, types, licence headers."""
+
+from __future__ import annotations
+
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+import subprocess
+import sys
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLDERS = ('examples', 'handover_dmp', 'launch', 'scripts', 'test')
+FILES = [
+    str(file.relative_to(ROOT))
+    for file in [
+        ROOT / 'setup.py',
+        *(file for folder in FOLDERS for file in sorted((ROOT / folder).rglob('*.py'))),
+    ]
+]
+
+
+def run(*words: str) -> None:
+    """Run a linter on the repository; what it finds is the reason of the failure."""
+    result = subprocess.run(
+        [sys.executable, '-m', *words], cwd=ROOT, capture_output=True, text=True
+    )
+    assert result.returncode == 0, '\n' + result.stdout + result.stderr
+
+
+def test_flake8_as_ament_has_it() -> None:
+    pytest.importorskip('ament_flake8')
+    run('ament_flake8.main', *FILES)
+
+
+def test_pep257_as_ament_has_it() -> None:
+    pytest.importorskip('ament_pep257')
+    # D406 and D407 are not of PEP 257: they ask for underlined sections, which Google's style,
+    # that of these docstrings, does not have.
+    run('ament_pep257.main', '--add-ignore', 'D406', 'D407', '--', *FILES)
+
+
+def test_ruff() -> None:
+    pytest.importorskip('ruff')
+    run('ruff', 'check', *FILES)
+
+
+def test_layout() -> None:
+    pytest.importorskip('ruff')
+    run('ruff', 'format', '--check', *FILES)
+
+
+def test_types() -> None:
+    pytest.importorskip('mypy')
+    run('mypy')
+
+
+@pytest.fixture(scope='module')
+def headers() -> ModuleType:
+    """Give the tool that adds the licence headers."""
+    spec = spec_from_file_location('headers', ROOT / 'scripts' / 'add_licence_header.py')
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_licence_headers() -> None:
+    run_script = [sys.executable, str(ROOT / 'scripts' / 'add_licence_header.py'), '--check']
+    result = subprocess.run(run_script, capture_output=True, text=True)
+    assert result.returncode == 0, '\n' + result.stdout + result.stderr
+
+
+@pytest.mark.parametrize(
+    'text',
+    ['', '"""It."""\n', '\n\nx = 1\n', '#!/usr/bin/env python3\nx = 1\n', '# A comment.\nx = 1\n'],
+)
+def test_a_header_is_added_once_and_takes_nothing_away(headers: ModuleType, text: str) -> None:
+    once = headers.with_header(text)
+    assert headers.with_header(once) == once
+    assert once.count('Copyright 2026 The handover_dmp authors') == 1
+    assert [line for line in text.splitlines() if line] == [
+        line for line in once.splitlines() if line and line not in headers.HEADER.splitlines()
+    ]
+    assert once.startswith('#!') == text.startswith('#!')
+
+
+def test_a_header_of_another_holder_stays(headers: ModuleType) -> None:
+    other = (
+        headers.HEADER.replace('2026 The handover_dmp authors', '2024-2025 Somebody') + '\nx = 1\n'
+    )
+    assert headers.with_header(other) == other
+
+
+def test_a_copyright_without_its_licence_is_no_header(headers: ModuleType) -> None:
+    text = '# Copyright 2024 Somebody\nx = 1\n'
+    assert headers.with_header(text) != text
+
+
+def test_the_licence_is_the_apache_licence_that_the_headers_name(headers: ModuleType) -> None:
+    licence = (ROOT / 'LICENSE').read_text(encoding='utf-8')
+    assert 'Apache License\n                           Version 2.0, January 2004' in licence
+    notice = [line.removeprefix('#').strip() for line in headers.HEADER.splitlines()[2:]]
+    assert ' '.join(' '.join(notice).split()) in ' '.join(licence.split())

@@ -1,0 +1,367 @@
+"""Both ways to install it, pip and colcon, give the layout that `ros2 run` looks for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+import os
+from pathlib import Path
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import sysconfig
+import time
+from xml.etree import ElementTree
+
+from handover_dmp import __version__
+import pytest
+import yaml
+
+ROOT = Path(__file__).resolve().parents[1]
+NODES = ('robot_sim', 'hand_tracker', 'dmp', 'priority_ik', 'recorder')
+# What an install is made from; the rest of a checkout (.venv, runs, caches) may be large.
+SOURCES = (
+    'setup.py', 'setup.cfg', 'pyproject.toml', 'package.xml', 'LICENSE', 'resource', 'scripts',
+    'handover_dmp', 'config', 'urdf', 'launch',
+)  # fmt: skip
+PATIENCE_S = 120.0
+
+
+@dataclass(frozen=True)
+class Installed:
+    """
+    The package in a prefix of its own.
+
+    Attributes:
+        prefix: where it was installed to.
+        environment: environment variables under which it is used.
+
+    """
+
+    prefix: Path
+    environment: dict[str, str]
+
+    @property
+    def executables(self) -> Path:
+        """Return the folder in which `ros2 run` looks."""
+        return self.prefix / 'lib' / 'handover_dmp'
+
+    @property
+    def share(self) -> Path:
+        """Return the package's share folder."""
+        return self.prefix / 'share' / 'handover_dmp'
+
+    def run(self, *command: str | Path) -> subprocess.CompletedProcess[str]:
+        """Run a command there, far from the checkout; it must succeed."""
+        result = subprocess.run(
+            [str(word) for word in command],
+            env=self.environment,
+            cwd='/',
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE_S,
+        )
+        assert result.returncode == 0, result.stdout + result.stderr
+        return result
+
+
+def environment() -> dict[str, str]:
+    """Return an environment in which this Python is `python3`, and nothing else is installed."""
+    kept = {
+        name: value
+        for name, value in os.environ.items()
+        if name not in ('AMENT_PREFIX_PATH', 'COLCON_PREFIX_PATH', 'PYTHONPATH', 'VIRTUAL_ENV')
+    }
+    kept['PATH'] = f'{Path(sys.executable).parent}{os.pathsep}{kept["PATH"]}'
+    kept['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    return kept
+
+
+def checked(command: Sequence[str | Path], folder: Path, variables: dict[str, str]) -> str:
+    """Run a command that has to succeed and return what it printed."""
+    result = subprocess.run(
+        [str(word) for word in command],
+        cwd=folder,
+        env=variables,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    assert result.returncode == 0, result.stdout
+    return result.stdout
+
+
+def copy_sources(target: Path, *more: str) -> Path:
+    """Copy what an install is made from, so that the checkout stays as it is."""
+    ignored = shutil.ignore_patterns('__pycache__', '*.egg-info')
+    for name in (*SOURCES, *more):
+        source = ROOT / name
+        (target / name).parent.mkdir(parents=True, exist_ok=True)
+        if source.is_dir():
+            shutil.copytree(source, target / name, symlinks=True, ignore=ignored)
+        else:
+            shutil.copy2(source, target / name)
+    return target
+
+
+@pytest.fixture(scope='module')
+def pip_layout(tmp_path_factory: pytest.TempPathFactory) -> Installed:
+    """Build the wheel and install it to a virtual environment of its own."""
+    folder = tmp_path_factory.mktemp('pip')
+    source, prefix = copy_sources(folder / 'source'), folder / 'venv'
+    variables = environment()
+    pip = (sys.executable, '-m', 'pip', '--disable-pip-version-check')
+    offline = ('--no-deps', '--no-index')
+    checked(
+        (*pip, 'wheel', *offline, '--no-build-isolation', '-w', folder, source), folder, variables
+    )
+    (wheel,) = folder.glob('*.whl')
+    checked((sys.executable, '-m', 'venv', '--without-pip', prefix), folder, variables)
+    checked((*pip, '--python', prefix, 'install', *offline, wheel), folder, variables)
+    # What the package depends on is that of this environment: the tests need no network.
+    (site_packages,) = prefix.glob('lib/python3*/site-packages')
+    outer = sysconfig.get_path('purelib')
+    (site_packages / 'outer.pth').write_text(f'import site; site.addsitedir({outer!r})\n')
+    # Another Python is first on the PATH: the nodes have to take that of their own prefix.
+    return Installed(prefix, variables | {'AMENT_PREFIX_PATH': str(prefix)})
+
+
+@pytest.fixture(scope='module')
+def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Build a colcon workspace that holds the package and a few of its tests."""
+    colcon = Path(sys.executable).with_name('colcon')
+    if not colcon.is_file():
+        pytest.skip('colcon is not installed')
+    folder = tmp_path_factory.mktemp('colcon')
+    copy_sources(folder / 'src' / 'handover_dmp', 'test/conftest.py', 'test/test_resources.py')
+    checked((colcon, 'build', '--event-handlers', 'console_direct+'), folder, colcon_home(folder))
+    return folder
+
+
+def colcon_home(folder: Path) -> dict[str, str]:
+    """Return an environment in which colcon leaves its files in the workspace."""
+    return environment() | {'COLCON_HOME': str(folder / 'home')}
+
+
+@pytest.fixture(scope='module')
+def colcon_layout(workspace: Path) -> Installed:
+    """Source the workspace, as its user does."""
+    lines = checked(
+        ('sh', '-c', '. install/local_setup.sh && env'), workspace, colcon_home(workspace)
+    )
+    pairs = (line.partition('=') for line in lines.splitlines())
+    variables = {name: value for name, _, value in pairs if re.fullmatch(r'\w+', name)}
+    return Installed(workspace / 'install' / 'handover_dmp', variables)
+
+
+@pytest.fixture(params=['pip', 'colcon'])
+def installed(request: pytest.FixtureRequest) -> Installed:
+    """Give one layout after the other."""
+    layout: Installed = request.getfixturevalue(f'{request.param}_layout')
+    return layout
+
+
+def test_the_ament_index_knows_the_package(installed: Installed) -> None:
+    marker = installed.prefix / 'share/ament_index/resource_index/packages/handover_dmp'
+    assert marker.is_file()
+    assert str(installed.prefix) in installed.environment['AMENT_PREFIX_PATH'].split(os.pathsep)
+    pytest.importorskip('ament_index_python')
+    program = (
+        'from ament_index_python import get_package_prefix, get_package_share_directory as share;'
+        'print(get_package_prefix("handover_dmp"), share("handover_dmp"))'
+    )
+    found = installed.run('python3', '-c', program).stdout.split()
+    assert found == [str(installed.prefix), str(installed.share)]
+
+
+def test_the_nodes_are_what_ros2_run_offers(installed: Installed) -> None:
+    offered = {path.name for path in installed.executables.iterdir() if os.access(path, os.X_OK)}
+    assert offered - {'handover_dmp'} == set(NODES)
+
+
+def test_no_command_of_a_generic_name_is_on_the_path(pip_layout: Installed) -> None:
+    commands = {path.name for path in (pip_layout.prefix / 'bin').iterdir()}
+    assert 'handover_dmp' in commands
+    assert not commands & set(NODES)
+    assert (pip_layout.executables / 'handover_dmp').exists() is False
+
+
+def test_share_holds_every_file_of_the_source_tree(installed: Installed) -> None:
+    for folder in ('config', 'launch', 'urdf'):
+        files = [path for path in (ROOT / folder).rglob('*') if path.is_file()]
+        assert files, f'{folder} is empty'
+        for file in files:
+            if '__pycache__' not in file.parts:
+                assert (installed.share / file.relative_to(ROOT)).read_bytes() == file.read_bytes()
+    assert (installed.share / 'package.xml').is_file()
+
+
+def test_every_module_is_installed(installed: Installed) -> None:
+    (package,) = installed.prefix.glob('lib/python3*/site-packages/handover_dmp')
+    source = ROOT / 'handover_dmp'
+    wanted = {path.relative_to(source) for path in source.rglob('*.py')}
+    assert {path.relative_to(package) for path in package.rglob('*.py')} == wanted
+    assert (package / 'py.typed').is_file()
+
+
+def test_the_command_uses_the_files_that_came_with_it(
+    installed: Installed, request: pytest.FixtureRequest
+) -> None:
+    python = installed.prefix / 'bin' / 'python3'
+    program = (
+        'import handover_dmp; from handover_dmp.resources import share_path;'
+        'print(handover_dmp.__file__, share_path("config/handover.yaml"))'
+    )
+    found = installed.run(python if python.exists() else 'python3', '-c', program).stdout.split()
+    for path in found:
+        assert Path(path).is_relative_to(installed.prefix)
+    commands = installed.executables, installed.prefix / 'bin'
+    (command,) = (path for folder in commands if (path := folder / 'handover_dmp').is_file())
+    assert installed.run(command, '--version').stdout == f'{__version__}\n'
+
+
+@pytest.mark.ros
+def test_the_nodes_start_and_end(installed: Installed) -> None:
+    pytest.importorskip('rclpy')
+    domain = str(1 + os.getpid() % 100)
+    variables = installed.environment | {'ROS_DOMAIN_ID': domain}
+    processes = [
+        subprocess.Popen(
+            [installed.executables / name, '--ros-args', '-p', 'use_sim_time:=false'],
+            env=variables,
+            cwd='/',
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        for name in NODES
+    ]
+    try:
+        wait_for_nodes(set(NODES), int(domain), processes)
+        for process in processes:
+            process.send_signal(signal.SIGINT)
+        for name, process in zip(NODES, processes, strict=True):
+            text, _ = process.communicate(timeout=PATIENCE_S)
+            assert process.returncode == 0, f'{name}: {text}'
+            assert 'Traceback' not in text, f'{name}: {text}'
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
+
+
+def wait_for_nodes(
+    names: set[str], domain: int, processes: Sequence[subprocess.Popen[str]]
+) -> None:
+    """Wait until nodes of these names are in the graph."""
+    import rclpy
+
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=domain)
+    node = rclpy.create_node('packaging', context=context)
+    try:
+        end = time.monotonic() + PATIENCE_S
+        while not names <= set(node.get_node_names()):
+            for process in processes:
+                assert process.poll() is None, process.communicate()[0]
+            assert time.monotonic() < end, f'only {node.get_node_names()} came up'
+            time.sleep(0.05)
+    finally:
+        node.destroy_node()
+        rclpy.shutdown(context=context)
+
+
+def test_a_launcher_hands_over_arguments_and_process(tmp_path: Path) -> None:
+    """It becomes Python, so that signals reach the node and none is left behind."""
+    prefix = tmp_path / 'prefix'
+    launcher = prefix / 'lib' / 'handover_dmp' / 'dmp'
+    launcher.parent.mkdir(parents=True)
+    shutil.copy2(ROOT / 'scripts' / 'dmp', launcher)
+    python = prefix / 'bin' / 'python3'
+    python.parent.mkdir()
+    python.write_text('#!/bin/sh\necho $$ "$0"\nfor word; do echo "<$word>"; done\n')
+    python.chmod(0o755)
+    with subprocess.Popen(
+        [launcher, 'a b', '', '*'], stdout=subprocess.PIPE, text=True
+    ) as started:
+        lines = started.communicate(timeout=PATIENCE_S)[0].splitlines()
+    number, name = lines[0].split()
+    assert int(number) == started.pid
+    assert Path(name).resolve() == python
+    assert lines[1:] == ['<-m>', '<handover_dmp.nodes.dmp>', '<a b>', '<>', '<*>']
+
+
+def test_a_launcher_without_a_python_of_its_own_takes_that_of_the_path(tmp_path: Path) -> None:
+    launcher = tmp_path / 'prefix' / 'lib' / 'handover_dmp' / 'recorder'
+    launcher.parent.mkdir(parents=True)
+    shutil.copy2(ROOT / 'scripts' / 'recorder', launcher)
+    python = tmp_path / 'bin' / 'python3'
+    python.parent.mkdir()
+    python.write_text('#!/bin/sh\necho "$2"\n')
+    python.chmod(0o755)
+    path = f'{python.parent}{os.pathsep}{os.environ["PATH"]}'
+    text = checked([launcher], tmp_path, {'PATH': path})
+    assert text == 'handover_dmp.nodes.recorder\n'
+
+
+def test_colcon_runs_the_tests(workspace: Path) -> None:
+    colcon = Path(sys.executable).with_name('colcon')
+    variables = colcon_home(workspace)
+    checked(
+        (colcon, 'test', '--event-handlers', 'console_direct+', '--return-code-on-test-failure'),
+        workspace,
+        variables,
+    )
+    summary = checked((colcon, 'test-result', '--all'), workspace, variables)
+    tests, errors, failures = map(
+        int, re.search(r'Summary: (\d+) tests?, (\d+) errors?, (\d+) failures?', summary).groups()
+    )
+    assert tests > 0
+    assert (errors, failures) == (0, 0)
+
+
+def package_xml() -> ElementTree.Element:
+    """Return the root element of `package.xml`."""
+    return ElementTree.parse(ROOT / 'package.xml').getroot()
+
+
+def test_one_version_everywhere() -> None:
+    citation = yaml.safe_load((ROOT / 'CITATION.cff').read_text(encoding='utf-8'))
+    changelog = (ROOT / 'CHANGELOG.md').read_text(encoding='utf-8')
+    assert package_xml().findtext('version') == __version__
+    assert citation['version'] == __version__
+    assert re.search(r'^## (\S+)', changelog, re.MULTILINE).group(1) == __version__
+
+
+def test_package_xml_is_what_colcon_and_ament_want() -> None:
+    root = package_xml()
+    assert root.get('format') == '3'
+    assert root.findtext('name') == 'handover_dmp'
+    assert root.findtext('license') == 'Apache-2.0'
+    assert root.findtext('export/build_type') == 'ament_python'
+    # An address of no valid form makes colcon drop the hooks of ament without a word.
+    addresses = [maintainer.get('email') for maintainer in root.findall('maintainer')]
+    assert addresses
+    for address in addresses:
+        assert re.fullmatch(r'[\w.+-]+@[\w-]+(\.[\w-]+)+', address)
+    names = [element.text for element in root if element.tag.endswith('_depend')]
+    assert len(names) == len(set(names))
+
+
+def test_catkin_pkg_finds_no_fault(recwarn: pytest.WarningsRecorder) -> None:
+    package = pytest.importorskip('catkin_pkg.package')
+    warnings: list[str] = []
+    package.parse_package(str(ROOT / 'package.xml'), warnings=warnings).validate(warnings=warnings)
+    assert warnings == []
+
+
+def test_citation_names_the_paper() -> None:
+    citation = yaml.safe_load((ROOT / 'CITATION.cff').read_text(encoding='utf-8'))
+    paper = citation['preferred-citation']
+    assert citation['license'] == 'Apache-2.0'
+    assert paper['doi'] == '10.1109/IROS.2013.6696498'
+    assert [author['family-names'] for author in paper['authors']] == [
+        'Prada', 'Remazeilles', 'Koene', 'Endo',
+    ]  # fmt: skip

@@ -1,0 +1,55 @@
+"""The command starts at once: what is heavy is imported by the verb that uses it, as it runs."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+from handover_dmp.cli.main import VERBS
+import pytest
+
+HEAVY = (
+    'joblib',
+    'matplotlib',
+    'mcap',
+    'numpy',
+    'pinocchio',
+    'pybullet',
+    'rclpy',
+    'rich',
+    'ruckig',
+    'scipy',
+    'sklearn',
+)
+PROGRAM = """
+import json, sys
+from handover_dmp.cli.main import main
+try:
+    main(json.loads(sys.argv[1]))
+except SystemExit:
+    pass
+print(json.dumps(sorted(sys.modules)), file=sys.stderr)
+"""
+
+
+def modules_after(*words: str) -> set[str]:
+    """Return the top-level modules that a run of the command has imported."""
+    result = subprocess.run(
+        [sys.executable, '-c', PROGRAM, json.dumps(words)],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return {name.partition('.')[0] for name in json.loads(result.stderr.splitlines()[-1])}
+
+
+@pytest.mark.parametrize(
+    'words', [['--help'], ['--version'], *([verb, '--help'] for verb in VERBS)]
+)
+def test_help_imports_nothing_heavy(words: list[str]) -> None:
+    assert not modules_after(*words) & set(HEAVY)
+
+
+def test_the_check_can_see_a_heavy_import() -> None:
+    assert 'rich' in modules_after('bench', 'compare', '/nowhere.json', '/nowhere.json')
