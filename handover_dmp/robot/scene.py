@@ -1,0 +1,631 @@
+"""
+Pictures of a handover after the fact: robot, human figure, object and trails, without a display.
+
+PyBullet's software renderer draws the bodies, several samples a pixel. Floor, soft shadow and
+background are flat and the camera stands still, so they are computed apart and laid behind.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.spatial.transform import Rotation
+
+from handover_dmp.robot.bullet import pybullet, silenced
+from handover_dmp.robot.human import FigureBodies, HumanFigure
+from handover_dmp.robot.model import RobotModel
+from handover_dmp.robot.world import joint_numbers, load_robot
+from handover_dmp.settings import setting
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+Colour = tuple[float, float, float]
+
+HAND_COLOUR: Colour = (0.84, 0.15, 0.16)
+WRIST_COLOUR: Colour = (0.10, 0.38, 0.80)
+OBJECT_COLOUR: Colour = (0.98, 0.80, 0.15)
+PEDESTAL_COLOUR: Colour = (0.30, 0.31, 0.33)
+FLOOR_COLOUR = np.array([0.87, 0.88, 0.89])
+SKY_TOP = np.array([0.80, 0.86, 0.92])
+SKY_HORIZON = np.array([0.97, 0.98, 0.99])
+
+FIELD_OF_VIEW_DEG = 32.0
+GRID_M = 0.5
+TRAIL_RADIUS_M = 0.008
+SHADOW_PIXELS = 256
+SHADOW_BLUR_M = 0.035
+
+
+@dataclass(frozen=True)
+class SceneOptions:
+    """
+    What the pictures look like.
+
+    Attributes:
+        samples: renders each pixel this many times in width and in height.
+        elevation_deg: of the camera over the horizon, deg.
+        object_length_m: of the object that changes hands, a rod, m.
+        object_radius_m: of the same, m.
+
+    """
+
+    samples: int = setting('robot_sim', 'scene.samples')
+    elevation_deg: float = setting('robot_sim', 'scene.elevation_deg')
+    object_length_m: float = setting('robot_sim', 'scene.object_length_m')
+    object_radius_m: float = setting('robot_sim', 'scene.object_radius_m')
+
+
+@dataclass(frozen=True)
+class Camera:
+    """
+    A camera that looks at a point, upright.
+
+    Attributes:
+        eye: (3,), m, in `world`.
+        target: (3,), m, what is in the middle of the picture.
+        width: of the picture, pixels.
+        height: of the picture, pixels.
+
+    """
+
+    eye: Array
+    target: Array
+    width: int
+    height: int
+
+    @property
+    def view(self) -> list[float]:
+        """View matrix as PyBullet takes it: 16 numbers, column by column."""
+        return list(pybullet.computeViewMatrix(list(self.eye), list(self.target), [0, 0, 1]))
+
+    @property
+    def projection(self) -> list[float]:
+        """Projection matrix as PyBullet takes it."""
+        return list(
+            pybullet.computeProjectionMatrixFOV(
+                FIELD_OF_VIEW_DEG, self.width / self.height, 0.1, 30.0
+            )
+        )
+
+    def project(self, points: Array) -> Array:
+        """
+        Say where points are in the picture.
+
+        Args:
+            points: (n, 3), m, in `world`.
+
+        Returns:
+            (n, 2), -1 to 1 from left to right and from bottom to top; infinite behind the camera.
+
+        """
+        view = np.array(self.view).reshape(4, 4).T
+        projection = np.array(self.projection).reshape(4, 4).T
+        homogeneous = np.column_stack([points, np.ones(len(points))]) @ (projection @ view).T
+        depth = homogeneous[:, 3:]
+        return np.where(depth > 0.1, homogeneous[:, :2] / np.maximum(depth, 0.1), np.inf)
+
+    def rays(self) -> Array:
+        """
+        Say which way each pixel looks.
+
+        Returns:
+            (height, width, 3), directions in `world`, of no particular length, first row on top.
+
+        """
+        ahead = self.target - self.eye
+        ahead = ahead / np.linalg.norm(ahead)
+        right = np.cross(ahead, [0.0, 0.0, 1.0])
+        right /= np.linalg.norm(right)
+        up = np.cross(right, ahead)
+        half = np.tan(np.radians(FIELD_OF_VIEW_DEG) / 2)
+        rows = half * (1.0 - 2.0 * (np.arange(self.height) + 0.5) / self.height)
+        columns = half * (self.width / self.height) * (
+            2.0 * (np.arange(self.width) + 0.5) / self.width - 1.0
+        )
+        return np.asarray(
+            ahead
+            + columns[None, :, None] * right[None, None, :]
+            + rows[:, None, None] * up[None, None, :]
+        )
+
+
+class Scene:
+    """
+    A handover that has been, to look at from a camera that sees all of it.
+
+    Use it as a context manager or call `close`; PyBullet keeps a world until it is told.
+    """
+
+    def __init__(
+        self,
+        model: RobotModel,
+        times: Array,
+        joint_positions: Array,
+        hand_path: Array,
+        *,
+        wrist_path: Array | None = None,
+        exchange: str = 'give',
+        exchange_time_s: float | None = None,
+        floor_height_m: float | None = None,
+        options: SceneOptions | None = None,
+    ) -> None:
+        """
+        Set the scene up.
+
+        Args:
+            model: the robot, on its base.
+            times: (n,), s, increasing.
+            joint_positions: (n, dof), rad, of the robot.
+            hand_path: (n, 3), m, of the partner's wrist, in `world`.
+            wrist_path: (n, 3), m, of the robot's wrist; None: where `joint_positions` put it.
+            exchange: `give` (the robot has the object first) or `take` (the partner has it).
+            exchange_time_s: when the object changes hands; None: at the end.
+            floor_height_m: z of the floor; None: chosen to suit the human figure.
+            options: what the pictures look like.
+
+        Raises:
+            DataError: PyBullet cannot read the robot, or the human figure is not installed.
+
+        """
+        self.options = options or SceneOptions()
+        self.model = model
+        self.times = np.asarray(times, dtype=float)
+        self.exchange_time_s = (
+            float(self.times[-1]) if exchange_time_s is None else exchange_time_s
+        )
+        self._robot_gives = exchange == 'give'
+        self._joints = np.asarray(joint_positions, dtype=float)
+        self._hand_path = np.asarray(hand_path, dtype=float)
+        poses = [model.wrist_pose(q) for q in self._joints]
+        self._wrist_path = (
+            np.array([position for position, _ in poses])
+            if wrist_path is None
+            else np.asarray(wrist_path, dtype=float)
+        )
+        met = int(np.searchsorted(self.times, self.exchange_time_s).clip(0, len(self.times) - 1))
+        self.figure = HumanFigure(
+            self._hand_path[: met + 1], self._wrist_path[met], floor_height_m=floor_height_m
+        )
+        self.floor_height_m = self.figure.floor_height_m
+        self._client = -1
+        with silenced():
+            self._client = int(pybullet.connect(pybullet.DIRECT))
+            self._bodies = FigureBodies(self.figure, self._client)
+            self._robot = load_robot(model, self._client)
+            self._numbers = joint_numbers(model, self._robot, self._client)
+        self._furnish()
+        self._trails: list[int] = []
+        self._grasp = self._plan_grasp(met)
+        self._backdrops: dict[tuple[int, int], _Backdrop] = {}
+
+    def _furnish(self) -> None:
+        """Put up the pedestal, and the object somewhere for now."""
+        rise = self.model.base.position[2] - self.floor_height_m
+        if rise > 0.02:
+            x, y, _ = self.model.base.position
+            self._solid(0.10, rise - 0.02, (x, y, self.floor_height_m + (rise - 0.02) / 2))
+            self._solid(0.17, 0.02, (x, y, self.floor_height_m + rise - 0.01))
+            self._solid(0.22, 0.02, (x, y, self.floor_height_m + 0.01))
+        self._object = self._rod()
+
+    def _solid(self, radius: float, length: float, middle: tuple[float, float, float]) -> None:
+        shape = pybullet.createVisualShape(
+            pybullet.GEOM_CYLINDER,
+            radius=radius,
+            length=length,
+            rgbaColor=(*PEDESTAL_COLOUR, 1.0),
+            physicsClientId=self._client,
+        )
+        pybullet.createMultiBody(
+            baseVisualShapeIndex=shape, basePosition=middle, physicsClientId=self._client
+        )
+
+    def _rod(self) -> int:
+        shape = pybullet.createVisualShape(
+            pybullet.GEOM_CYLINDER,
+            radius=self.options.object_radius_m,
+            length=self.options.object_length_m,
+            rgbaColor=(*OBJECT_COLOUR, 1.0),
+            physicsClientId=self._client,
+        )
+        return int(
+            pybullet.createMultiBody(baseVisualShapeIndex=shape, physicsClientId=self._client)
+        )
+
+    def joint_positions(self, time_s: float) -> Array:
+        """
+        Say where the robot's joints were.
+
+        Args:
+            time_s: when, s; before the start and after the end it is at rest.
+
+        Returns:
+            (dof,), rad.
+
+        """
+        return _at(time_s, self.times, self._joints)
+
+    def _plan_grasp(self, met: int) -> _Grasp:
+        """
+        Say how each partner holds the object, so that it does not jump when it changes hands.
+
+        The giver holds a rod by its end, along the line of the fingers or of the robot's flange;
+        the receiver holds it where it comes to be at the exchange.
+        """
+        hand = self._hand_pose(float(self.times[met]))
+        flange = self._flange_pose(float(self.times[met]))
+        out = 0.5 * self.options.object_length_m
+        if self._robot_gives:
+            by_robot = _Pose(np.array([0.0, 0.0, 0.02 + out]), np.eye(3))
+            by_hand = hand.inverse() @ (flange @ by_robot)
+        else:
+            along_fingers = Rotation.from_euler('x', 90, degrees=True).as_matrix()
+            by_hand = _Pose(np.array([0.0, -0.07 - out, 0.0]), along_fingers)
+            by_robot = flange.inverse() @ (hand @ by_hand)
+        return _Grasp(by_robot, by_hand)
+
+    def _hand_pose(self, time_s: float) -> _Pose:
+        posture = self.figure.posture(_at(time_s, self.times, self._hand_path))
+        return _Pose(posture.hand_position, posture.hand_rotation)
+
+    def _flange_pose(self, time_s: float) -> _Pose:
+        return _Pose(*self.model.wrist_pose(self.joint_positions(time_s)))
+
+    def show(self, time_s: float) -> None:
+        """
+        Move everything to where it was.
+
+        Args:
+            time_s: when, s.
+
+        """
+        joints = self.joint_positions(time_s)
+        for number, position in zip(self._numbers, joints, strict=True):
+            pybullet.resetJointState(
+                self._robot, number, float(position), physicsClientId=self._client
+            )
+        posture = self._bodies.show(_at(time_s, self.times, self._hand_path))
+        if (time_s < self.exchange_time_s) == self._robot_gives:
+            pose = self._flange_pose(time_s) @ self._grasp.by_robot
+        else:
+            hand = _Pose(posture.hand_position, posture.hand_rotation)
+            pose = hand @ self._grasp.by_hand
+        pybullet.resetBasePositionAndOrientation(
+            self._object,
+            pose.position,
+            Rotation.from_matrix(pose.rotation).as_quat(),
+            physicsClientId=self._client,
+        )
+        self._draw_trails(time_s)
+
+    def _draw_trails(self, time_s: float) -> None:
+        for body in self._trails:
+            pybullet.removeBody(body, physicsClientId=self._client)
+        self._trails = []
+        until = self.times < time_s
+        for path, colour in ((self._hand_path, HAND_COLOUR), (self._wrist_path, WRIST_COLOUR)):
+            passed = np.vstack([path[until], _at(time_s, self.times, path)])
+            tube = _tube(passed, TRAIL_RADIUS_M)
+            if tube is None:
+                continue
+            vertices, indices = tube
+            shape = pybullet.createVisualShape(
+                pybullet.GEOM_MESH,
+                vertices=vertices.tolist(),
+                indices=indices.tolist(),
+                rgbaColor=(*colour, 1.0),
+                physicsClientId=self._client,
+            )
+            self._trails.append(
+                pybullet.createMultiBody(baseVisualShapeIndex=shape, physicsClientId=self._client)
+            )
+
+    def camera(self, width: int, height: int) -> Camera:
+        """
+        Find a camera that sees all of the robot and of the person throughout.
+
+        It stands on the side of the acting arms, at right angles to the line between the two, and
+        as near as it may.
+
+        Args:
+            width: of the picture, pixels.
+            height: of the picture, pixels.
+
+        Returns:
+            The camera.
+
+        """
+        points = self._extent()
+        between = self._wrist_path[-1] - self.figure.pelvis
+        facing = float(np.arctan2(between[1], between[0]))
+        azimuth = facing - np.radians(78.0)  # the person's right hand is on the near side
+        elevation = np.radians(self.options.elevation_deg)
+        back = np.array([
+            np.cos(azimuth) * np.cos(elevation),
+            np.sin(azimuth) * np.cos(elevation),
+            np.sin(elevation),
+        ])
+        target = (points.min(axis=0) + points.max(axis=0)) / 2
+        near, far = 0.5, 25.0
+        for _ in range(30):
+            distance = (near + far) / 2
+            camera = Camera(target + distance * back, target, width, height)
+            # Centre what is seen before judging whether all of it is.
+            seen = camera.project(points)
+            if np.all(np.isfinite(seen)) and np.all(np.ptp(seen, axis=0) < 2 * 0.90):
+                far = distance
+            else:
+                near = distance
+        for _ in range(5):
+            camera = Camera(target + far * back, target, width, height)
+            seen = camera.project(points)
+            off = (seen.min(axis=0) + seen.max(axis=0)) / 2
+            half = far * np.tan(np.radians(FIELD_OF_VIEW_DEG) / 2)
+            right = np.cross(-back, [0.0, 0.0, 1.0])
+            right /= np.linalg.norm(right)
+            up = np.cross(right, -back)
+            target = target + half * (off[0] * width / height * right + off[1] * up)
+        return Camera(target + far * back, target, width, height)
+
+    def _extent(self) -> Array:
+        """Points around everything that is ever to be seen, (n, 3)."""
+        clouds = [self._hand_path, self._wrist_path]
+        for index in np.linspace(0, len(self.times) - 1, 12).astype(int):
+            self.show(float(self.times[index]))
+            for number in range(-1, pybullet.getNumJoints(self._robot, physicsClientId=self._client)):
+                low, high = pybullet.getAABB(self._robot, number, physicsClientId=self._client)
+                clouds.append(np.array([low, high]))
+        pelvis, floor = self.figure.pelvis, self.floor_height_m
+        for radius, height in ((0.28, floor), (0.28, pelvis[2]), (0.15, floor + self.figure.height_m)):
+            ring = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+            clouds.append(
+                np.column_stack([
+                    pelvis[0] + radius * np.cos(ring),
+                    pelvis[1] + radius * np.sin(ring),
+                    np.full(12, height),
+                ])
+            )
+        base = np.array(self.model.base.position)
+        clouds.append(np.array([[base[0], base[1], floor]]))
+        return np.vstack(clouds)
+
+    def image(self, time_s: float, width: int = 1280, height: int = 720) -> Image:
+        """
+        Draw the scene.
+
+        Args:
+            time_s: when, s.
+            width: of the picture, pixels.
+            height: of the picture, pixels.
+
+        Returns:
+            (height, width, 3), red, green and blue.
+
+        """
+        backdrop = self._backdrops.get((width, height))
+        if backdrop is None:
+            backdrop = _Backdrop(self.camera(width, height), self._centre(), self.floor_height_m)
+            self._backdrops[width, height] = backdrop
+        self.show(time_s)
+        behind = backdrop.draw(self._shadow(backdrop))
+        colours, cover = self._bodies_seen(backdrop.camera)
+        picture = colours + (1.0 - cover[..., None]) * behind
+        return np.asarray(np.clip(np.rint(255.0 * picture), 0, 255), dtype=np.uint8)
+
+    def three_images(self, width: int = 960, height: int = 720) -> tuple[Image, Image, Image]:
+        """
+        Draw the start, the middle of the reach and the exchange.
+
+        Args:
+            width: of each picture, pixels.
+            height: of each picture, pixels.
+
+        Returns:
+            The three pictures.
+
+        """
+        start = float(self.times[0])
+        middle = (start + self.exchange_time_s) / 2
+        return (
+            self.image(start, width, height),
+            self.image(middle, width, height),
+            self.image(self.exchange_time_s, width, height),
+        )
+
+    def _centre(self) -> Array:
+        middle = (self.figure.pelvis[:2] + np.array(self.model.base.position[:2])) / 2
+        return np.array([*middle, self.floor_height_m])
+
+    def _bodies_seen(self, camera: Camera) -> tuple[Array, Array]:
+        """Render all bodies: colour times cover, (h, w, 3), and cover, (h, w), both 0 to 1."""
+        k = self.options.samples
+        width, height = k * camera.width, k * camera.height
+        ahead = camera.target - camera.eye
+        right = np.cross(ahead, [0.0, 0.0, 1.0])
+        light = -ahead / np.linalg.norm(ahead) - 0.55 * right / np.linalg.norm(right)
+        _, _, rgba, _, mask = pybullet.getCameraImage(
+            width,
+            height,
+            camera.view,
+            camera.projection,
+            lightDirection=[light[0], light[1], light[2] + 1.2],
+            lightColor=[1.0, 1.0, 1.0],
+            lightAmbientCoeff=0.55,
+            lightDiffuseCoeff=0.5,
+            lightSpecularCoeff=0.12,
+            shadow=0,
+            renderer=pybullet.ER_TINY_RENDERER,
+            physicsClientId=self._client,
+        )
+        covered = np.reshape(mask, (height, width)) >= 0
+        colours = np.reshape(rgba, (height, width, 4))[..., :3] * covered[..., None]
+        blocks = (camera.height, k, camera.width, k)
+        return (
+            colours.reshape(*blocks, 3).mean(axis=(1, 3)) / 255.0,
+            covered.reshape(blocks).mean(axis=(1, 3)),
+        )
+
+    def _shadow(self, backdrop: _Backdrop) -> Array:
+        """Look straight down on the bodies: where they keep light from the floor, 0 to 1."""
+        centre, half = backdrop.centre, backdrop.shadow_half_m
+        eye = centre + np.array([0.0, 0.0, 20.0])
+        tangent = half / 20.0
+        _, _, _, _, mask = pybullet.getCameraImage(
+            SHADOW_PIXELS,
+            SHADOW_PIXELS,
+            pybullet.computeViewMatrix(list(eye), list(centre), [0, 1, 0]),
+            pybullet.computeProjectionMatrixFOV(
+                2 * float(np.degrees(np.arctan(tangent))), 1.0, 10.0, 21.0
+            ),
+            shadow=0,
+            renderer=pybullet.ER_TINY_RENDERER,
+            physicsClientId=self._client,
+        )
+        cover = (np.reshape(mask, (SHADOW_PIXELS, SHADOW_PIXELS)) >= 0).astype(float)
+        return np.asarray(gaussian_filter(cover, SHADOW_BLUR_M * SHADOW_PIXELS / (2 * half)))
+
+    def close(self) -> None:
+        """Let PyBullet forget the scene; a second call does nothing."""
+        client, self._client = self._client, -1
+        if client >= 0:
+            pybullet.disconnect(physicsClientId=client)
+
+    def __enter__(self) -> Scene:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+@dataclass(frozen=True)
+class _Pose:
+    position: Array
+    rotation: Array
+
+    def __matmul__(self, inner: _Pose) -> _Pose:
+        return _Pose(
+            self.position + self.rotation @ inner.position, self.rotation @ inner.rotation
+        )
+
+    def inverse(self) -> _Pose:
+        return _Pose(-self.rotation.T @ self.position, self.rotation.T)
+
+
+@dataclass(frozen=True)
+class _Grasp:
+    """Where the object is in the frame of each that holds it."""
+
+    by_robot: _Pose
+    by_hand: _Pose
+
+
+class _Backdrop:
+    """Floor and sky as one camera sees them."""
+
+    def __init__(self, camera: Camera, centre: Array, floor_height_m: float) -> None:
+        self.camera = camera
+        self.centre = centre
+        self.shadow_half_m = 1.6
+        rays = camera.rays()
+        upward = rays[..., 2] / np.linalg.norm(rays, axis=2)
+        sky = SKY_HORIZON + (SKY_TOP - SKY_HORIZON) * np.clip(
+            upward / np.sin(np.radians(25.0)), 0.0, 1.0
+        )[..., None]
+        falling = rays[..., 2] < -1e-6
+        reach = np.where(
+            falling, (floor_height_m - camera.eye[2]) / np.where(falling, rays[..., 2], -1.0), 0.0
+        )
+        x = camera.eye[0] + reach * rays[..., 0]
+        y = camera.eye[1] + reach * rays[..., 1]
+        away = np.hypot(x - centre[0], y - centre[1])
+        fade = np.where(falling, np.exp(-((away / 2.6) ** 2)), 0.0)
+        # Lines fade before they become thinner than a pixel.
+        pixel = np.linalg.norm(
+            np.stack([np.gradient(x, axis=1), np.gradient(y, axis=1)]), axis=0
+        ) + np.linalg.norm(np.stack([np.gradient(x, axis=0), np.gradient(y, axis=0)]), axis=0)
+        line = np.maximum(_line(x - centre[0], pixel), _line(y - centre[1], pixel))
+        floor = FLOOR_COLOUR * (1.0 - 0.09 * line)[..., None]
+        self._plain = sky + (floor - sky) * fade[..., None]
+        scale = SHADOW_PIXELS / (2 * self.shadow_half_m)
+        rows = (self.shadow_half_m - (y - centre[1])) * scale - 0.5
+        columns = (x - centre[0] + self.shadow_half_m) * scale - 0.5
+        inside = falling & (rows > 0) & (rows < SHADOW_PIXELS) & (columns > 0) & (
+            columns < SHADOW_PIXELS
+        )
+        self._inside = inside
+        self._coordinates = np.stack([rows[inside], columns[inside]])
+        self._depth = 0.45 * fade[inside]
+
+    def draw(self, shadow: Array) -> Array:
+        """Return floor and sky, (h, w, 3), 0 to 1, with a shadow laid on."""
+        picture = self._plain.copy()
+        dark = map_coordinates(shadow, self._coordinates, order=1, mode='constant')
+        picture[self._inside] *= (1.0 - self._depth * dark)[:, None]
+        return picture
+
+
+def _line(coordinate: Array, pixel: Array) -> Array:
+    """Cover of a pixel by the lines of the floor's grid, 0 to 1."""
+    distance = np.abs((coordinate + GRID_M / 2) % GRID_M - GRID_M / 2)
+    width = 0.006
+    cover = np.clip((width + pixel / 2 - distance) / np.maximum(pixel, 1e-9), 0.0, 1.0)
+    return np.asarray(cover * np.minimum(1.0, 2 * width / np.maximum(pixel, 1e-9)))
+
+
+def _at(time_s: float, times: Array, values: Array) -> Array:
+    """Interpolate the rows of an array."""
+    index = int(np.searchsorted(times, time_s).clip(1, max(1, len(times) - 1)))
+    if len(times) == 1:
+        return np.asarray(values[0])
+    share = np.clip((time_s - times[index - 1]) / (times[index] - times[index - 1]), 0.0, 1.0)
+    return np.asarray((1.0 - share) * values[index - 1] + share * values[index])
+
+
+def _tube(points: Array, radius: float, sides: int = 8) -> tuple[Array, NDArray[np.int64]] | None:
+    """
+    Make the surface of a tube around a path.
+
+    Returns:
+        Corners, (m, 3), and triangles as a flat row of their numbers; None for a path without
+        length.
+
+    """
+    spaced = [points[0]]
+    for point in points[1:]:
+        if np.linalg.norm(point - spaced[-1]) > 0.6 * radius:
+            spaced.append(point)
+    if len(spaced) < 2:
+        return None
+    path = np.array(spaced)
+    ahead = np.gradient(path, axis=0)
+    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
+    across = np.cross(ahead[0], [0.0, 0.0, 1.0] if abs(ahead[0, 2]) < 0.9 else [1.0, 0.0, 0.0])
+    rings = []
+    for point, direction in zip(path, ahead, strict=True):
+        across = across - (across @ direction) * direction  # carried along, so it does not twist
+        across /= np.linalg.norm(across)
+        other = np.cross(direction, across)
+        angle = np.linspace(0, 2 * np.pi, sides, endpoint=False)[:, None]
+        rings.append(point + radius * (np.cos(angle) * across + np.sin(angle) * other))
+    corners = np.vstack([*rings, path[:1], path[-1:]])
+    count = len(path)
+    triangles: list[tuple[int, int, int]] = []
+    for i in range(count - 1):
+        for j in range(sides):
+            a, b = i * sides + j, i * sides + (j + 1) % sides
+            c, d = a + sides, b + sides
+            triangles += [(a, b, d), (a, d, c)]
+    first, last = count * sides, count * sides + 1
+    for j in range(sides):
+        k = (j + 1) % sides
+        triangles += [(first, k, j), (last, last - 2 - sides + 1 + j, last - 2 - sides + 1 + k)]
+    return corners, np.array(triangles, dtype=np.int64).ravel()
