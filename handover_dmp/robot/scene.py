@@ -8,25 +8,27 @@ background are flat and the camera stands still, so they are computed apart and 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import TracebackType
 
+from handover_dmp.robot.bullet import pybullet, silenced
+from handover_dmp.robot.human import FigureBodies, HumanFigure
+from handover_dmp.robot.model import RobotModel
+from handover_dmp.robot.primitives import refine, write_unit_cylinder, write_unit_sphere
+from handover_dmp.robot.world import joint_numbers, load_robot
+from handover_dmp.settings import setting
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.spatial.transform import Rotation
 
-from handover_dmp.robot.bullet import pybullet, silenced
-from handover_dmp.robot.human import FigureBodies, HumanFigure
-from handover_dmp.robot.model import RobotModel
-from handover_dmp.robot.world import joint_numbers, load_robot
-from handover_dmp.settings import setting
-
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 Colour = tuple[float, float, float]
 
-HAND_COLOUR: Colour = (0.84, 0.15, 0.16)
-WRIST_COLOUR: Colour = (0.10, 0.38, 0.80)
+HAND_COLOUR: Colour = (1.00, 0.16, 0.18)
+WRIST_COLOUR: Colour = (0.12, 0.48, 1.00)
 OBJECT_COLOUR: Colour = (0.98, 0.80, 0.15)
 PEDESTAL_COLOUR: Colour = (0.30, 0.31, 0.33)
 FLOOR_COLOUR = np.array([0.87, 0.88, 0.89])
@@ -35,6 +37,7 @@ SKY_HORIZON = np.array([0.97, 0.98, 0.99])
 
 FIELD_OF_VIEW_DEG = 32.0
 GRID_M = 0.5
+PALM_M = 0.09  # from the wrist along the fingers
 TRAIL_RADIUS_M = 0.008
 SHADOW_PIXELS = 256
 SHADOW_BLUR_M = 0.035
@@ -48,14 +51,15 @@ class SceneOptions:
     Attributes:
         samples: renders each pixel this many times in width and in height.
         elevation_deg: of the camera over the horizon, deg.
-        object_length_m: of the object that changes hands, a rod, m.
+        object_length_m: shortest and longest of the rod that changes hands, m; between these it
+            spans the gap between the partners at the exchange.
         object_radius_m: of the same, m.
 
     """
 
     samples: int = setting('robot_sim', 'scene.samples')
     elevation_deg: float = setting('robot_sim', 'scene.elevation_deg')
-    object_length_m: float = setting('robot_sim', 'scene.object_length_m')
+    object_length_m: tuple[float, float] = setting('robot_sim', 'scene.object_length_m')
     object_radius_m: float = setting('robot_sim', 'scene.object_radius_m')
 
 
@@ -195,46 +199,80 @@ class Scene:
         with silenced():
             self._client = int(pybullet.connect(pybullet.DIRECT))
             self._bodies = FigureBodies(self.figure, self._client)
-            self._robot = load_robot(model, self._client)
-            self._numbers = joint_numbers(model, self._robot, self._client)
-        self._furnish()
+        with TemporaryDirectory() as folder:
+            self._sphere = Path(folder) / 'sphere.obj'
+            self._cylinder = Path(folder) / 'cylinder.obj'
+            write_unit_sphere(self._sphere)
+            write_unit_cylinder(self._cylinder)
+            self._robot = self._load_robot(Path(folder))
+            self._furnish(met)
+        self._numbers = joint_numbers(model, self._robot, self._client)
         self._trails: list[int] = []
-        self._grasp = self._plan_grasp(met)
         self._backdrops: dict[tuple[int, int], _Backdrop] = {}
 
-    def _furnish(self) -> None:
-        """Put up the pedestal, and the object somewhere for now."""
+    def _load_robot(self, folder: Path) -> int:
+        """Load the robot with round surfaces; one with meshes of its own as it is."""
+        if '<mesh' in self.model.urdf_text:
+            return load_robot(self.model, self._client)
+        fine = folder / 'robot.urdf'
+        fine.write_text(
+            refine(self.model.urdf_text, self._sphere, self._cylinder), encoding='utf-8'
+        )
+        return load_robot(self.model, self._client, urdf_path=fine)
+
+    def _furnish(self, met: int) -> None:
+        """Put up the pedestal, and the object for now anywhere."""
         rise = self.model.base.position[2] - self.floor_height_m
         if rise > 0.02:
-            x, y, _ = self.model.base.position
-            self._solid(0.10, rise - 0.02, (x, y, self.floor_height_m + (rise - 0.02) / 2))
-            self._solid(0.17, 0.02, (x, y, self.floor_height_m + rise - 0.01))
-            self._solid(0.22, 0.02, (x, y, self.floor_height_m + 0.01))
-        self._object = self._rod()
+            for radius, low, high in ((0.22, 0.0, 0.02), (0.10, 0.02, rise - 0.02)):
+                self._pedestal(radius, low, high)
+            self._pedestal(0.16, rise - 0.02, rise)
+        self._plan_grasp(met)
 
-    def _solid(self, radius: float, length: float, middle: tuple[float, float, float]) -> None:
-        shape = pybullet.createVisualShape(
-            pybullet.GEOM_CYLINDER,
-            radius=radius,
-            length=length,
-            rgbaColor=(*PEDESTAL_COLOUR, 1.0),
+    def _pedestal(self, radius: float, low: float, high: float) -> None:
+        x, y, _ = self.model.base.position
+        body = self._cylinder_body(radius, high - low, PEDESTAL_COLOUR)
+        pybullet.resetBasePositionAndOrientation(
+            body,
+            [x, y, self.floor_height_m + (low + high) / 2],
+            [0, 0, 0, 1],
             physicsClientId=self._client,
         )
-        pybullet.createMultiBody(
-            baseVisualShapeIndex=shape, basePosition=middle, physicsClientId=self._client
-        )
 
-    def _rod(self) -> int:
-        shape = pybullet.createVisualShape(
-            pybullet.GEOM_CYLINDER,
-            radius=self.options.object_radius_m,
-            length=self.options.object_length_m,
-            rgbaColor=(*OBJECT_COLOUR, 1.0),
-            physicsClientId=self._client,
-        )
+    def _cylinder_body(self, radius: float, length: float, colour: Colour) -> int:
+        with silenced():
+            shape = pybullet.createVisualShape(
+                pybullet.GEOM_MESH,
+                fileName=str(self._cylinder),
+                meshScale=[radius, radius, length],
+                rgbaColor=(*colour, 1.0),
+                physicsClientId=self._client,
+            )
         return int(
             pybullet.createMultiBody(baseVisualShapeIndex=shape, physicsClientId=self._client)
         )
+
+    def _plan_grasp(self, met: int) -> None:
+        """
+        Make the object, a rod, and say how each partner holds it.
+
+        At the exchange it lies between the robot's flange and the palm of the hand, in the hold of
+        both. Before, it moves as one with the giver; after, with the receiver.
+        """
+        time_s = float(self.times[met])
+        hand, flange = self._hand_pose(time_s), self._flange_pose(time_s)
+        palm = hand @ _Pose(np.array([0.0, -PALM_M, 0.0]), np.eye(3))
+        between = palm.position - flange.position
+        gap = float(np.linalg.norm(between))
+        length = float(np.clip(gap, *self.options.object_length_m))
+        along = between / gap if gap > 1e-6 else flange.rotation[:, 2]
+        middle = flange.position + along * (
+            0.5 * length if self._robot_gives else gap - 0.5 * length
+        )
+        turn, _ = Rotation.align_vectors([along], [[0.0, 0.0, 1.0]])
+        met_at = _Pose(middle, turn.as_matrix())
+        self._grasp = _Grasp(flange.inverse() @ met_at, hand.inverse() @ met_at)
+        self._object = self._cylinder_body(self.options.object_radius_m, length, OBJECT_COLOUR)
 
     def joint_positions(self, time_s: float) -> Array:
         """
@@ -248,25 +286,6 @@ class Scene:
 
         """
         return _at(time_s, self.times, self._joints)
-
-    def _plan_grasp(self, met: int) -> _Grasp:
-        """
-        Say how each partner holds the object, so that it does not jump when it changes hands.
-
-        The giver holds a rod by its end, along the line of the fingers or of the robot's flange;
-        the receiver holds it where it comes to be at the exchange.
-        """
-        hand = self._hand_pose(float(self.times[met]))
-        flange = self._flange_pose(float(self.times[met]))
-        out = 0.5 * self.options.object_length_m
-        if self._robot_gives:
-            by_robot = _Pose(np.array([0.0, 0.0, 0.02 + out]), np.eye(3))
-            by_hand = hand.inverse() @ (flange @ by_robot)
-        else:
-            along_fingers = Rotation.from_euler('x', 90, degrees=True).as_matrix()
-            by_hand = _Pose(np.array([0.0, -0.07 - out, 0.0]), along_fingers)
-            by_robot = flange.inverse() @ (hand @ by_hand)
-        return _Grasp(by_robot, by_hand)
 
     def _hand_pose(self, time_s: float) -> _Pose:
         posture = self.figure.posture(_at(time_s, self.times, self._hand_path))

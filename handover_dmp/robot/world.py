@@ -9,17 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from types import TracebackType
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from handover_dmp.errors import DataError
 from handover_dmp.robot.bullet import pybullet, silenced
 from handover_dmp.robot.human import FigureBodies, HumanFigure
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.settings import setting
+import numpy as np
+from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
@@ -238,13 +238,20 @@ class World:
         self.close()
 
 
-def load_robot(model: RobotModel, client: int, *, use_file_inertia: bool = True) -> int:
+def load_robot(
+    model: RobotModel,
+    client: int,
+    *,
+    urdf_path: Path | None = None,
+    use_file_inertia: bool = True,
+) -> int:
     """
     Load a robot into a world, on its base.
 
     Args:
         model: the robot.
         client: PyBullet's number of the world.
+        urdf_path: a URDF to take in place of the model's.
         use_file_inertia: take the inertia tensors of the URDF.
 
     Returns:
@@ -254,12 +261,13 @@ def load_robot(model: RobotModel, client: int, *, use_file_inertia: bool = True)
         DataError: PyBullet cannot read the URDF.
 
     """
+    path = urdf_path or model.urdf_path
     half_yaw = 0.5 * model.base.yaw
     try:
         with silenced():
             return int(
                 pybullet.loadURDF(
-                    str(model.urdf_path),
+                    str(path),
                     basePosition=[float(x) for x in model.base.position],
                     baseOrientation=[0.0, 0.0, float(np.sin(half_yaw)), float(np.cos(half_yaw))],
                     useFixedBase=True,
@@ -268,7 +276,7 @@ def load_robot(model: RobotModel, client: int, *, use_file_inertia: bool = True)
                 )
             )
     except pybullet.error as error:
-        raise DataError(f'{model.urdf_path}: PyBullet cannot load it ({error})') from error
+        raise DataError(f'{path}: PyBullet cannot load it ({error})') from error
 
 
 def joint_numbers(model: RobotModel, robot: int, client: int) -> list[int]:

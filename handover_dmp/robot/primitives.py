@@ -1,0 +1,98 @@
+"""
+Round bodies that look round.
+
+PyBullet's renderer draws spheres and cylinders with few facets. For pictures they are replaced by
+meshes of a unit sphere and a unit cylinder with many, scaled to size.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+SIDES = 48
+
+
+def write_unit_sphere(path: Path) -> None:
+    """
+    Write a sphere of radius 1 as a Wavefront OBJ file.
+
+    Args:
+        path: the file.
+
+    """
+    latitude = np.linspace(-np.pi / 2, np.pi / 2, SIDES // 2 + 1)
+    profile = np.column_stack([np.cos(latitude), np.sin(latitude)])
+    _write_revolved(path, profile, profile)
+
+
+def write_unit_cylinder(path: Path) -> None:
+    """
+    Write a cylinder of radius 1 and length 1 along z about the origin as a Wavefront OBJ file.
+
+    Args:
+        path: the file.
+
+    """
+    # Each edge twice, so that ends and side are shaded apart.
+    profile = np.array(
+        [[0.0, -0.5], [1.0, -0.5], [1.0, -0.5], [1.0, 0.5], [1.0, 0.5], [0.0, 0.5]]
+    )
+    normals = np.array(
+        [[0.0, -1.0], [0.0, -1.0], [1.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 1.0]]
+    )
+    _write_revolved(path, profile, normals)
+
+
+def _write_revolved(path: Path, profile: Array, normals: Array) -> None:
+    """Turn a profile of (radius, z) about the z axis."""
+    angle = np.linspace(0, 2 * np.pi, SIDES, endpoint=False)
+    lines = []
+    for keyword, rows in (('v', profile), ('vn', normals)):
+        for radius, z in rows:
+            lines += [
+                f'{keyword} {radius * np.cos(a):.6f} {radius * np.sin(a):.6f} {z:.6f}'
+                for a in angle
+            ]
+    for ring in range(len(profile) - 1):
+        for side in range(SIDES):
+            a = ring * SIDES + side + 1
+            b = ring * SIDES + (side + 1) % SIDES + 1
+            for triangle in ((a, b, b + SIDES), (a, b + SIDES, a + SIDES)):
+                lines.append('f ' + ' '.join(f'{corner}//{corner}' for corner in triangle))
+    path.write_text('\n'.join(lines) + '\n', encoding='utf-8')
+
+
+def refine(urdf_text: str, sphere: Path, cylinder: Path) -> str:
+    """
+    Replace the spheres and cylinders that a URDF shows by meshes.
+
+    Args:
+        urdf_text: the URDF; what it collides with stays as it is.
+        sphere: mesh of the unit sphere.
+        cylinder: mesh of the unit cylinder.
+
+    Returns:
+        The URDF with meshes.
+
+    """
+    tree = ElementTree.fromstring(urdf_text)
+    for geometry in tree.iterfind('link/visual/geometry'):
+        for shape in list(geometry):
+            radius = float(shape.get('radius', '0'))
+            if shape.tag == 'sphere':
+                mesh, scale = sphere, (radius, radius, radius)
+            elif shape.tag == 'cylinder':
+                mesh, scale = cylinder, (radius, radius, float(shape.get('length', '0')))
+            else:
+                continue
+            geometry.remove(shape)
+            ElementTree.SubElement(
+                geometry, 'mesh', filename=str(mesh), scale=' '.join(map(repr, scale))
+            )
+    return ElementTree.tostring(tree, encoding='unicode')
