@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from handover_dmp.robot.errors import UnreachableError
 import numpy as np
 from numpy.typing import NDArray
 import pinocchio as pin
 from scipy.optimize import least_squares, minimize
-
-from handover_dmp.robot.errors import UnreachableError
 
 if TYPE_CHECKING:
     from handover_dmp.robot.model import RobotModel
@@ -85,7 +84,7 @@ def shoulder(model: RobotModel) -> Array:
     pinocchio_model = model.pinocchio_model
     data = pinocchio_model.createData()
     jacobian = pin.computeJointJacobians(pinocchio_model, data, np.array(model.home))
-    first = data.oMi[1].translation.copy()
+    first: Array = data.oMi[1].translation.copy()
     if model.dof < 2:
         return first
     a, b = jacobian[3:, 0], jacobian[3:, 1]
@@ -95,7 +94,7 @@ def shoulder(model: RobotModel) -> Array:
         return first
     along = (float(a @ between) - float(a @ b) * float(b @ between)) / crossing
     point: Array = first + along * a
-    return point
+    return np.asarray(point)
 
 
 def greatest_reach(model: RobotModel) -> float:
@@ -127,9 +126,7 @@ def greatest_reach(model: RobotModel) -> float:
     return float(np.sqrt(2.0 * best))
 
 
-def _pose_error(
-    model: RobotModel, posture: Array, goal: Array, rotation: Array | None
-) -> Array:
+def _pose_error(model: RobotModel, posture: Array, goal: Array, rotation: Array | None) -> Array:
     """Give what is missing to the pose, (3,) or (6,), m and rad, along the axes of `world`."""
     position, current = model.wrist_pose(posture)
     if rotation is None:

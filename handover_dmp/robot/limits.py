@@ -109,9 +109,7 @@ class VelocityBox:
             np.minimum(np.maximum(upper, slowest), fastest),
         )
 
-    def brake(
-        self, joint_positions: Array, previous_velocity: Array, dt: float
-    ) -> Array:
+    def brake(self, joint_positions: Array, previous_velocity: Array, dt: float) -> Array:
         """
         Compute the velocities of the box that are nearest to standstill.
 

@@ -1,0 +1,148 @@
+"""Speed and separation: how fast the wrist may move near the partner's hand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Partner:
+    """
+    The partner's arm, as far as it is known.
+
+    Attributes:
+        position: (3,), m, of the hand, in `world`.
+        velocity: (3,), m/s, of the hand.
+        elbow: (3,), m, the other end of the forearm; None if unknown.
+
+    """
+
+    position: Array
+    velocity: Array
+    elbow: Array | None = None
+
+    @classmethod
+    def of(cls, hand: object) -> Partner | None:
+        """
+        Take what is known of the hand in any of its forms.
+
+        Args:
+            hand: a `Partner`; anything with a `position` and perhaps a `velocity` and an `elbow`;
+                a position, (3,), m; or None.
+
+        Returns:
+            The partner; None if there is none. A velocity that is not known is taken to be zero.
+
+        """
+        if hand is None or isinstance(hand, Partner):
+            return hand
+        position = getattr(hand, 'position', hand)
+        velocity = getattr(hand, 'velocity', None)
+        elbow = getattr(hand, 'elbow', None)
+        return cls(
+            np.asarray(position, dtype=float),
+            np.zeros(3) if velocity is None else np.asarray(velocity, dtype=float),
+            None if elbow is None else np.asarray(elbow, dtype=float),
+        )
+
+
+@dataclass(frozen=True)
+class SpeedSeparation:
+    """
+    The speed of the wrist relative to the hand, as a function of their distance (ISO/TS 15066).
+
+    V(d) = speed, for d ≤ distance;  V(d) = √(speed² + 2·deceleration·(d − distance)), beyond: who
+    moves at V(d) and slows at `deceleration` arrives at `distance` with `speed`. The arm is never
+    asked to flee: standing still is always allowed, however fast the hand comes.
+
+    Attributes:
+        distance: m.
+        speed: m/s, relative to the hand, within the distance.
+        deceleration: m/s².
+
+    """
+
+    distance: float
+    speed: float
+    deceleration: float
+
+    def allowed(self, distance: float, dt: float) -> float:
+        """
+        Compute V(d).
+
+        Args:
+            distance: between wrist and hand, m.
+            dt: how long the answer must do, s.
+
+        Returns:
+            The speed, m/s; that of the braking at the end of `dt`, so that it is not exceeded.
+
+        """
+        beyond = distance - self.distance
+        if beyond <= 0.0:
+            return self.speed
+        fall = self.deceleration * dt
+        return float(
+            max(
+                self.speed,
+                np.sqrt(fall * fall + self.speed**2 + 2.0 * self.deceleration * beyond) - fall,
+            )
+        )
+
+    def rows(
+        self, wrist: Array, velocity: Array, partner: Partner, dt: float
+    ) -> tuple[Array, Array]:
+        """
+        Bound the wrist's velocity by half-spaces.
+
+        One bounds the speed of approach. The other touches the ball of allowed velocities,
+        ‖ẋ − ẋ_hand‖ ≤ V, where the commanded direction s·v leaves it, so that along that direction
+        it is the ball itself.
+
+        Args:
+            wrist: (3,), m.
+            velocity: (3,), v, that the wrist is asked for, m/s.
+            partner: the hand.
+            dt: length of the next period, s.
+
+        Returns:
+            Directions d, (k, 3), and bounds b, (k,), m/s, for d·ẋ ≤ b; every b ≥ 0.
+
+        """
+        apart = partner.position - wrist
+        distance = float(np.sqrt(apart @ apart))
+        allowed = self.allowed(distance, dt)
+        hand = partner.velocity
+        directions = []
+        if distance > 1e-6:
+            directions.append(apart / distance)
+        touching = _leaving(velocity, hand, allowed)
+        if touching is not None:
+            directions.append(touching)
+        if not directions:
+            return np.empty((0, 3)), np.empty(0)
+        stacked = np.array(directions)
+        return stacked, np.maximum(allowed + stacked @ hand, 0.0)
+
+
+def _leaving(velocity: Array, hand: Array, allowed: float) -> Array | None:
+    """Find where s·velocity − hand, 0 ≤ s ≤ 1, leaves the ball of radius `allowed`."""
+    relative = velocity - hand
+    if float(relative @ relative) <= allowed * allowed:
+        return None
+    a = float(velocity @ velocity)
+    b = float(velocity @ hand)
+    c = float(hand @ hand) - allowed * allowed
+    inside = b * b - a * c
+    if a < 1e-18 or inside <= 0.0:
+        return None
+    share = (b + np.sqrt(inside)) / a
+    if share < 0.0:
+        return None
+    edge: Array = (share * velocity - hand) / allowed
+    return edge
