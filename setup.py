@@ -11,6 +11,7 @@ NODES = ('robot_sim', 'hand_tracker', 'dmp', 'priority_ik', 'recorder')
 # Lower bounds are what Ubuntu 24.04, the home of ROS 2 Jazzy, has, or the first release with the
 # calls that are used here. Nothing is bound from above.
 REQUIREMENTS = [
+    'coal>=3.0',
     'daqp>=0.7.2',
     'example-robot-data>=4.2',
     'joblib>=1.3',
@@ -18,7 +19,7 @@ REQUIREMENTS = [
     'mcap>=1.2',
     'mcap-ros2-support>=0.5.5',
     'numpy>=1.26',
-    'pin>=3.4',
+    'pin>=3.7',
     'pybullet>=3.2.6',
     'PyYAML>=6.0.1',
     'rich>=13.7',

@@ -223,7 +223,7 @@ def test_the_command_uses_the_files_that_came_with_it(
 
 
 @pytest.mark.ros
-def test_the_nodes_start_and_end(installed: Installed) -> None:
+def test_the_nodes_start_and_end(installed: Installed, tmp_path: Path) -> None:
     pytest.importorskip('rclpy')
     domain = str(1 + os.getpid() % 100)
     variables = installed.environment | {'ROS_DOMAIN_ID': domain}
@@ -231,7 +231,7 @@ def test_the_nodes_start_and_end(installed: Installed) -> None:
         subprocess.Popen(
             [installed.executables / name, '--ros-args', '-p', 'use_sim_time:=false'],
             env=variables,
-            cwd='/',
+            cwd=tmp_path,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
