@@ -20,7 +20,7 @@ from handover_dmp.recording.messages import encoder, pose_stamped
 bag = BagWriter(Path(sys.argv[1]), compression=sys.argv[2])
 bag.add_topic('/hand/pose', 'geometry_msgs/msg/PoseStamped')
 encode = encoder('geometry_msgs/msg/PoseStamped')
-print('writing', flush=True)
+print('writing', time.time_ns(), flush=True)
 number = 0
 while True:
     now_ns = time.time_ns()
@@ -38,28 +38,29 @@ def read_plain(path: Path) -> list[tuple[str, str, int]]:
 
 
 def kill_while_writing(folder: Path, after_s: float, compression: str) -> tuple[int, int]:
-    """Write until killed; return number and time of the last message known to be written."""
+    """Write until killed; return when that began and when the last message known was written."""
     process = subprocess.Popen(
         [sys.executable, '-c', WRITER, str(folder), compression],
         stdout=subprocess.PIPE,
         text=True,
     )
     assert process.stdout is not None
-    assert process.stdout.readline() == 'writing\n'
+    word, begin_ns = process.stdout.readline().split()
+    assert word == 'writing'
     try:
         process.wait(after_s)
     except subprocess.TimeoutExpired:
         process.send_signal(signal.SIGKILL)
-    last = (0, 0)
+    last_ns = int(begin_ns)
     for line in process.stdout:
         words = line.split()
         if line.endswith('\n') and len(words) == 2:
-            last = (int(words[0]), int(words[1]))
+            last_ns = int(words[1])
     assert process.wait() == -signal.SIGKILL
-    return last
+    return int(begin_ns), last_ns
 
 
-def check_repaired(folder: Path, last: tuple[int, int]) -> None:
+def check_repaired(folder: Path, begin_ns: int, last_ns: int) -> None:
     rosbag2 = pytest.importorskip('rosbags.rosbag2')
     broken = read_plain(folder)
     repair = repair_bag(folder)
@@ -72,17 +73,16 @@ def check_repaired(folder: Path, last: tuple[int, int]) -> None:
     with rosbag2.Reader(folder) as reader:
         assert reader.message_count == len(messages) == repair.message_count
     assert bag_information(folder).complete
-    number, time_ns = last
-    if number:
-        assert time_ns - (messages[-1].log_time_ns if messages else 0) < 10**9
+    kept_until_ns = messages[-1].log_time_ns if messages else begin_ns
+    assert last_ns - kept_until_ns < 10**9
     assert not repair_bag(folder).rewritten
 
 
 @pytest.mark.parametrize('compression', ['zstd', 'lz4', 'none'])
 def test_a_killed_recorder_loses_less_than_a_second(tmp_path: Path, compression: str) -> None:
     after_s = random.Random(compression).uniform(0.4, 0.8)
-    last = kill_while_writing(tmp_path / 'run', after_s, compression)
-    check_repaired(tmp_path / 'run', last)
+    times = kill_while_writing(tmp_path / 'run', after_s, compression)
+    check_repaired(tmp_path / 'run', *times)
 
 
 @pytest.mark.slow
@@ -90,8 +90,8 @@ def test_a_killed_recorder_loses_less_than_a_second(tmp_path: Path, compression:
 def test_a_recorder_killed_at_any_moment(tmp_path: Path, seed: int) -> None:
     chance = random.Random(seed)
     after_s = chance.choice([chance.uniform(0.0, 0.05), chance.uniform(0.0, 3.0)])
-    last = kill_while_writing(tmp_path / 'run', after_s, chance.choice(['zstd', 'lz4', 'none']))
-    check_repaired(tmp_path / 'run', last)
+    times = kill_while_writing(tmp_path / 'run', after_s, chance.choice(['zstd', 'lz4', 'none']))
+    check_repaired(tmp_path / 'run', *times)
 
 
 @pytest.mark.parametrize('compression', ['zstd', 'lz4', 'none'])

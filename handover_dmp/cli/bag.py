@@ -1,0 +1,164 @@
+"""`handover_dmp bag`: trials as bags; a look into bags; repair of broken ones."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any, TYPE_CHECKING
+
+from handover_dmp.errors import UsageError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+USAGE = """handover_dmp bag DATASET -o DIR [--compression zstd|lz4|none] [--json FILE]
+       handover_dmp bag info BAG [--json FILE]
+       handover_dmp bag repair BAG [--json FILE]"""
+PROGRESS_FROM = 50
+"""Fewer trials than this are written in less than 2 s."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """
+    Declare the words after `bag`.
+
+    Args:
+        parser: parser of the verb.
+
+    """
+    parser.usage = USAGE
+    parser.add_argument(
+        'words',
+        nargs='+',
+        metavar='DATASET | info BAG | repair BAG',
+        help='a data set (or one trial, CSV) to write as bags; or a bag to look into or to '
+        'repair: its folder, an MCAP file, or the folder of a run',
+    )
+    parser.add_argument('-o', '--output', type=Path, metavar='DIR', help='where the bags go')
+    parser.add_argument(
+        '--compression',
+        choices=['zstd', 'lz4', 'none'],
+        default='zstd',
+        help='of the bags written (default: %(default)s)',
+    )
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write the outcome as JSON, too')
+
+
+def run(options: argparse.Namespace) -> int:
+    """
+    Write, describe or repair bags.
+
+    Args:
+        options: what `add_arguments` declared.
+
+    Returns:
+        0.
+
+    Raises:
+        UsageError: the words make no sense together.
+        DataError: a data set or a bag that cannot be read or written.
+
+    """
+    from rich.console import Console
+
+    console = Console()
+    match options.words:
+        case ['info', bag]:
+            outcome = _describe(Path(bag), console)
+        case ['repair', bag]:
+            outcome = _repair(Path(bag), console)
+        case ['info' | 'repair' as word] if not Path(word).exists():
+            raise UsageError(f'{word}: of which bag?')
+        case [source]:
+            if options.output is None:
+                raise UsageError('-o DIR: where the bags go is missing')
+            outcome = _write(Path(source), options.output, options.compression, console)
+        case _:
+            raise UsageError(f'one data set, or info BAG, or repair BAG, not {options.words}')
+    if options.json is not None:
+        import json
+
+        from handover_dmp.files import write_text
+
+        write_text(options.json, json.dumps(outcome, indent=2) + '\n')
+    return 0
+
+
+def _write(source: Path, folder: Path, compression: str, console: Console) -> dict[str, Any]:
+    from handover_dmp.hand import read_data_set, read_trial
+    from handover_dmp.recording.trial_bag import write_trial_bags
+    from rich.console import Console as RichConsole
+    from rich.progress import Progress
+
+    trials = [read_trial(source)] if source.is_file() else read_data_set(source)
+    hidden = len(trials) < PROGRESS_FROM
+    with Progress(console=RichConsole(stderr=True), transient=True, disable=hidden) as bar:
+        task = bar.add_task('bags', total=len(trials))
+        bags = write_trial_bags(
+            trials, folder, compression, lambda done: bar.update(task, completed=done)
+        )
+    word = 'bag' if len(bags) == 1 else 'bags'
+    console.print(f'{len(bags)} {word} in {folder}; try: ros2 bag play {bags[0]}', soft_wrap=True)
+    return {
+        'bags': [
+            {'folder': str(bag), 'trial': trial.label, 'messages': 2 * len(trial.times)}
+            for bag, trial in zip(bags, trials, strict=True)
+        ]
+    }
+
+
+def _describe(path: Path, console: Console) -> dict[str, Any]:
+    from handover_dmp.recording import bag_information
+    from rich.table import Table
+
+    bag = bag_information(path)
+    table = Table('topic', 'type', 'messages', 'rate, Hz')
+    for column in table.columns[2:]:
+        column.justify = 'right'
+    for name, topic in sorted(bag.topics.items()):
+        table.add_row(name, topic.type_name, str(topic.count), f'{topic.rate_hz:.1f}')
+    console.print(f'{path}: {len(bag.files)} file(s), {bag.size / 1e6:.2f} MB', soft_wrap=True)
+    console.print(f'{bag.message_count} messages in {bag.duration_s:.3f} s')
+    console.print(table)
+    if not bag.complete:
+        console.print(
+            f'its recorder did not close it; try: handover_dmp bag repair {path}', soft_wrap=True
+        )
+    return {
+        'files': [str(file) for file in bag.files],
+        'size': bag.size,
+        'complete': bag.complete,
+        'messages': bag.message_count,
+        'start_ns': bag.first_ns,
+        'duration_s': bag.duration_s,
+        'topics': {
+            name: {
+                'type': topic.type_name,
+                'messages': topic.count,
+                'rate_hz': topic.rate_hz,
+            }
+            for name, topic in sorted(bag.topics.items())
+        },
+    }
+
+
+def _repair(path: Path, console: Console) -> dict[str, Any]:
+    from handover_dmp.recording import repair_bag
+
+    repair = repair_bag(path)
+    for file in repair.rewritten:
+        console.print(f'{file}: written anew', soft_wrap=True)
+    if repair.metadata_written:
+        console.print(f'{repair.files[0].parent / "metadata.yaml"}: written', soft_wrap=True)
+    if not repair.rewritten and not repair.metadata_written:
+        console.print('nothing to repair')
+    if repair.dropped_chunks:
+        console.print(f'{repair.dropped_chunks} piece(s) in the middle could not be read')
+    console.print(f'{repair.message_count} messages')
+    return {
+        'files': [str(file) for file in repair.files],
+        'rewritten': [str(file) for file in repair.rewritten],
+        'metadata_written': repair.metadata_written,
+        'dropped_chunks': repair.dropped_chunks,
+        'messages': repair.message_count,
+    }

@@ -1,0 +1,128 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from handover_dmp.cli.main import main
+from handover_dmp.hand import HandoverTrial, write_data_set
+from handover_dmp.recording import read_bag
+import numpy as np
+import pytest
+
+
+@pytest.fixture
+def trials() -> list[HandoverTrial]:
+    times = np.linspace(2.0, 3.5, 61)
+    path = np.stack([0.3 * times, 0.1 * times**2, np.ones_like(times)], axis=1)
+    return [
+        HandoverTrial(times, path + number, path - 0.5, 'engine_bay', exchange, number)
+        for exchange in ('give', 'take')
+        for number in (1, 2)
+    ]
+
+
+@pytest.fixture
+def data_set(trials: list[HandoverTrial], tmp_path: Path) -> Path:
+    write_data_set(trials, tmp_path / 'data')
+    return tmp_path / 'data'
+
+
+def test_trials_become_bags(trials: list[HandoverTrial], data_set: Path, tmp_path: Path) -> None:
+    highlevel = pytest.importorskip('rosbags.highlevel')
+    outcome = tmp_path / 'outcome.json'
+    folder = tmp_path / 'bags'
+    assert main(['bag', str(data_set), '-o', str(folder), '--json', str(outcome)]) == 0
+    written = json.loads(outcome.read_text())['bags']
+    assert [Path(bag['folder']).name for bag in written] == [
+        'engine_bay_give_1',
+        'engine_bay_give_2',
+        'engine_bay_take_1',
+        'engine_bay_take_2',
+    ]
+    for trial, bag in zip(trials, written, strict=True):
+        with highlevel.AnyReader([Path(bag['folder'])]) as reader:
+            paths: dict[str, list[list[float]]] = {'/hand/pose': [], '/human/pose': []}
+            stamps = []
+            for connection, time_ns, data in reader.messages():
+                pose = reader.deserialize(data, connection.msgtype)
+                assert pose.header.frame_id == 'world'
+                assert pose.header.stamp.sec * 10**9 + pose.header.stamp.nanosec == time_ns > 0
+                point = pose.pose.position
+                paths[connection.topic].append([point.x, point.y, point.z])
+                stamps.append(time_ns)
+        np.testing.assert_array_equal(paths['/hand/pose'], trial.p1)
+        np.testing.assert_array_equal(paths['/human/pose'], trial.p2)
+        seconds = (np.array(stamps[::2]) - stamps[0]) * 1e-9
+        np.testing.assert_allclose(seconds, trial.times - trial.times[0], atol=1e-9)
+
+
+def test_one_trial_becomes_a_bag(data_set: Path, tmp_path: Path) -> None:
+    trial = data_set / 'engine_bay_take_2.csv'
+    assert main(['bag', str(trial), '-o', str(tmp_path / 'bags'), '--compression', 'lz4']) == 0
+    assert sum(1 for _ in read_bag(tmp_path / 'bags' / 'engine_bay_take_2')) == 122
+
+
+def test_nothing_is_overwritten_and_nothing_half_done(
+    data_set: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / 'bags' / 'engine_bay_take_1').mkdir(parents=True)
+    assert main(['bag', str(data_set), '-o', str(tmp_path / 'bags')]) == 1
+    assert 'engine_bay_take_1: exists already' in capsys.readouterr().err
+    assert [path.name for path in (tmp_path / 'bags').iterdir()] == ['engine_bay_take_1']
+
+
+def test_information_and_repair(
+    data_set: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    main(['bag', str(data_set / 'engine_bay_give_1.csv'), '-o', str(tmp_path)])
+    bag = tmp_path / 'engine_bay_give_1'
+    outcome = tmp_path / 'outcome.json'
+    assert main(['bag', 'info', str(bag), '--json', str(outcome)]) == 0
+    information = json.loads(outcome.read_text())
+    assert information['complete']
+    assert information['topics']['/hand/pose'] == {
+        'type': 'geometry_msgs/msg/PoseStamped',
+        'messages': 61,
+        'rate_hz': pytest.approx(40.0),
+    }
+    # a recorder that is killed leaves no metadata and a file without an end
+    (bag / 'metadata.yaml').unlink()
+    file = bag / 'engine_bay_give_1_0.mcap'
+    file.write_bytes(file.read_bytes()[:-100])
+    capsys.readouterr()
+    assert main(['bag', 'info', str(bag)]) == 0
+    assert f'bag repair {bag}' in capsys.readouterr().out.replace('\n', '')
+    assert main(['bag', 'repair', str(bag), '--json', str(outcome)]) == 0
+    repaired = json.loads(outcome.read_text())
+    assert repaired['rewritten'] == [str(file)]
+    assert repaired['messages'] == 122
+    assert main(['bag', 'repair', str(bag)]) == 0
+    assert 'nothing to repair' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ('words', 'code', 'fault'),
+    [
+        (['somewhere'], 2, '-o DIR'),
+        (['info'], 2, 'of which bag'),
+        (['repair'], 2, 'of which bag'),
+        (['a', 'b', '-o', 'c'], 2, 'one data set'),
+        (['nowhere', '-o', 'c'], 1, 'no such folder'),
+        (['info', 'nowhere'], 1, 'no such bag'),
+        (['repair', 'nowhere'], 1, 'no such bag'),
+    ],
+)
+def test_words_that_make_no_sense(
+    words: list[str],
+    code: int,
+    fault: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(['bag', *words]) == code
+    error = capsys.readouterr().err
+    assert fault in error
+    assert len(error.splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
