@@ -75,8 +75,23 @@ class Replay:
             Its replay; 0 is the first sample.
 
         """
-        start, duration = float(trial.times[0]), trial.duration_s
-        spline = interpolate(trial.times, trial.p1)
+        return cls.from_motion(trial.times, trial.p1)
+
+    @classmethod
+    def from_motion(cls, times: NDArray[np.float64], positions: NDArray[np.float64]) -> Replay:
+        """
+        Play back any motion.
+
+        Args:
+            times: (n,) s, strictly increasing.
+            positions: (n, 3) m.
+
+        Returns:
+            Its replay; 0 is the first sample.
+
+        """
+        start, duration = float(times[0]), float(times[-1] - times[0])
+        spline = interpolate(times, positions)
 
         def path(time_s: float) -> NDArray[np.float64]:
             place: NDArray[np.float64] = spline(start + min(max(time_s, 0.0), duration))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 import csv
+import io
 import math
 from pathlib import Path
 import re
@@ -14,7 +15,8 @@ from numpy.typing import NDArray
 
 LARGEST_TEXT_BYTES = 16_000_000
 MOST_ROWS = 200_000
-LARGEST_RECORDING_BYTES = 200_000_000
+LARGEST_RECORDING_BYTES = 150_000_000
+_LONGEST_LINE_BYTES = 1_000_000
 _LONGEST_QUOTE = 40
 # What float() takes beyond this (underscores, digits of other scripts) is no number in a file.
 _NUMBER = re.compile(r'[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?', re.ASCII)
@@ -74,10 +76,34 @@ def read_lines(path: Path, largest: int = LARGEST_TEXT_BYTES) -> list[str]:
     except UnicodeDecodeError as error:
         line = content.count(b'\n', 0, error.start) + 1
         raise DataError(f'{path}: line {line}: not a text in UTF-8') from error
-    lines = text.replace('\r\n', '\n').replace('\r', '\n').rstrip().split('\n')
+    lines = text.replace('\r\n', '\n').replace('\r', '\n').rstrip('\n ').split('\n')
     if lines == ['']:
         raise DataError(f'{path}: is empty')
     return lines
+
+
+def iterate_lines(path: Path) -> Iterator[tuple[int, str]]:
+    """
+    Read a long recording line by line, UTF-8 or, as older programs write it, Windows-1252.
+
+    Args:
+        path: the file.
+
+    Yields:
+        Number of the line, from 1, and its text without the line end.
+
+    Raises:
+        DataError: as `read_bytes`, or a line is absurdly long.
+
+    """
+    for number, raw in enumerate(io.BytesIO(read_bytes(path, LARGEST_RECORDING_BYTES)), start=1):
+        if len(raw) > _LONGEST_LINE_BYTES:
+            raise DataError(f'{path}: line {number}: longer than {_LONGEST_LINE_BYTES} bytes')
+        try:
+            line = raw.decode('utf-8-sig' if number == 1 else 'utf-8')
+        except UnicodeDecodeError:
+            line = raw.decode('cp1252', errors='replace')
+        yield number, line.rstrip('\r\n')
 
 
 def read_table(path: Path, header: Sequence[str]) -> NDArray[np.float64]:

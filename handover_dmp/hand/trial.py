@@ -109,24 +109,36 @@ class Fault:
     what: str
 
 
-def find_fault(times: NDArray[np.float64], positions: NDArray[np.float64]) -> Fault | None:
+def find_fault(
+    times: NDArray[np.float64],
+    positions: NDArray[np.float64],
+    *,
+    least: int = LEAST_SAMPLES,
+    longest_s: float = LONGEST_DURATION_S,
+) -> Fault | None:
     """
     Find the first reason why samples cannot be those of one handover.
 
     Args:
         times: (n,) s.
         positions: (n, 3 k) m, the coordinates of k points side by side.
+        least: samples that there must be.
+        longest_s: time from the first to the last that there may be, s.
 
     Returns:
         The fault, or None.
 
     """
-    if len(times) < LEAST_SAMPLES:
-        return Fault(None, f'{len(times)} samples, at least {LEAST_SAMPLES} are needed')
+    if len(times) < least:
+        return Fault(None, f'{len(times)} samples, at least {least} are needed')
     finite = np.isfinite(times) & np.isfinite(positions).all(axis=1)
     if not finite.all():
         return Fault(int(np.argmin(finite)), 'a value is not a finite number')
-    checks = (_time_fault(times), _place_fault(positions), _jump_fault(times, positions))
+    checks = (
+        _time_fault(times, longest_s),
+        _place_fault(positions),
+        _jump_fault(times, positions),
+    )
     faults = [fault for fault in checks if fault is not None]
     return min(faults, key=lambda fault: -1 if fault.row is None else fault.row, default=None)
 
@@ -196,13 +208,13 @@ def write_trial(trial: HandoverTrial, path: str | Path) -> None:
     write_text(Path(path), '\n'.join(lines) + '\n')
 
 
-def _time_fault(times: NDArray[np.float64]) -> Fault | None:
+def _time_fault(times: NDArray[np.float64], longest_s: float) -> Fault | None:
     if abs(times[0]) > LARGEST_STAMP_S:
         return Fault(0, f'time {times[0]:g} s is absurd')
     periods = np.diff(times)
     wrong = (periods < SHORTEST_PERIOD_S) | (periods > LONGEST_GAP_S)
     if not wrong.any():
-        if times[-1] - times[0] > LONGEST_DURATION_S:
+        if times[-1] - times[0] > longest_s:
             return Fault(None, f'{times[-1] - times[0]:.0f} s are too long for one handover')
         return None
     row = int(np.argmax(wrong)) + 1
