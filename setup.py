@@ -1,5 +1,6 @@
 """Installs the package, for pip and for colcon alike: both lay it out as ROS 2 expects."""
 
+import os
 from pathlib import Path
 import re
 
@@ -78,9 +79,9 @@ def version() -> str:
 def share(folder: str) -> list[tuple[str, list[str]]]:
     """Return a folder of the source tree with all that is in it, as files of `share/`."""
     return [
-        (f'share/{PACKAGE}/{path}', files)
-        for path in [Path(folder), *sorted(Path(folder).rglob('*/'))]
-        if (files := sorted(str(file) for file in path.iterdir() if file.is_file()))
+        (f'share/{PACKAGE}/{path}', [f'{path}/{file}' for file in sorted(files)])
+        for path, _, files in sorted(os.walk(folder))
+        if files and not path.endswith('__pycache__')
     ]
 
 
