@@ -13,13 +13,12 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-import pinocchio as pin
-
 from handover_dmp.robot.bullet import pybullet, silenced
 from handover_dmp.robot.descriptions import example_robot_data_folder
 from handover_dmp.settings import setting
+import numpy as np
+from numpy.typing import NDArray
+import pinocchio as pin
 
 Array = NDArray[np.float64]
 
@@ -275,7 +274,7 @@ class HumanFigure:
         return self._anatomy.sole_m + 0.73
 
     def _likely_floor(self, exchange: Array) -> float:
-        """A room frame has its floor at z = 0; a frame between two chests has not."""
+        """Tell a room frame, with its floor at z = 0, from a frame between two chests."""
         shoulder = self._anatomy.sole_m + self._anatomy.shoulder[1]
         below_shoulder = shoulder - exchange[2]
         if -0.1 < below_shoulder < 0.55:
@@ -294,44 +293,63 @@ class HumanFigure:
             ahead = path[-1, :2] - path[0, :2]
         facing = float(np.arctan2(ahead[1], ahead[0])) if np.linalg.norm(ahead) > 1e-3 else 0.0
         samples = path[np.linspace(0, len(path) - 1, min(len(path), 40)).astype(int)]
-        shoulder_forward, shoulder_up, shoulder_right = self._anatomy.shoulder
-        pelvis_height = self.floor_height_m + self._anatomy.sole_m
-        turn, forward, inward = np.meshgrid(
-            np.radians(np.linspace(-40, 40, 9)),
-            np.linspace(0.12, 0.54, 15),
-            np.linspace(-0.12, 0.30, 15),
-            indexing='ij',
+        turn, forward, inward = (
+            grid.ravel()
+            for grid in np.meshgrid(
+                np.radians(np.linspace(-40, 40, 9)),
+                np.linspace(0.12, 0.54, 15),
+                np.linspace(-0.12, 0.30, 15),
+                indexing='ij',
+            )
         )
-        turn, forward, inward = turn.ravel(), forward.ravel(), inward.ravel()
         heading = facing + turn
         front = np.stack([np.cos(heading), np.sin(heading)], axis=1)
         right = np.stack([front[:, 1], -front[:, 0]], axis=1)
         shoulder = path[-1, :2] - forward[:, None] * front + inward[:, None] * right
-        away = samples[None, :, :2] - shoulder[:, None, :]
-        up = samples[:, 2] - (pelvis_height + shoulder_up)
-        distance = np.sqrt((away**2).sum(axis=2) + up**2)
-        forward_of_it = np.einsum('psk,pk->ps', away, front)
-        right_of_it = np.einsum('psk,pk->ps', away, right)
-        from_spine = np.hypot(forward_of_it + shoulder_forward, right_of_it + shoulder_right)
-
-        def excess(amount: Array) -> Array:
-            return np.asarray((np.maximum(0.0, amount) ** 2).sum(axis=1) / len(samples))
-
-        reach = self._anatomy.reach_m
-        cost = (
-            400.0 * excess(distance - 0.90 * reach)
-            + 400.0 * excess(0.40 * reach - distance)
-            + 400.0 * excess(0.27 - from_spine)  # the trunk is 0.2 m deep from the spine
-            + 100.0 * excess(-0.05 - forward_of_it)
-            + 1.0 * (forward - self.options.reach_at_exchange_m) ** 2
-            + 1.0 * (inward - 0.08) ** 2
+        from_habit = (
+            (forward - self.options.reach_at_exchange_m) ** 2
+            + (inward - 0.08) ** 2
             + 0.15 * turn**2
         )
+        cost = from_habit + self._discomfort(samples, shoulder, front, right)
         best = int(np.argmin(cost))
-        pelvis = (
-            shoulder[best] - shoulder_forward * front[best] - shoulder_right * right[best]
+        shoulder_forward, _, shoulder_right = self._anatomy.shoulder
+        pelvis = shoulder[best] - shoulder_forward * front[best] - shoulder_right * right[best]
+        height = self.floor_height_m + self._anatomy.sole_m
+        return float(heading[best]), np.array([pelvis[0], pelvis[1], height])
+
+    def _discomfort(self, path: Array, shoulder: Array, front: Array, right: Array) -> Array:
+        """
+        Judge places by how awkwardly the arm would follow a path from there.
+
+        Args:
+            path: (n, 3), m.
+            shoulder: (places, 2), m, where the shoulder would be.
+            front: (places, 2), unit vectors, where the figure would face.
+            right: (places, 2), unit vectors, to its right.
+
+        Returns:
+            (places,), mean squares of metres by which the wrist is too far, too near, too far
+            behind or inside the body.
+
+        """
+        shoulder_forward, shoulder_up, shoulder_right = self._anatomy.shoulder
+        away = path[None, :, :2] - shoulder[:, None, :]
+        up = path[:, 2] - (self.floor_height_m + self._anatomy.sole_m + shoulder_up)
+        distance = np.sqrt((away**2).sum(axis=2) + up**2)
+        ahead = np.einsum('psk,pk->ps', away, front)
+        aside = np.einsum('psk,pk->ps', away, right)
+        from_spine = np.hypot(ahead + shoulder_forward, aside + shoulder_right)
+        reach = self._anatomy.reach_m
+        excesses = (
+            (400.0, distance - 0.90 * reach),
+            (400.0, 0.40 * reach - distance),
+            (400.0, 0.27 - from_spine),  # the trunk fills the first 0.2 m
+            (100.0, -0.05 - ahead),
         )
-        return float(heading[best]), np.array([pelvis[0], pelvis[1], pelvis_height])
+        return np.asarray(
+            sum(weight * (np.maximum(0.0, e) ** 2).mean(axis=1) for weight, e in excesses)
+        )
 
     def posture(self, hand: Array) -> HumanPosture:
         """
@@ -359,7 +377,9 @@ class HumanFigure:
             joints = np.clip(
                 joints + change, self._model.lowerPositionLimit, self._model.upperPositionLimit
             )
-            if np.abs(change).max() < 1e-3:  # the next one would move the wrist by less than a micrometre
+            if (
+                np.abs(change).max() < 1e-3
+            ):  # the next one would move the wrist by less than a micrometre
                 break
         self._joints = joints
         pin.framesForwardKinematics(self._model, self._data, joints)
@@ -370,20 +390,20 @@ class HumanFigure:
         model, data, frame = self._model, self._data, self._hand_frame
         pin.computeJointJacobians(model, data, joints)
         placement = pin.updateFramePlacement(model, data, frame)
-        jacobian = pin.getFrameJacobian(
-            model, data, frame, pin.LOCAL_WORLD_ALIGNED
-        )
+        jacobian = pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
         pointing = -placement.rotation[:, 1]
         turning = -pin.skew(pointing) @ jacobian[3:]
-        at_bound = ((joints <= model.lowerPositionLimit + 1e-9) & (ARM_AT_EASE > joints)) | (
-            (joints >= model.upperPositionLimit - 1e-9) & (ARM_AT_EASE < joints)
+        at_bound = ((joints <= model.lowerPositionLimit + 1e-9) & (joints < ARM_AT_EASE)) | (
+            (joints >= model.upperPositionLimit - 1e-9) & (joints > ARM_AT_EASE)
         )
         rows = np.vstack([1e3 * jacobian[:3], 0.3 * turning, np.diag(ARM_STIFFNESS)])
-        wanted = np.concatenate([
-            1e3 * (target - placement.translation),
-            0.3 * (fingers - pointing),
-            ARM_STIFFNESS * (ARM_AT_EASE - joints),
-        ])
+        wanted = np.concatenate(
+            [
+                1e3 * (target - placement.translation),
+                0.3 * (fingers - pointing),
+                ARM_STIFFNESS * (ARM_AT_EASE - joints),
+            ]
+        )
         if at_bound.any():
             rows[:6, at_bound] = 0.0
         change: Array = np.linalg.solve(rows.T @ rows, rows.T @ wanted)
@@ -459,9 +479,7 @@ class FigureBodies:
         body = pybullet.createMultiBody(
             baseMass=0, baseVisualShapeIndex=shape, physicsClientId=self._client
         )
-        pybullet.changeVisualShape(
-            body, -1, rgbaColor=part.colour, physicsClientId=self._client
-        )
+        pybullet.changeVisualShape(body, -1, rgbaColor=part.colour, physicsClientId=self._client)
         return int(body)
 
     def show(self, hand: Array) -> HumanPosture:

@@ -40,12 +40,8 @@ def write_unit_cylinder(path: Path) -> None:
 
     """
     # Each edge twice, so that ends and side are shaded apart.
-    profile = np.array(
-        [[0.0, -0.5], [1.0, -0.5], [1.0, -0.5], [1.0, 0.5], [1.0, 0.5], [0.0, 0.5]]
-    )
-    normals = np.array(
-        [[0.0, -1.0], [0.0, -1.0], [1.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 1.0]]
-    )
+    profile = np.array([[0.0, -0.5], [1.0, -0.5], [1.0, -0.5], [1.0, 0.5], [1.0, 0.5], [0.0, 0.5]])
+    normals = np.array([[0.0, -1.0], [0.0, -1.0], [1.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
     _write_revolved(path, profile, normals)
 
 

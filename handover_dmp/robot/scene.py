@@ -127,8 +127,10 @@ class Camera:
         up = np.cross(right, ahead)
         half = np.tan(np.radians(FIELD_OF_VIEW_DEG) / 2)
         rows = half * (1.0 - 2.0 * (np.arange(self.height) + 0.5) / self.height)
-        columns = half * (self.width / self.height) * (
-            2.0 * (np.arange(self.width) + 0.5) / self.width - 1.0
+        columns = (
+            half
+            * (self.width / self.height)
+            * (2.0 * (np.arange(self.width) + 0.5) / self.width - 1.0)
         )
         return np.asarray(
             ahead
@@ -321,6 +323,13 @@ class Scene:
         )
         self._draw_trails(time_s)
 
+    @property
+    def object_position(self) -> Array:
+        """Where the middle of the object is shown now, (3,), m, in `world`."""
+        return np.array(
+            pybullet.getBasePositionAndOrientation(self._object, physicsClientId=self._client)[0]
+        )
+
     def _draw_trails(self, time_s: float) -> None:
         for body in self._trails:
             pybullet.removeBody(body, physicsClientId=self._client)
@@ -363,11 +372,13 @@ class Scene:
         facing = float(np.arctan2(between[1], between[0]))
         azimuth = facing - np.radians(78.0)  # the person's right hand is on the near side
         elevation = np.radians(self.options.elevation_deg)
-        back = np.array([
-            np.cos(azimuth) * np.cos(elevation),
-            np.sin(azimuth) * np.cos(elevation),
-            np.sin(elevation),
-        ])
+        back = np.array(
+            [
+                np.cos(azimuth) * np.cos(elevation),
+                np.sin(azimuth) * np.cos(elevation),
+                np.sin(elevation),
+            ]
+        )
         target = (points.min(axis=0) + points.max(axis=0)) / 2
         near, far = 0.5, 25.0
         for _ in range(30):
@@ -395,18 +406,26 @@ class Scene:
         clouds = [self._hand_path, self._wrist_path]
         for index in np.linspace(0, len(self.times) - 1, 12).astype(int):
             self.show(float(self.times[index]))
-            for number in range(-1, pybullet.getNumJoints(self._robot, physicsClientId=self._client)):
+            for number in range(
+                -1, pybullet.getNumJoints(self._robot, physicsClientId=self._client)
+            ):
                 low, high = pybullet.getAABB(self._robot, number, physicsClientId=self._client)
                 clouds.append(np.array([low, high]))
         pelvis, floor = self.figure.pelvis, self.floor_height_m
-        for radius, height in ((0.28, floor), (0.28, pelvis[2]), (0.15, floor + self.figure.height_m)):
+        for radius, height in (
+            (0.28, floor),
+            (0.28, pelvis[2]),
+            (0.15, floor + self.figure.height_m),
+        ):
             ring = np.linspace(0, 2 * np.pi, 12, endpoint=False)
             clouds.append(
-                np.column_stack([
-                    pelvis[0] + radius * np.cos(ring),
-                    pelvis[1] + radius * np.sin(ring),
-                    np.full(12, height),
-                ])
+                np.column_stack(
+                    [
+                        pelvis[0] + radius * np.cos(ring),
+                        pelvis[1] + radius * np.sin(ring),
+                        np.full(12, height),
+                    ]
+                )
             )
         base = np.array(self.model.base.position)
         clouds.append(np.array([[base[0], base[1], floor]]))
@@ -556,9 +575,11 @@ class _Backdrop:
         self.shadow_half_m = 1.6
         rays = camera.rays()
         upward = rays[..., 2] / np.linalg.norm(rays, axis=2)
-        sky = SKY_HORIZON + (SKY_TOP - SKY_HORIZON) * np.clip(
-            upward / np.sin(np.radians(25.0)), 0.0, 1.0
-        )[..., None]
+        sky = (
+            SKY_HORIZON
+            + (SKY_TOP - SKY_HORIZON)
+            * np.clip(upward / np.sin(np.radians(25.0)), 0.0, 1.0)[..., None]
+        )
         falling = rays[..., 2] < -1e-6
         reach = np.where(
             falling, (floor_height_m - camera.eye[2]) / np.where(falling, rays[..., 2], -1.0), 0.0
@@ -577,8 +598,12 @@ class _Backdrop:
         scale = SHADOW_PIXELS / (2 * self.shadow_half_m)
         rows = (self.shadow_half_m - (y - centre[1])) * scale - 0.5
         columns = (x - centre[0] + self.shadow_half_m) * scale - 0.5
-        inside = falling & (rows > 0) & (rows < SHADOW_PIXELS) & (columns > 0) & (
-            columns < SHADOW_PIXELS
+        inside = (
+            falling
+            & (rows > 0)
+            & (rows < SHADOW_PIXELS)
+            & (columns > 0)
+            & (columns < SHADOW_PIXELS)
         )
         self._inside = inside
         self._coordinates = np.stack([rows[inside], columns[inside]])
@@ -586,7 +611,7 @@ class _Backdrop:
 
     def draw(self, shadow: Array) -> Array:
         """Return floor and sky, (h, w, 3), 0 to 1, with a shadow laid on."""
-        picture = self._plain.copy()
+        picture: Array = self._plain.copy()
         dark = map_coordinates(shadow, self._coordinates, order=1, mode='constant')
         picture[self._inside] *= (1.0 - self._depth * dark)[:, None]
         return picture
