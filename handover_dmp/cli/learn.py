@@ -1,0 +1,134 @@
+"""`handover_dmp learn`: a movement primitive from one recorded handover, or from several."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """
+    Declare the words after `learn`.
+
+    Args:
+        parser: parser of the verb.
+
+    """
+    parser.add_argument(
+        'trials',
+        nargs='+',
+        type=Path,
+        metavar='TRIAL',
+        help='trial, CSV; of several, their time-normalised mean is learnt',
+    )
+    parser.add_argument(
+        '-o', '--output', type=Path, required=True, metavar='MODEL.json', help='model to write'
+    )
+    parser.add_argument('--stiffness', type=float, metavar='K', help='K of (8)')
+    parser.add_argument('--damping', type=float, metavar='D', help='D of (8); 0: critical, 2√K')
+    parser.add_argument(
+        '--goal-velocity-gain', type=float, metavar='KV', help='K_v of (8), s; negative: Dτ'
+    )
+    parser.add_argument('--alpha', type=float, metavar='A', help='decay rate α of the phase (4)')
+    parser.add_argument(
+        '--mu', type=float, metavar='MU', help='centre of the goal weight (7), in units of τ'
+    )
+    parser.add_argument(
+        '--sigma', type=float, metavar='S', help='width of the goal weight (7), in units of τ'
+    )
+    parser.add_argument(
+        '--formulation', choices=['stiff', 'printed'], help='K_s of (8): K, or 1 as printed'
+    )
+    parser.add_argument(
+        '--regression',
+        choices=['rvm', 'ridge'],
+        default='rvm',
+        help='sparse Bayesian or ridge (default: %(default)s)',
+    )
+    parser.add_argument(
+        '--basis', type=int, metavar='N', help='number of basis functions (default: 100)'
+    )
+    parser.add_argument(
+        '--joint',
+        action='store_true',
+        help='learn from all samples of all trials at once instead of from their mean',
+    )
+    parser.add_argument(
+        '--classical', action='store_true', help='learn the classical primitive (1) instead'
+    )
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write the outcome as JSON, too')
+
+
+def run(options: argparse.Namespace) -> int:
+    """
+    Learn and write the model.
+
+    Args:
+        options: what `add_arguments` declared.
+
+    Returns:
+        0.
+
+    Raises:
+        DataError: a trial that cannot be learnt from, or a parameter out of range.
+        UsageError: a number of basis functions out of range.
+
+    """
+    from handover_dmp.dmp import ClassicalDmp, DecoupledDmp, save_model
+    from handover_dmp.dmp.learning import DEFAULT_BASIS
+    from handover_dmp.files import write_text
+    from handover_dmp.hand import read_trial
+    from handover_dmp.teaching import learn_from_trials, reproduction_error
+    import numpy as np
+    from rich.console import Console
+
+    trials = [read_trial(path) for path in options.trials]
+    model = learn_from_trials(
+        trials,
+        _parameters(options),
+        regression=options.regression,
+        basis=DEFAULT_BASIS if options.basis is None else options.basis,
+        jointly=options.joint,
+        primitive=ClassicalDmp if options.classical else DecoupledDmp,
+    )
+    save_model(model, options.output)
+    outcome: dict[str, Any] = {
+        'model': str(options.output),
+        'source': model.source,
+        'trials': len(trials),
+        'duration_s': model.duration_s,
+        'regression': options.regression,
+        'basis_functions': model.basis.size,
+        'used_basis_functions': np.count_nonzero(model.weights, axis=0).tolist(),
+        'reproduction_error_mm': [1e3 * reproduction_error(model, trial) for trial in trials],
+    }
+    if options.json:
+        import json
+
+        write_text(options.json, json.dumps(outcome, indent=1) + '\n')
+    used = '/'.join(str(count) for count in outcome['used_basis_functions'])
+    worst = max(outcome['reproduction_error_mm'])
+    Console(highlight=False).print(
+        f'{options.output}: {model.source}; τ = {model.duration_s:.3f} s, {used} of '
+        f'{model.basis.size} basis functions, at most {worst:.2f} mm off '
+        f'{"the demonstration" if len(trials) == 1 else "a demonstration"}',
+        soft_wrap=True,
+        markup=False,
+    )
+    return 0
+
+
+def _parameters(options: argparse.Namespace) -> Any:
+    from math import exp, isfinite
+
+    from handover_dmp.dmp import DmpParameters
+    from handover_dmp.errors import UsageError
+
+    names = ('stiffness', 'damping', 'goal_velocity_gain', 'mu', 'sigma', 'formulation')
+    given = {name: getattr(options, name) for name in names if getattr(options, name) is not None}
+    if options.alpha is not None:
+        if not (isfinite(options.alpha) and options.alpha > 0.0):
+            raise UsageError(f'--alpha {options.alpha} is not above 0')
+        given['phase_at_end'] = exp(-options.alpha)
+    return DmpParameters(**given)

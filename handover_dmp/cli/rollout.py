@@ -1,0 +1,102 @@
+"""`handover_dmp rollout`: the movement primitive alone against a recorded hand."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+HEADER = 't,x,y,z,vx,vy,vz,wg,s'
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """
+    Declare the words after `rollout`.
+
+    Args:
+        parser: parser of the verb.
+
+    """
+    parser.add_argument('model', type=Path, metavar='MODEL.json', help='learnt movement')
+    parser.add_argument(
+        'trial', type=Path, metavar='TRIAL.csv', help='its P1 is the hand, its P2(0) the start'
+    )
+    parser.add_argument(
+        '-o', '--output', type=Path, required=True, metavar='OUT.csv', help=f'columns {HEADER}'
+    )
+    parser.add_argument(
+        '--rate', type=float, default=200.0, metavar='HZ', help='default: %(default)s'
+    )
+    parser.add_argument(
+        '--duration', type=float, metavar='S', help='another τ than that of the model'
+    )
+    parser.add_argument(
+        '--deviation',
+        action='store_true',
+        help='add the columns sx,sy,sz: standard deviation that the posterior implies, m',
+    )
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write the outcome as JSON, too')
+
+
+def run(options: argparse.Namespace) -> int:
+    """
+    Roll out and write the motion.
+
+    Args:
+        options: what `add_arguments` declared.
+
+    Returns:
+        0.
+
+    Raises:
+        DataError: a model or a trial that cannot be used.
+        UsageError: a rate out of range.
+
+    """
+    from handover_dmp.dmp import load_model
+    from handover_dmp.errors import UsageError
+    from handover_dmp.files import write_text
+    from handover_dmp.hand import read_trial
+    from handover_dmp.teaching import rollout_against
+    import numpy as np
+    from rich.console import Console
+
+    if not 1.0 <= options.rate <= 100_000.0:
+        raise UsageError(f'--rate {options.rate:g} is not from 1 to 100,000 Hz')
+    model = load_model(options.model)
+    if options.duration is not None:
+        model = model.with_duration(options.duration)
+    trial = read_trial(options.trial)
+    rollout = rollout_against(model, trial, options.rate, deviation=options.deviation)
+    columns = [
+        rollout.times,
+        rollout.positions,
+        rollout.velocities,
+        rollout.goal_weight,
+        rollout.phase,
+    ]
+    header = HEADER
+    if rollout.deviation is not None:
+        columns.append(rollout.deviation)
+        header += ',sx,sy,sz'
+    lines = [','.join(f'{value:.12g}' for value in row) for row in np.column_stack(columns)]
+    write_text(options.output, '\n'.join([header, *lines]) + '\n')
+    away = rollout.positions[-1] - trial.p1[-1] - model.goal_offset
+    outcome = {
+        'output': str(options.output),
+        'samples': len(rollout.times),
+        'rate_hz': options.rate,
+        'duration_s': float(rollout.times[-1] - rollout.times[0]),
+        'final_position_m': rollout.positions[-1].tolist(),
+        'final_distance_to_goal_mm': 1e3 * float(np.linalg.norm(away)),
+    }
+    if options.json:
+        import json
+
+        write_text(options.json, json.dumps(outcome, indent=1) + '\n')
+    Console(highlight=False).print(
+        f'{options.output}: {outcome["samples"]} samples at {options.rate:g} Hz, '
+        f'{outcome["final_distance_to_goal_mm"]:.1f} mm from the goal at the end',
+        soft_wrap=True,
+        markup=False,
+    )
+    return 0

@@ -1,0 +1,50 @@
+"""
+The movement primitive: canonical system, basis, goal weight, learning, running, model files.
+
+The public names are imported when they are first used, so that `handover_dmp --help` stays fast.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any, TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from handover_dmp.dmp.classical import ClassicalDmp
+    from handover_dmp.dmp.decoupled import DecoupledDmp
+    from handover_dmp.dmp.learning import learn, learn_jointly, learn_mean
+    from handover_dmp.dmp.model_file import load_model, save_model
+    from handover_dmp.dmp.parameters import DmpParameters
+    from handover_dmp.dmp.state import DmpState, Rollout
+
+_HOMES = {
+    'ClassicalDmp': 'classical',
+    'DecoupledDmp': 'decoupled',
+    'DmpParameters': 'parameters',
+    'DmpState': 'state',
+    'Rollout': 'state',
+    'learn': 'learning',
+    'learn_jointly': 'learning',
+    'learn_mean': 'learning',
+    'load_model': 'model_file',
+    'save_model': 'model_file',
+}
+
+__all__ = [
+    'ClassicalDmp',
+    'DecoupledDmp',
+    'DmpParameters',
+    'DmpState',
+    'Rollout',
+    'learn',
+    'learn_jointly',
+    'learn_mean',
+    'load_model',
+    'save_model',
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    return getattr(import_module(f'{__name__}.{_HOMES[name]}'), name)

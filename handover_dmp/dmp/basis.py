@@ -1,0 +1,116 @@
+"""The basis functions of the forcing term (3), (6): normalised Gaussians over the phase."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+TABLE_RATE = 4096  # nodes of the table per τ: errs by less than a micrometre at usual stiffness
+TABLE_END = 2.0  # in units of τ; from there on the forcing term is held
+LAST_NODE = round(TABLE_RATE * TABLE_END)
+NARROWEST = 0.0025  # in units of τ: single bumps narrower than this carry no shape of their own
+
+
+@dataclass(frozen=True, eq=False)
+class Basis:
+    """
+    A pool of m Gaussians ψ_i = exp(−h_i(s − c_i)²), each divided by the sum of all.
+
+    Attributes:
+        centres: c_i, phase, (m,).
+        sharpness: h_i, (m,).
+
+    """
+
+    centres: NDArray[np.float64]
+    sharpness: NDArray[np.float64]
+    _tables: dict[float, NDArray[np.float64]] = field(default_factory=dict, repr=False)
+
+    def __post_init__(self) -> None:
+        """Make the arrays read-only."""
+        for name in ('centres', 'sharpness'):
+            array = np.array(getattr(self, name), dtype=float)
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+
+    @property
+    def size(self) -> int:
+        """Number m of basis functions."""
+        return self.centres.size
+
+    def activations(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
+        """
+        Evaluate ψ_i / Σψ_j.
+
+        Args:
+            phase: s, (n,).
+
+        Returns:
+            Activations, (n, m); each row sums to one, also far from every centre.
+
+        """
+        exponent = phase[:, None] - self.centres
+        exponent *= exponent
+        exponent *= -self.sharpness
+        exponent -= exponent.max(axis=1, keepdims=True)
+        psi: NDArray[np.float64] = np.exp(exponent, out=exponent)
+        psi /= psi.sum(axis=1, keepdims=True)
+        return psi
+
+    def narrowest(self, alpha: float) -> float:
+        """
+        Give the smallest distance in time over which the forcing term can turn.
+
+        Args:
+            alpha: decay rate of the phase (4).
+
+        Returns:
+            Half width of the narrowest Gaussian, in units of τ.
+
+        """
+        widths = 1.0 / (np.sqrt(self.sharpness) * alpha * self.centres)
+        return max(float(widths.min()), NARROWEST)
+
+    def table(self, alpha: float) -> NDArray[np.float64]:
+        """
+        Give the activations on a fine grid in time, computed once.
+
+        Args:
+            alpha: decay rate of the phase (4).
+
+        Returns:
+            Activations at u = 0, 1/TABLE_RATE, …, TABLE_END, (nodes, m).
+
+        """
+        if alpha not in self._tables:
+            u = np.arange(LAST_NODE + 1) / TABLE_RATE
+            self._tables[alpha] = self.activations(np.exp(-alpha * u))
+        return self._tables[alpha]
+
+
+@lru_cache(maxsize=16)
+def equally_spaced(count: int, alpha: float, widths: Sequence[float] = (1.0,)) -> Basis:
+    """
+    Spread Gaussians so that their centres are equally spaced in time.
+
+    Args:
+        count: number of centres, at least 2; the first is at the start, the last at τ.
+        alpha: decay rate of the phase (4).
+        widths: the Gaussians that each centre gets, in units of the usual width, at which
+            neighbours of one width meet at exp(−1/4).
+
+    Returns:
+        A basis of `count`·len(`widths`) functions.
+
+    """
+    centres = np.exp(-alpha * np.linspace(0.0, 1.0, count))
+    distances = -np.diff(centres)
+    sharpness = 1.0 / np.append(distances, distances[-1]) ** 2
+    return Basis(
+        np.tile(centres, len(widths)),
+        np.concatenate([sharpness / width**2 for width in widths]),
+    )

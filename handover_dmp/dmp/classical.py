@@ -1,0 +1,57 @@
+"""The classical movement primitive, (1) to (4): the base line of every comparison."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import exp, log
+
+from handover_dmp.dmp.primitive import Primitive
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class ClassicalDmp(Primitive):
+    """
+    The classical primitive (1a): τv̇ = K(g − x) − Dv − K(g − x0)s + K f(s).
+
+    With f(s) = s·Σψ_i w_i/Σψ_i, (3), that is (8) with w_g = 1 − s, K_s = K and K_v = 0, and so it
+    is run. The goal may move; its velocity is not looked at beyond the step. Fields: see
+    `Primitive`; of the parameters, `mu`, `sigma`, `goal_velocity_gain` and `formulation` have no
+    meaning here.
+    """
+
+    def weights_in_time(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """
+        Give 1 − s.
+
+        Args:
+            u: −ln(s)/α, any shape.
+
+        Returns:
+            The weight of the goal, from 0 to 1, of the same shape.
+
+        """
+        weight: NDArray[np.float64] = 1.0 - np.exp(-self.parameters.alpha * u)
+        return weight
+
+    def _weight_pair(self, first: float, second: float) -> tuple[float, float]:
+        alpha = self.parameters.alpha
+        return 1.0 - exp(-alpha * first), 1.0 - exp(-alpha * second)
+
+    @property
+    def _settled(self) -> float:
+        return -log(1e-17) / self.parameters.alpha
+
+    @property
+    def _sharpest(self) -> float:
+        return 0.1 / self.parameters.alpha
+
+    @property
+    def _goal_velocity_gain(self) -> float:
+        return 0.0
+
+    @property
+    def shape_stiffness(self) -> float:
+        """K_s, which is K in (1a)."""
+        return self.parameters.stiffness

@@ -1,0 +1,115 @@
+"""A recorded motion as learning wants it: evenly sampled, with its derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from handover_dmp.errors import DataError
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import BSpline, make_interp_spline
+
+Array = NDArray[np.float64]
+
+LEAST_SAMPLES = 4
+DEGREE = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Demonstration:
+    """
+    A motion over time in units of its duration.
+
+    Attributes:
+        duration_s: τ, s.
+        samples: how many samples it was recorded with.
+        u: t/τ, from 0 to 1, (n,).
+        position: x, m, (n, d).
+        velocity: v = τẋ, m, (n, d).
+        acceleration: τv̇ = τ²ẍ, m, (n, d).
+
+    """
+
+    duration_s: float
+    samples: int
+    u: Array
+    position: Array
+    velocity: Array
+    acceleration: Array
+
+
+def demonstrate(times: ArrayLike, positions: ArrayLike, count: int) -> Demonstration:
+    """
+    Sample a recorded motion evenly and differentiate it.
+
+    A quintic spline goes through the samples, so their stamps need not be even, and the ends may
+    have speed. Noise goes through as well: filter noisy recordings first.
+
+    Args:
+        times: s, (n,), rising.
+        positions: m, (n, d).
+        count: samples to give.
+
+    Returns:
+        The demonstration.
+
+    Raises:
+        DataError: too few samples, times that do not rise, numbers that are not finite.
+
+    """
+    stamps, spline = _spline(times, positions)
+    duration = float(stamps[-1] - stamps[0])
+    u = np.linspace(0.0, 1.0, count)
+    velocity = spline.derivative()
+    at = np.clip(stamps[0] + duration * u, stamps[0], stamps[-1])
+    return Demonstration(
+        duration,
+        stamps.size,
+        u,
+        spline(at),
+        duration * velocity(at),
+        duration**2 * velocity.derivative()(at),
+    )
+
+
+def mean_motion(
+    demonstrations: Sequence[tuple[ArrayLike, ArrayLike]], count: int
+) -> tuple[Array, Array]:
+    """
+    Average motions after giving them all the same duration (the paper's *learn mean*).
+
+    Args:
+        demonstrations: times, s, (n,), and positions, m, (n, d), of each; n may differ.
+        count: samples to give.
+
+    Returns:
+        Times from 0 to the mean duration, s, (count,), and mean positions, m, (count, d).
+
+    Raises:
+        DataError: no demonstration, different dimensions, or one that cannot be used.
+
+    """
+    if not demonstrations:
+        raise DataError('no demonstration to learn from')
+    motions = [demonstrate(times, positions, count) for times, positions in demonstrations]
+    if len({motion.position.shape[1] for motion in motions}) != 1:
+        raise DataError('the demonstrations have different numbers of dimensions')
+    duration = float(np.mean([motion.duration_s for motion in motions]))
+    return motions[0].u * duration, np.mean([motion.position for motion in motions], axis=0)
+
+
+def _spline(times: ArrayLike, positions: ArrayLike) -> tuple[Array, BSpline]:
+    stamps, points = np.asarray(times, dtype=float), np.asarray(positions, dtype=float)
+    if stamps.ndim != 1 or points.ndim != 2 or len(points) != stamps.size or not points.size:
+        raise DataError(
+            f'times {stamps.shape} and positions {points.shape} instead of (n,) and (n, d)'
+        )
+    if stamps.size < LEAST_SAMPLES:
+        raise DataError(f'a demonstration of {stamps.size} samples; {LEAST_SAMPLES} are needed')
+    if not (np.isfinite(stamps).all() and np.isfinite(points).all()):
+        raise DataError('the demonstration holds a number that is not finite')
+    if (np.diff(stamps) <= 0.0).any():
+        raise DataError('the times of the demonstration do not rise')
+    degree = min(DEGREE, stamps.size - 1)
+    return stamps, make_interp_spline(stamps, points, k=degree - 1 + degree % 2)

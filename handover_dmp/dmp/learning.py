@@ -1,0 +1,213 @@
+"""Learning the forcing term (6) from demonstrations, (9)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeVar
+
+from handover_dmp.dmp.basis import equally_spaced
+from handover_dmp.dmp.decoupled import DecoupledDmp
+from handover_dmp.dmp.demonstration import demonstrate, Demonstration, mean_motion
+from handover_dmp.dmp.parameters import DmpParameters
+from handover_dmp.dmp.posterior import WeightPosterior
+from handover_dmp.dmp.primitive import Primitive
+from handover_dmp.dmp.sparse_bayes import sparse_bayes
+from handover_dmp.errors import DataError, UsageError
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+AnyPrimitive = TypeVar('AnyPrimitive', bound=Primitive)
+
+REGRESSIONS = ('rvm', 'ridge')
+DEFAULT_BASIS = 100
+MOST_BASIS = 2000
+ROWS = 301  # rows of the regression for each demonstration, more if it has more samples
+RIDGE = 1e-10  # relative to the mean square of a column
+
+
+def learn(
+    times: ArrayLike,
+    positions: ArrayLike,
+    parameters: DmpParameters | None = None,
+    *,
+    regression: str = 'rvm',
+    basis: int = DEFAULT_BASIS,
+    widths: Sequence[float] = (1.0,),
+    source: str = '',
+    primitive: type[AnyPrimitive] = DecoupledDmp,  # type: ignore[assignment]
+) -> AnyPrimitive:
+    """
+    Learn from one demonstration.
+
+    Minimises Σ‖(1 − w_g)·K_s·(Φw) − r‖² with r = τv̇ + Dv − w_g K(g − x) − (1 − w_g)K_s(x0 − x):
+    (9) with its rows weighted by 1 − w_g, where the paper divides by it. The goal is the end of
+    the demonstration, at rest.
+
+    Args:
+        times: s, (n,), rising; they need not be even.
+        positions: m, (n, d).
+        parameters: of the primitive; the defaults of `config/handover.yaml` if left out.
+        regression: `rvm`, sparse Bayesian, or `ridge`.
+        basis: number of centres, 2 to 2000.
+        widths: the Gaussians each centre gets, in units of the usual width.
+        source: what it is learnt from, in words.
+        primitive: `DecoupledDmp` or `ClassicalDmp`.
+
+    Returns:
+        The learnt movement.
+
+    Raises:
+        DataError: a demonstration that cannot be used.
+        UsageError: an unknown regression, or a number of basis functions out of range.
+
+    """
+    return learn_jointly(
+        [(times, positions)],
+        parameters,
+        regression=regression,
+        basis=basis,
+        widths=widths,
+        source=source,
+        primitive=primitive,
+    )
+
+
+def learn_mean(
+    demonstrations: Sequence[tuple[ArrayLike, ArrayLike]],
+    parameters: DmpParameters | None = None,
+    *,
+    regression: str = 'rvm',
+    basis: int = DEFAULT_BASIS,
+    widths: Sequence[float] = (1.0,),
+    source: str = '',
+    primitive: type[AnyPrimitive] = DecoupledDmp,  # type: ignore[assignment]
+) -> AnyPrimitive:
+    """
+    Learn from the mean of several demonstrations, each stretched to the mean duration.
+
+    Args:
+        demonstrations: times, s, (n,), and positions, m, (n, d), of each; n may differ.
+        parameters: see `learn`.
+        regression: see `learn`.
+        basis: see `learn`.
+        widths: see `learn`.
+        source: see `learn`.
+        primitive: see `learn`.
+
+    Returns:
+        The learnt movement.
+
+    Raises:
+        DataError: a demonstration that cannot be used.
+        UsageError: an unknown regression, or a number of basis functions out of range.
+
+    """
+    count = max([ROWS, *(np.size(times) for times, _ in demonstrations)])
+    times, positions = mean_motion(demonstrations, count)
+    return learn(
+        times,
+        positions,
+        parameters,
+        regression=regression,
+        basis=basis,
+        widths=widths,
+        source=source,
+        primitive=primitive,
+    )
+
+
+def learn_jointly(
+    demonstrations: Sequence[tuple[ArrayLike, ArrayLike]],
+    parameters: DmpParameters | None = None,
+    *,
+    regression: str = 'rvm',
+    basis: int = DEFAULT_BASIS,
+    widths: Sequence[float] = (1.0,),
+    source: str = '',
+    primitive: type[AnyPrimitive] = DecoupledDmp,  # type: ignore[assignment]
+) -> AnyPrimitive:
+    """
+    Learn from several demonstrations in one regression, each with its own start, end and pace.
+
+    Args:
+        demonstrations: times, s, (n,), and positions, m, (n, d), of each; n may differ.
+        parameters: see `learn`.
+        regression: see `learn`.
+        basis: see `learn`.
+        widths: see `learn`.
+        source: see `learn`.
+        primitive: see `learn`.
+
+    Returns:
+        The learnt movement; duration, start and goal are the means of the demonstrations'.
+
+    Raises:
+        DataError: a demonstration that cannot be used.
+        UsageError: an unknown regression, or a number of basis functions out of range.
+
+    """
+    if regression not in REGRESSIONS:
+        raise UsageError(f'regression is {regression!r}; known: {", ".join(REGRESSIONS)}')
+    if not 2 <= basis * len(widths) <= MOST_BASIS or basis < 2 or min(widths) <= 0.0:
+        raise UsageError(f'{basis} basis functions; there must be 2 to {MOST_BASIS}')
+    if not demonstrations:
+        raise DataError('no demonstration to learn from')
+    parameters = parameters or DmpParameters()
+    motions = [
+        demonstrate(times, positions, max(ROWS, np.size(times)))
+        for times, positions in demonstrations
+    ]
+    if len({motion.position.shape[1] for motion in motions}) != 1:
+        raise DataError('the demonstrations have different numbers of dimensions')
+    pool = equally_spaced(basis, parameters.alpha, tuple(widths))
+    blank = primitive(
+        parameters,
+        float(np.mean([motion.duration_s for motion in motions])),
+        np.mean([motion.position[0] for motion in motions], axis=0),
+        np.mean([motion.position[-1] for motion in motions], axis=0),
+        np.zeros((pool.size, motions[0].position.shape[1])),
+        pool,
+        start_velocity=np.mean(
+            [motion.velocity[0] / motion.duration_s for motion in motions], axis=0
+        ),
+        source=source,
+    )
+    rows = [_rows(motion, blank) for motion in motions]
+    design = np.concatenate([each[0] for each in rows])
+    target = np.concatenate([each[1] for each in rows])
+    if regression == 'ridge':
+        return blank.with_weights(_ridge(design, target))
+    samples = sum(motion.samples for motion in motions)
+    return _sparse(blank, design, target, min(1.0, samples / len(design)))
+
+
+def _rows(motion: Demonstration, primitive: Primitive) -> tuple[Array, Array]:
+    """Give the rows (1 − w)K_sΦ and r of (9), (n, m) and (n, d)."""
+    parameters = primitive.parameters
+    goal_weight = primitive.weights_in_time(motion.u)[:, None]
+    free = (1.0 - goal_weight) * primitive.shape_stiffness
+    design = primitive.basis.activations(np.exp(-parameters.alpha * motion.u))
+    design *= free
+    target = motion.acceleration + parameters.effective_damping * motion.velocity
+    target -= goal_weight * parameters.stiffness * (motion.position[-1] - motion.position)
+    target -= free * (motion.position[0] - motion.position)
+    return design, target
+
+
+def _ridge(design: Array, target: Array) -> Array:
+    gram = design.T @ design
+    gram[np.diag_indices_from(gram)] += RIDGE * np.trace(gram) / len(gram)
+    weights: Array = np.linalg.solve(gram, design.T @ target)
+    return weights
+
+
+def _sparse(blank: AnyPrimitive, design: Array, target: Array, information: float) -> AnyPrimitive:
+    """Regress each dimension on its own; `information` is how many samples a row stands for."""
+    weights = np.zeros_like(blank.weights)
+    posteriors = []
+    for dimension in range(blank.dimensions):
+        result = sparse_bayes(design, target[:, dimension], information=information)
+        weights[result.active, dimension] = result.mean
+        posteriors.append(WeightPosterior(result.active, result.covariance))
+    return blank.with_weights(weights, tuple(posteriors))

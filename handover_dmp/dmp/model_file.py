@@ -1,0 +1,261 @@
+"""Model files: one JSON document, every number as exact as it was."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, fields
+import json
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from handover_dmp.dmp.basis import Basis
+from handover_dmp.dmp.classical import ClassicalDmp
+from handover_dmp.dmp.decoupled import DecoupledDmp
+from handover_dmp.dmp.parameters import DmpParameters
+from handover_dmp.dmp.posterior import WeightPosterior
+from handover_dmp.dmp.primitive import Primitive
+from handover_dmp.errors import DataError
+from handover_dmp.files import write_text
+import numpy as np
+from numpy.typing import NDArray
+
+FORMAT = 'handover_dmp model'
+VERSION = 2
+KINDS: dict[str, type[Primitive]] = {'decoupled': DecoupledDmp, 'classical': ClassicalDmp}
+UNITS = {
+    'duration': 's',
+    'start': 'm',
+    'goal': 'm',
+    'goal_offset': 'm',
+    'start_velocity': 'm/s',
+    'weights': 'm',
+    'covariance': 'm^2',
+    'goal_velocity_gain': 's; negative: damping times duration',
+    'mu': 'duration',
+    'sigma': 'duration',
+}
+
+LARGEST_FILE_BYTES = 64_000_000
+MOST_BASIS = 10_000
+MOST_DIMENSIONS = 100
+
+
+def save_model(model: Primitive, path: Path | str) -> None:
+    """
+    Write a model file.
+
+    Args:
+        model: decoupled or classical.
+        path: file to write.
+
+    """
+    kind = next(name for name, known in KINDS.items() if type(model) is known)
+    document = {
+        'format': FORMAT,
+        'version': VERSION,
+        'kind': kind,
+        'source': model.source,
+        'units': UNITS,
+        'parameters': asdict(model.parameters),
+        'duration': model.duration_s,
+        'start': model.start.tolist(),
+        'start_velocity': model.start_velocity.tolist(),
+        'goal': model.goal.tolist(),
+        'goal_offset': model.goal_offset.tolist(),
+        'basis': {
+            'centres': model.basis.centres.tolist(),
+            'sharpness': model.basis.sharpness.tolist(),
+        },
+        'weights': model.weights.tolist(),
+        'covariance': None
+        if model.covariance is None
+        else [
+            {'active': posterior.active.tolist(), 'matrix': posterior.matrix.tolist()}
+            for posterior in model.covariance
+        ],
+    }
+    write_text(Path(path), json.dumps(document, allow_nan=False, indent=1) + '\n')
+
+
+def load_model(path: Path | str) -> Primitive:
+    """
+    Read a model file of this or of an older version.
+
+    Args:
+        path: file to read.
+
+    Returns:
+        The model, every float as it was written.
+
+    Raises:
+        DataError: the file cannot be read, is of an unknown version, or holds what cannot be a
+            model.
+
+    """
+    path = Path(path)
+    document = _parse(path)
+    try:
+        return _build(_current(document))
+    except DataError as error:
+        raise DataError(f'{path}: {error}') from error
+
+
+def _parse(path: Path) -> dict[str, Any]:
+    try:
+        if path.stat().st_size > LARGEST_FILE_BYTES:
+            raise DataError(f'{path}: larger than {LARGEST_FILE_BYTES // 1_000_000} MB')
+        document = json.loads(path.read_text(encoding='utf-8'), parse_constant=_refuse)
+    except OSError as error:
+        raise DataError(f'{path}: {error.strerror}') from error
+    except UnicodeDecodeError as error:
+        raise DataError(f'{path}: not a text file') from error
+    except json.JSONDecodeError as error:
+        raise DataError(f'{path}, line {error.lineno}: not JSON: {error.msg}') from error
+    except (RecursionError, ValueError) as error:
+        raise DataError(f'{path}: {_first_line(error)}') from error
+    if not isinstance(document, dict) or document.get('format') != FORMAT:
+        raise DataError(f'{path}: not a model file (no "format": "{FORMAT}")')
+    return document
+
+
+def _refuse(constant: str) -> float:
+    raise ValueError(f'holds {constant}, which is no number')
+
+
+def _first_line(error: BaseException) -> str:
+    return (str(error) or type(error).__name__).splitlines()[0][:200]
+
+
+def _current(document: dict[str, Any]) -> dict[str, Any]:
+    """Bring a document of an older version up to this one."""
+    version = document.get('version')
+    known = [*MIGRATIONS, VERSION]
+    if isinstance(version, bool) or not isinstance(version, int) or version not in known:
+        raise DataError(
+            f'model version {str(version)[:40]} is unknown; '
+            f'known: {", ".join(str(each) for each in known)}'
+        )
+    for older in range(version, VERSION):
+        document = MIGRATIONS[older](document)
+    return document
+
+
+def _from_version_1(document: dict[str, Any]) -> dict[str, Any]:
+    """Version 1 knew the decoupled primitive alone, and not how fast a demonstration started."""
+    start = document.get('start')
+    still = [0.0] * len(start) if isinstance(start, list) else []
+    return {'start_velocity': still, **document, 'version': 2, 'kind': 'decoupled'}
+
+
+MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {1: _from_version_1}
+
+
+def _build(document: dict[str, Any]) -> Primitive:
+    kind = document.get('kind')
+    if not isinstance(kind, str) or kind not in KINDS:
+        raise DataError(f'kind {str(kind)[:40]!r} is unknown; known: {", ".join(KINDS)}')
+    start = _array(document, 'start', (None,), MOST_DIMENSIONS)
+    basis = _member(document, 'basis', dict)
+    centres = _array(basis, 'centres', (None,), MOST_BASIS)
+    sharpness = _array(basis, 'sharpness', (centres.size,))
+    if not centres.size or not start.size:
+        raise DataError('a model needs at least one dimension and one basis function')
+    if (sharpness <= 0.0).any():
+        raise DataError('sharpness must be above 0')
+    if (np.abs(centres) > 10.0).any() or (sharpness > 1e30).any():
+        raise DataError('the basis functions lie beyond every phase')
+    vector = (start.size,)
+    return KINDS[kind](
+        _parameters(_member(document, 'parameters', dict)),
+        _number(document, 'duration'),
+        start,
+        _array(document, 'goal', vector),
+        _array(document, 'weights', (centres.size, start.size)),
+        Basis(centres, sharpness),
+        goal_offset=_array(document, 'goal_offset', vector),
+        start_velocity=_array(document, 'start_velocity', vector),
+        covariance=_covariance(document.get('covariance'), start.size, centres.size),
+        source=_member(document, 'source', str)[:10_000],
+    )
+
+
+def _parameters(document: dict[str, Any]) -> DmpParameters:
+    names = {each.name for each in fields(DmpParameters)}
+    if unknown := sorted(set(document) - names):
+        raise DataError(f'unknown parameter {unknown[0][:40]!r}')
+    if missing := sorted(names - set(document)):
+        raise DataError(f'parameter {missing[0]} is missing')
+    values: dict[str, Any] = {
+        name: _member(document, name, str) if name == 'formulation' else _number(document, name)
+        for name in names
+    }
+    return DmpParameters(**values)
+
+
+def _covariance(document: Any, dimensions: int, size: int) -> tuple[WeightPosterior, ...] | None:
+    if document is None:
+        return None
+    if not isinstance(document, list) or len(document) != dimensions:
+        raise DataError(f'covariance must be null or have {dimensions} entries')
+    posteriors = []
+    for entry in document:
+        if not isinstance(entry, dict):
+            raise DataError('an entry of covariance is not an object')
+        active = _array(entry, 'active', (None,), size)
+        if (active != np.floor(active)).any() or (active < 0).any() or (active >= size).any():
+            raise DataError('covariance names a basis function that does not exist')
+        if np.unique(active).size != active.size:
+            raise DataError('covariance names a basis function twice')
+        matrix = _array(entry, 'matrix', (active.size, active.size))
+        posteriors.append(WeightPosterior(active.astype(np.int64), matrix))
+    return tuple(posteriors)
+
+
+def _member(document: dict[str, Any], name: str, kind: type) -> Any:
+    if name not in document:
+        raise DataError(f'{name} is missing')
+    if not isinstance(document[name], kind):
+        raise DataError(f'{name} is not {_KIND_NAMES[kind]}')
+    return document[name]
+
+
+_KIND_NAMES: dict[type, str] = {dict: 'an object', str: 'a text', list: 'a list'}
+
+
+def _number(document: dict[str, Any], name: str) -> float:
+    value = document.get(name)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise DataError(f'{name} is missing' if value is None else f'{name} is not a number')
+    return _finite(value, name)
+
+
+def _finite(value: Any, name: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise DataError(f'{name} holds something that is not a number')
+    try:
+        number = float(value)
+    except OverflowError:
+        number = float('inf')
+    if not isfinite(number):
+        raise DataError(f'{name} holds a number that is not finite')
+    return number
+
+
+def _array(
+    document: dict[str, Any], name: str, shape: tuple[int | None, ...], most: int = MOST_BASIS
+) -> NDArray[np.float64]:
+    """Read nested lists of numbers of one shape; None stands for any length up to `most`."""
+    values = _member(document, name, list)
+    count = len(values) if shape[0] is None else shape[0]
+    if len(values) != count or count > most:
+        wanted = f'at most {most}' if shape[0] is None else str(count)
+        raise DataError(f'{name} has {len(values)} entries instead of {wanted}')
+    if len(shape) == 1:
+        return np.array([_finite(value, name) for value in values], dtype=float)
+    rows = []
+    for row in values:
+        if not isinstance(row, list) or len(row) != shape[1]:
+            raise DataError(f'{name} has a row that is not of {shape[1]} numbers')
+        rows.append([_finite(value, name) for value in row])
+    return np.array(rows, dtype=float).reshape(count, shape[1] or 0)

@@ -1,0 +1,96 @@
+"""The numbers that make a movement primitive, apart from what it has learnt."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite, log, sqrt
+
+from handover_dmp.errors import DataError
+from handover_dmp.settings import setting
+
+FORMULATIONS = ('stiff', 'printed')
+
+
+@dataclass(frozen=True)
+class DmpParameters:
+    """
+    Parameters of the canonical system (4), the goal weight (7) and the transformation system (8).
+
+    Attributes:
+        stiffness: K of (8), above 0.
+        damping: D of (8); 0 stands for critical damping, 2√K.
+        goal_velocity_gain: K_v of (8), s; negative stands for Dτ, with which the motion does not
+            lag behind a goal of constant velocity.
+        phase_at_end: s(τ), between 0 and 1; it sets α of (4).
+        mu: centre of the goal weight (7), in units of τ.
+        sigma: width of the goal weight (7), in units of τ.
+        formulation: `stiff` puts K_s = K in front of the learnt shape, the only form that becomes
+            (1a) when w_g = 1 − s; `printed` puts K_s = 1, as (5a), (8) and (9) are printed.
+
+    Raises:
+        DataError: a parameter is outside of its range.
+
+    """
+
+    stiffness: float = setting('dmp', 'stiffness')
+    damping: float = setting('dmp', 'damping')
+    goal_velocity_gain: float = setting('dmp', 'goal_velocity_gain')
+    phase_at_end: float = setting('dmp', 'phase_at_end')
+    mu: float = setting('dmp', 'mu')
+    sigma: float = setting('dmp', 'sigma')
+    formulation: str = setting('dmp', 'formulation')
+
+    def __post_init__(self) -> None:
+        """Turn the numbers into plain floats and check their ranges."""
+        for name, low, high in _RANGES:
+            try:
+                value = float(getattr(self, name))
+            except (TypeError, ValueError) as error:
+                raise DataError(f'{name} is not a number: {getattr(self, name)!r}') from error
+            if not (isfinite(value) and low <= value <= high):
+                raise DataError(f'{name} is {value:g}; it must be from {low:g} to {high:g}')
+            object.__setattr__(self, name, value)
+        if self.formulation not in FORMULATIONS:
+            raise DataError(
+                f'formulation is {self.formulation!r}; known: {", ".join(FORMULATIONS)}'
+            )
+
+    @property
+    def alpha(self) -> float:
+        """Decay rate α of the phase (4)."""
+        return -log(self.phase_at_end)
+
+    @property
+    def effective_damping(self) -> float:
+        """D of (8), with 0 replaced by 2√K."""
+        return self.damping if self.damping > 0.0 else 2.0 * sqrt(self.stiffness)
+
+    @property
+    def shape_stiffness(self) -> float:
+        """K_s of (8): what pulls towards the learnt shape."""
+        return self.stiffness if self.formulation == 'stiff' else 1.0
+
+    def effective_goal_velocity_gain(self, duration_s: float) -> float:
+        """
+        K_v of (8), with a negative value replaced by Dτ.
+
+        Args:
+            duration_s: τ, s.
+
+        Returns:
+            K_v, s.
+
+        """
+        if self.goal_velocity_gain >= 0.0:
+            return self.goal_velocity_gain
+        return self.effective_damping * duration_s
+
+
+_RANGES = (
+    ('stiffness', 1e-3, 1e6),
+    ('damping', 0.0, 1e5),
+    ('goal_velocity_gain', -1e6, 1e6),
+    ('phase_at_end', 1e-9, 0.99),
+    ('mu', -10.0, 10.0),
+    ('sigma', 1e-4, 10.0),
+)

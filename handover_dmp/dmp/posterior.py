@@ -1,0 +1,39 @@
+"""What a Bayesian regression knows, and does not know, about the weights of one dimension."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from handover_dmp.errors import DataError
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class WeightPosterior:
+    """
+    Covariance of the weights that are not zero.
+
+    Attributes:
+        active: their indices, (k,).
+        matrix: their covariance, m², (k, k).
+
+    Raises:
+        DataError: shapes that do not fit each other, or numbers that are not finite.
+
+    """
+
+    active: NDArray[np.int64]
+    matrix: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        """Check the shapes and make the arrays read-only."""
+        active = np.array(self.active, dtype=np.int64)
+        matrix = np.array(self.matrix, dtype=float).reshape(-1, active.size)
+        if active.ndim != 1 or matrix.shape != (active.size, active.size):
+            raise DataError(f'covariance has the shape {matrix.shape} for {active.size} weights')
+        if not np.isfinite(matrix).all():
+            raise DataError('covariance holds a number that is not finite')
+        for name, array in (('active', active), ('matrix', matrix)):
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)

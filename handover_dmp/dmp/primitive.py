@@ -1,0 +1,613 @@
+"""
+What the decoupled and the classical primitive share: stepping, rolling out, in batches too.
+
+Both are τv̇ = (1 − w)K_s(f_w + x0 − x) + w[K(g − x) + K_v ġ] − Dv, τẋ = v, (8), with another
+weight w over the phase. All three ways of running it use the same intervals of `transition`, so
+they agree to rounding.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from math import ceil, exp, inf, log, nan
+from typing import Any, NamedTuple, TypeVar
+
+from handover_dmp.dmp.basis import Basis, LAST_NODE, TABLE_RATE
+from handover_dmp.dmp.intervals import Intervals
+from handover_dmp.dmp.parameters import DmpParameters
+from handover_dmp.dmp.posterior import WeightPosterior
+from handover_dmp.dmp.state import DmpState, Rollout, Vector
+from handover_dmp.dmp.transition import GAUSS_A, GAUSS_B, steady, Transition, varying
+from handover_dmp.errors import DataError
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+Self = TypeVar('Self', bound='Primitive')
+
+LONGEST_DURATION_S = 3600.0
+SMALLEST_PHASE = 1e-300
+# A step that is longer than this part of τ while the stiffness changes is divided.
+LONGEST_VARYING = 0.05
+_OPTIONAL = ('goal_offset', 'start_velocity')
+
+
+@dataclass(frozen=True, eq=False)
+class Primitive(ABC):
+    """
+    A learnt movement of d dimensions, ready to be run; it never changes.
+
+    Attributes:
+        parameters: K, D and the others.
+        duration_s: τ, s.
+        start: x0 of the demonstration, m, (d,).
+        goal: end of the demonstration, m, (d,).
+        weights: w of (6), (m, d).
+        basis: the m basis functions.
+        goal_offset: end of the demonstration less that of its partner's, m, (d,): what the goal
+            lies away from the partner's hand. Zeros unless given.
+        start_velocity: velocity at the start of the demonstration, m/s, (d,). Zeros unless given.
+        covariance: posterior of the weights, one a dimension; None where the regression gives
+            none.
+        source: what it was learnt from, in words.
+
+    Raises:
+        DataError: shapes that do not fit each other, or numbers that are not finite.
+
+    """
+
+    parameters: DmpParameters
+    duration_s: float
+    start: Array
+    goal: Array
+    weights: Array
+    basis: Basis
+    goal_offset: Array = field(default_factory=lambda: np.zeros(0))
+    start_velocity: Array = field(default_factory=lambda: np.zeros(0))
+    covariance: tuple[WeightPosterior, ...] | None = None
+    source: str = ''
+    _memo: _Step = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Check the shapes and make the arrays read-only."""
+        duration = float(self.duration_s)
+        if not 0.0 < duration <= LONGEST_DURATION_S:
+            raise DataError(
+                f'duration is {duration:g} s; it must be above 0 and up to {LONGEST_DURATION_S:g}'
+            )
+        object.__setattr__(self, 'duration_s', duration)
+        dimensions = np.size(self.start)
+        for name, shape in (
+            ('start', (dimensions,)),
+            ('goal', (dimensions,)),
+            ('goal_offset', (dimensions,)),
+            ('start_velocity', (dimensions,)),
+            ('weights', (self.basis.size, dimensions)),
+        ):
+            given = getattr(self, name)
+            array = np.array(given, dtype=float)
+            if array.size == 0 and name in _OPTIONAL:
+                array = np.zeros(shape)
+            if array.shape != shape:
+                raise DataError(f'{name} has the shape {array.shape} instead of {shape}')
+            if not np.isfinite(array).all():
+                raise DataError(f'{name} holds a number that is not finite')
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        object.__setattr__(self, '_memo', _Step(nan, nan))
+
+    @property
+    def dimensions(self) -> int:
+        """Number of dimensions d."""
+        return int(self.start.size)
+
+    def with_parameters(self: Self, **changes: Any) -> Self:
+        """
+        Change parameters without learning again.
+
+        Args:
+            changes: fields of `DmpParameters`.
+
+        Returns:
+            The same movement with other parameters. The weights stay, so it no longer is the
+            best fit of its demonstration if K, D, the formulation or the goal weight change.
+
+        """
+        return replace(self, parameters=replace(self.parameters, **changes))
+
+    def with_duration(self: Self, duration_s: float) -> Self:
+        """
+        Change τ; states of the old one can be stepped on, x and ẋ do not jump.
+
+        Args:
+            duration_s: new τ, s.
+
+        Returns:
+            The same movement at another pace.
+
+        """
+        return replace(self, duration_s=duration_s)
+
+    def with_goal_offset(self: Self, offset: ArrayLike) -> Self:
+        """
+        Set where the goal lies, seen from the partner's hand.
+
+        Args:
+            offset: m, (d,).
+
+        Returns:
+            The same movement with this offset.
+
+        """
+        return replace(self, goal_offset=np.asarray(offset, dtype=float))
+
+    def with_weights(
+        self: Self, weights: ArrayLike, covariance: tuple[WeightPosterior, ...] | None = None
+    ) -> Self:
+        """
+        Replace what was learnt.
+
+        Args:
+            weights: w of (6), (m, d).
+            covariance: posterior of the weights, one a dimension.
+
+        Returns:
+            A movement with these weights and everything else as it was.
+
+        """
+        return replace(self, weights=np.asarray(weights, dtype=float), covariance=covariance)
+
+    @abstractmethod
+    def weights_in_time(self, u: Array) -> Array:
+        """
+        Give the goal weight w at times in units of τ.
+
+        Args:
+            u: −ln(s)/α, any shape.
+
+        Returns:
+            w, from 0 to 1, of the same shape.
+
+        """
+
+    @abstractmethod
+    def _weight_pair(self, first: float, second: float) -> tuple[float, float]:
+        """Give the goal weight at two times in units of τ."""
+
+    @property
+    def shape_stiffness(self) -> float:
+        """K_s of (8)."""
+        return self.parameters.shape_stiffness
+
+    @property
+    @abstractmethod
+    def _settled(self) -> float:
+        """Time in units of τ from which on the goal weight is 1 to rounding."""
+
+    @property
+    @abstractmethod
+    def _sharpest(self) -> float:
+        """Time in units of τ within which the goal weight hardly changes its slope."""
+
+    @property
+    @abstractmethod
+    def _goal_velocity_gain(self) -> float:
+        """K_v, s."""
+
+    def goal_weight(self, phase: float) -> float:
+        """
+        Give the goal weight w_g at one phase.
+
+        Args:
+            phase: s of (4), above 0 and at most 1.
+
+        Returns:
+            w_g, from 0 to 1.
+
+        """
+        u = -log(max(phase, SMALLEST_PHASE)) / self.parameters.alpha
+        return self._weight_pair(u, u)[0]
+
+    def initial_state(
+        self, position: Sequence[float] | None = None, velocity: Sequence[float] | None = None
+    ) -> DmpState:
+        """
+        Stand at the start.
+
+        Args:
+            position: x0, m, (d,); that of the demonstration if left out.
+            velocity: ẋ, m/s, (d,); at rest if left out.
+
+        Returns:
+            The state, with phase 1.
+
+        """
+        start = tuple(float(x) for x in (self.start if position is None else position))
+        moving = (
+            (0.0,) * self.dimensions if velocity is None else tuple(float(v) for v in velocity)
+        )
+        if len(start) != self.dimensions or len(moving) != self.dimensions:
+            raise DataError(f'position and velocity need {self.dimensions} numbers each')
+        return DmpState(start, moving, 1.0, start)
+
+    def step(
+        self,
+        state: DmpState,
+        goal: Vector,
+        goal_velocity: Vector,
+        dt: float,
+        phase_rate: float = 1.0,
+    ) -> DmpState:
+        """
+        Move on by one step of (8), right for any length of it.
+
+        Args:
+            state: where it stands.
+            goal: g at the start of the step, m, d floats.
+            goal_velocity: ġ, m/s, d floats; within the step the goal moves on with it.
+            dt: length of the step, s, at least 0.
+            phase_rate: how fast the phase runs, 1 as it should and 0 not at all (phase stopping).
+
+        Returns:
+            The state at the end of the step.
+
+        Raises:
+            DataError: the step or the rate is negative or not finite.
+
+        """
+        memo = self._memo
+        if dt != memo.dt or phase_rate != memo.phase_rate:
+            memo = self._remember(dt, phase_rate)
+        if memo.whole:
+            return self._move(state, goal, goal_velocity, memo)
+        done = 0.0
+        for part in self._divide(self._time(state.phase), dt / self.duration_s, phase_rate):
+            moved = tuple(g + done * v for g, v in zip(goal, goal_velocity, strict=True))
+            state = self._move(state, moved, goal_velocity, self._measure(part, phase_rate))
+            done += part * self.duration_s
+        return state
+
+    def rollout(
+        self,
+        times: ArrayLike,
+        goals: ArrayLike,
+        goal_velocities: ArrayLike | None = None,
+        *,
+        start: ArrayLike | None = None,
+        velocity: ArrayLike | None = None,
+        deviation: bool = False,
+    ) -> Rollout:
+        """
+        Run from the start to the end.
+
+        Args:
+            times: s, (n,), rising, spaced as one likes; the phase is 1 at the first.
+            goals: g at these times, m, (n, d), or one goal for all, (d,).
+            goal_velocities: ġ at these times, m/s, (n, d); central differences of the goals if
+                left out.
+            start: x0, m, (d,); that of the demonstration if left out.
+            velocity: ẋ at the start, m/s, (d,); at rest if left out.
+            deviation: whether to work out the standard deviation that the posterior implies.
+
+        Returns:
+            The motion at these times. Between them the goal moves on with its velocity, as in
+            `step`.
+
+        Raises:
+            DataError: shapes or times that do not fit, or a deviation of a model that has no
+                posterior.
+
+        """
+        stamps = _checked_times(times)
+        targets, target_velocities = self._checked_goals(stamps, goals, goal_velocities)
+        x0 = self.start if start is None else self._vector('start', start)
+        first = np.zeros((2, self.dimensions))
+        if velocity is not None:
+            first[1] = self._vector('velocity', velocity)
+        u = (stamps - stamps[0]) / self.duration_s
+        intervals, forcing = self._intervals(u, self._rows_of_weights)
+        inputs = forcing + intervals.goal[:, :, None] * (targets[:-1] - x0)[:, None, :]
+        inputs += intervals.goal_velocity[:, :, None] * target_velocities[:-1, None, :]
+        path = intervals.run(first, inputs)
+        return Rollout(
+            stamps,
+            path[:, 0] + x0,
+            path[:, 1],
+            self.weights_in_time(u),
+            np.exp(-self.parameters.alpha * u),
+            self._deviation(u) if deviation else None,
+        )
+
+    def rollout_batch(
+        self,
+        times: ArrayLike,
+        goals: ArrayLike,
+        goal_velocities: ArrayLike | None = None,
+        starts: ArrayLike | None = None,
+    ) -> tuple[Array, Array]:
+        """
+        Run many times at once, each against its own goals.
+
+        Args:
+            times: s, (n,), rising, the same for all.
+            goals: g, m, (b, n, d).
+            goal_velocities: ġ, m/s, (b, n, d); central differences of the goals if left out.
+            starts: x0, m, (b, d); that of the demonstration if left out.
+
+        Returns:
+            Positions, m, and velocities, m/s, (b, n, d) each; all start at rest. They lie in
+            memory with time first.
+
+        Raises:
+            DataError: shapes or times that do not fit.
+
+        """
+        stamps = _checked_times(times)
+        count = stamps.size
+        targets = np.asarray(goals, dtype=float)
+        if targets.ndim != 3 or targets.shape[1:] != (count, self.dimensions):
+            raise DataError(
+                f'goals have the shape {targets.shape} instead of (b, {count}, {self.dimensions})'
+            )
+        if goal_velocities is None:
+            target_velocities = np.gradient(targets, stamps, axis=1)
+        else:
+            target_velocities = np.asarray(goal_velocities, dtype=float)
+        x0 = np.broadcast_to(self.start, (len(targets), self.dimensions))
+        if starts is not None:
+            x0 = np.asarray(starts, dtype=float)
+        if target_velocities.shape != targets.shape or x0.shape != targets[:, 0].shape:
+            raise DataError('goals, goal velocities and starts do not fit each other')
+        u = (stamps - stamps[0]) / self.duration_s
+        intervals, forcing = self._intervals(u, self._rows_of_weights)
+        return intervals.run_batch(forcing, targets, target_velocities, x0)
+
+    @cached_property
+    def _rows_of_weights(self) -> Array:
+        """Give the forcing term f_w at the nodes of the basis' table, (nodes, d)."""
+        return self.basis.table(self.parameters.alpha) @ self.weights
+
+    @cached_property
+    def _rows(self) -> list[tuple[Vector, Vector]]:
+        """Give value and slope of the forcing term for each cell of the table."""
+        values = self._rows_of_weights
+        slopes = np.zeros_like(values)
+        slopes[:-1] = np.diff(values, axis=0)
+        return [
+            (tuple(value), tuple(slope))
+            for value, slope in zip(values.tolist(), slopes.tolist(), strict=True)
+        ]
+
+    @cached_property
+    def _constants(self) -> tuple[list[tuple[Vector, Vector]], float, float, float, bool]:
+        return (
+            self._rows,
+            -TABLE_RATE / self.parameters.alpha,
+            self.shape_stiffness,
+            self.parameters.stiffness,
+            self._varies,
+        )
+
+    @cached_property
+    def _varies(self) -> bool:
+        """Tell whether the stiffness changes on the way."""
+        return self.shape_stiffness != self.parameters.stiffness
+
+    @cached_property
+    def _longest(self) -> float:
+        """Give the longest interval of phase, in units of τ, that one step covers."""
+        return min(self._sharpest, self.basis.narrowest(self.parameters.alpha))
+
+    def _time(self, phase: float) -> float:
+        return -log(max(phase, SMALLEST_PHASE)) / self.parameters.alpha
+
+    def _divide(self, u: float, h: float, phase_rate: float) -> list[float]:
+        """Divide an interval so that goal weight and shape are smooth over each part."""
+        if h <= 0.0 or phase_rate <= 0.0 or u >= self._settled:
+            return [h]
+        smooth = min(h, (self._settled - u) / phase_rate)
+        parts = smooth * phase_rate / self._longest
+        if self._varies:
+            parts = max(parts, smooth / LONGEST_VARYING)
+        count = max(1, ceil(parts - 1e-6))
+        rest = h - smooth
+        if count == 1 and rest < self._longest:
+            return [h]
+        return [smooth / count] * count + ([rest] if rest > 0.0 else [])
+
+    def _remember(self, dt: float, phase_rate: float) -> _Step:
+        if not (0.0 <= dt < inf and 0.0 <= phase_rate < inf):
+            raise DataError(f'a step of {dt} s at a phase rate of {phase_rate} cannot be made')
+        step = self._measure(dt / self.duration_s, phase_rate)
+        step = step._replace(
+            dt=dt,
+            whole=len(self._divide(0.0, dt / self.duration_s, phase_rate)) == 1,
+        )
+        object.__setattr__(self, '_memo', step)
+        return step
+
+    def _measure(self, h: float, phase_rate: float) -> _Step:
+        """Work out what a step of this length needs, whatever the state."""
+        stiffness, damping = self.parameters.stiffness, self.parameters.effective_damping
+        return _Step(
+            h * self.duration_s,
+            phase_rate,
+            True,
+            h,
+            exp(-self.parameters.alpha * h * phase_rate),
+            GAUSS_A * h * phase_rate * TABLE_RATE,
+            GAUSS_B * h * phase_rate * TABLE_RATE,
+            stiffness * self.duration_s * GAUSS_A * h + self._goal_velocity_gain,
+            stiffness * self.duration_s * GAUSS_B * h + self._goal_velocity_gain,
+            *_in_seconds(steady(stiffness, damping, h), self.duration_s),
+        )
+
+    def _move(self, state: DmpState, goal: Vector, goal_velocity: Vector, step: _Step) -> DmpState:
+        """Move on by a step over which goal weight and shape are smooth."""
+        position, velocity, phase, start = state
+        (_, _, _, h, decay, later_a, later_b, push_a, push_b, carry, keep, xa, xb, va, vb) = step
+        rows, scale, shape_stiffness, stiffness, varies = self._constants
+        node = log(phase) * scale
+        node_a = node + later_a
+        node_b = node + later_b
+        weight_a, weight_b = self._weight_pair(node_a / TABLE_RATE, node_b / TABLE_RATE)
+        index_a = int(node_a) if node_a < LAST_NODE else LAST_NODE
+        index_b = int(node_b) if node_b < LAST_NODE else LAST_NODE
+        rest_a = node_a - index_a
+        rest_b = node_b - index_b
+        free_a = (1.0 - weight_a) * shape_stiffness
+        free_b = (1.0 - weight_b) * shape_stiffness
+        pull_a = weight_a * stiffness
+        pull_b = weight_b * stiffness
+        push_a *= weight_a
+        push_b *= weight_b
+        if varies:
+            damping = self.parameters.effective_damping
+            carry, keep, xa, xb, va, vb = _in_seconds(
+                varying(free_a + pull_a, free_b + pull_b, damping, h), self.duration_s
+            )
+        value_a, slope_a = rows[index_a]
+        value_b, slope_b = rows[index_b]
+        moved, moving = [], []
+        for x, v, x0, g, g_dot, f_a, df_a, f_b, df_b in zip(  # noqa: B905 (strict takes time; shapes are checked at the start)
+            position, velocity, start, goal, goal_velocity, value_a, slope_a, value_b, slope_b
+        ):
+            shape = x0 - x
+            reach = g - x
+            input_a = free_a * (shape + f_a + rest_a * df_a) + pull_a * reach + push_a * g_dot
+            input_b = free_b * (shape + f_b + rest_b * df_b) + pull_b * reach + push_b * g_dot
+            moved.append(x + carry * v + xa * input_a + xb * input_b)
+            moving.append(keep * v + va * input_a + vb * input_b)
+        return DmpState(tuple(moved), tuple(moving), phase * decay or SMALLEST_PHASE, start)
+
+    def _intervals(self, u: Array, table: Array) -> tuple[Intervals, Array]:
+        """
+        Make the recursion between samples.
+
+        Args:
+            u: times from the start, in units of τ, (n,).
+            table: shapes at the nodes of the basis' table, (nodes, e).
+
+        Returns:
+            The recursion over n − 1 intervals, and what each shape adds to it, (n − 1, 2, e).
+
+        """
+        lengths = np.diff(u)
+        begins, offsets, counts = u[:-1], np.zeros(lengths.size), None
+        if lengths.size and lengths.max() > self._longest * (1.0 + 1e-6):
+            parts = [self._divide(b, h, 1.0) for b, h in zip(begins, lengths, strict=True)]
+            counts = np.array([len(each) for each in parts])
+            offsets = np.concatenate([np.cumsum([0.0, *each[:-1]]) for each in parts])
+            begins = np.repeat(begins, counts) + offsets
+            lengths = np.concatenate([np.array(each) for each in parts])
+        k, tau = self.parameters.stiffness, self.duration_s
+        points = np.stack([GAUSS_A * lengths, GAUSS_B * lengths])
+        weight = self.weights_in_time(begins + points)
+        free, pull = (1.0 - weight) * self.shape_stiffness, weight * k
+        push = weight * (k * tau * (points + offsets) + self._goal_velocity_gain)
+        numbers = self._transitions(free + pull, lengths)
+        carry, keep = numbers[:2] * np.array([[tau], [1.0]])
+        gains = numbers[2:].reshape(2, 2, -1) * np.array([1.0, 1.0 / tau])[:, None, None]
+        back = (gains * (free + pull)).sum(axis=1)
+        matrices = np.empty((lengths.size, 2, 2))
+        matrices[:, 0, 0] = 1.0 - back[0]
+        matrices[:, 0, 1] = carry
+        matrices[:, 1, 0] = -back[1]
+        matrices[:, 1, 1] = keep
+        nodes = np.minimum((begins + points) * TABLE_RATE, LAST_NODE)
+        index = np.minimum(nodes.astype(int), LAST_NODE - 1)
+        shape = table[index]
+        shape += (nodes - index)[:, :, None] * (table[index + 1] - shape)
+        forcing = np.einsum('xpn,pn,pne->nxe', gains, free, shape)
+        intervals = Intervals(matrices, (gains * pull).sum(axis=1).T, (gains * push).sum(axis=1).T)
+        return (intervals, forcing) if counts is None else intervals.merged(counts, forcing)
+
+    def _transitions(self, stiffness: Array, lengths: Array) -> Array:
+        """Give the six numbers of `transition` for every interval, (6, n)."""
+        k, damping = self.parameters.stiffness, self.parameters.effective_damping
+        if self._varies:
+            numbers = [
+                varying(a, b, damping, h)
+                for a, b, h in zip(*stiffness.tolist(), lengths.tolist(), strict=True)
+            ]
+        elif np.ptp(lengths) <= 1e-12 * lengths[0]:
+            numbers = [steady(k, damping, float(lengths.mean()))]
+        else:
+            numbers = [steady(k, damping, h) for h in lengths.tolist()]
+        return np.broadcast_to(np.array(numbers).T, (6, lengths.size))
+
+    def _deviation(self, u: Array) -> Array:
+        """Carry the posterior of the weights through the recursion, (n, d) m."""
+        if self.covariance is None:
+            raise DataError('this model has no posterior; learn it with the rvm regression')
+        deviation = np.zeros((u.size, self.dimensions))
+        activations = self.basis.table(self.parameters.alpha)
+        for dimension, posterior in enumerate(self.covariance):
+            intervals, forcing = self._intervals(u, activations[:, posterior.active])
+            response = intervals.run(np.zeros(forcing.shape[1:]), forcing)[:, 0]
+            variance = ((response @ posterior.matrix) * response).sum(axis=1)
+            deviation[:, dimension] = np.sqrt(np.maximum(variance, 0.0))
+        return deviation
+
+    def _checked_goals(
+        self, times: Array, goals: ArrayLike, velocities: ArrayLike | None
+    ) -> tuple[Array, Array]:
+        targets = np.asarray(goals, dtype=float)
+        shape = (times.size, self.dimensions)
+        fixed = targets.shape == shape[1:]
+        if not fixed and targets.shape != shape:
+            raise DataError(f'goals have the shape {targets.shape} instead of {shape}')
+        if velocities is not None:
+            moving = np.asarray(velocities, dtype=float)
+            if moving.shape not in (shape, shape[1:]):
+                raise DataError(f'goal velocities have the shape {moving.shape}, not {shape}')
+            moving = np.broadcast_to(moving, shape)
+        elif fixed or times.size < 2:
+            moving = np.zeros(shape)
+        else:
+            moving = np.gradient(targets, times, axis=0)
+        return np.broadcast_to(targets, shape), moving
+
+    def _vector(self, name: str, values: ArrayLike) -> Array:
+        vector = np.asarray(values, dtype=float)
+        if vector.shape != (self.dimensions,):
+            raise DataError(f'{name} has the shape {vector.shape}, not ({self.dimensions},)')
+        return vector
+
+
+class _Step(NamedTuple):
+    """What steps of one length have in common; in units of τ only where it says so."""
+
+    dt: float
+    phase_rate: float
+    whole: bool = True
+    h: float = nan
+    decay: float = nan
+    later_a: float = nan
+    later_b: float = nan
+    push_a: float = nan
+    push_b: float = nan
+    carry: float = nan
+    keep: float = nan
+    xa: float = nan
+    xb: float = nan
+    va: float = nan
+    vb: float = nan
+
+
+def _in_seconds(transition: Transition, duration_s: float) -> Transition:
+    """Turn the six numbers from v = τẋ to ẋ."""
+    p12, p22, xa, xb, va, vb = transition
+    return p12 * duration_s, p22, xa, xb, va / duration_s, vb / duration_s
+
+
+def _checked_times(times: ArrayLike) -> Array:
+    stamps = np.asarray(times, dtype=float)
+    if stamps.ndim != 1 or stamps.size == 0:
+        raise DataError(f'times have the shape {stamps.shape} instead of (n,)')
+    if not np.isfinite(stamps).all() or (np.diff(stamps) <= 0.0).any():
+        raise DataError('times do not rise')
+    return stamps

@@ -1,0 +1,56 @@
+"""Where a movement primitive stands, and what a rollout gives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = tuple[float, ...]
+
+
+class DmpState(NamedTuple):
+    """
+    State of a movement primitive of d dimensions.
+
+    The velocity is the real one, ẋ and not v = τẋ, so that another τ makes neither of them jump.
+    To set a state to what was measured: `state._replace(position=…, velocity=…)`.
+
+    Attributes:
+        position: x, m, d floats.
+        velocity: ẋ, m/s, d floats.
+        phase: s of (4), 1 at the start.
+        start: x0, m, d floats.
+
+    """
+
+    position: Vector
+    velocity: Vector
+    phase: float
+    start: Vector
+
+
+@dataclass(frozen=True, eq=False)
+class Rollout:
+    """
+    A motion from its start to its end.
+
+    Attributes:
+        times: as asked for, s, (n,).
+        positions: x, m, (n, d).
+        velocities: ẋ, m/s, (n, d).
+        goal_weight: w_g of (7), (n,).
+        phase: s of (4), (n,).
+        deviation: standard deviation of the positions that the posterior of the weights implies,
+            m, (n, d); None unless asked for.
+
+    """
+
+    times: NDArray[np.float64]
+    positions: NDArray[np.float64]
+    velocities: NDArray[np.float64]
+    goal_weight: NDArray[np.float64]
+    phase: NDArray[np.float64]
+    deviation: NDArray[np.float64] | None = None
