@@ -43,6 +43,7 @@ class HandoverOptions:
             hand moves) or `service` (nothing else).
         motion_threshold: speed of the hand that counts as its start to move, m/s.
         hand_timeout_s: age of the hand, by arrival, beyond which the wrist brakes, s.
+        stamp_tolerance_s: by how much the stamps of the hand may differ from the time, s.
         exchange_distance_m: wrist to goal, below which the exchange may begin, m.
         exchange_speed: speed of the wrist relative to the goal for the same, m/s.
         exchange_hold_s: how long the exchange lasts, s.
@@ -55,6 +56,7 @@ class HandoverOptions:
     start: str = setting('dmp', 'start')
     motion_threshold: float = setting('dmp', 'motion_threshold')
     hand_timeout_s: float = setting('dmp', 'hand_timeout_s')
+    stamp_tolerance_s: float = setting('dmp', 'stamp_tolerance_s')
     exchange_distance_m: float = setting('dmp', 'exchange_distance_m')
     exchange_speed: float = setting('dmp', 'exchange_speed')
     exchange_hold_s: float = setting('dmp', 'exchange_hold_s')
@@ -85,6 +87,24 @@ class WristCommand:
     goal_weight: float
     hand_age_s: float
 
+    def numbers(self, time_s: float) -> dict[str, float]:
+        """
+        Name the values of `/handover/phase`.
+
+        Args:
+            time_s: of the period, s.
+
+        Returns:
+            Name to value.
+
+        """
+        return {
+            'time_s': time_s,
+            'phase': self.phase,
+            'goal_weight': self.goal_weight,
+            'hand_age_s': self.hand_age_s,
+        }
+
 
 class HandoverController:
     """
@@ -113,46 +133,73 @@ class HandoverController:
         self.options = options or HandoverOptions()
         self._estimator = estimator or GoalEstimator()
         self._wrist: Vector | None = None
+        self._primitive: DmpState | None = None
         self.reset()
 
     def reset(self) -> None:
-        """Forget the handover and the hand; hold where the wrist is."""
+        """Forget the handover and the hand; brake if need be, hold where the wrist is."""
         self.state = HandoverState.IDLE
+        self._hand: Vector | None = None
+        self._hand_arrival_s: float | None = None
+        self.exchange: Vector | None = None
         self._estimator.reset()
-        self._arrival_s: float | None = None
         self._signal_s: float | None = None
         self._exchange_since_s: float | None = None
-        self._primitive: DmpState | None = None
-        if self._wrist is not None:
-            self._primitive = self.model.initial_state(self._wrist)
+        if self._primitive is not None and hypot(*self._primitive.velocity) == 0.0:
+            self._primitive = None
 
-    def set_model(self, model: DecoupledDmp) -> None:
+    @property
+    def hand(self) -> Vector | None:
+        """Newest accepted position of the hand, m."""
+        return self._hand
+
+    @property
+    def wrist(self) -> Vector | None:
+        """Measured position of the wrist, m."""
+        return self._wrist
+
+    def hand_age_s(self, arrival_s: float) -> float:
         """
-        Go on with other parameters; position, velocity and phase stay as they are.
+        Tell how long ago the last accepted pose of the hand arrived.
 
         Args:
-            model: same dimension as before.
+            arrival_s: the time now, s, on the clock of the arrivals.
+
+        Returns:
+            Its age, s; infinite before any.
 
         """
-        self.model = model
+        if self._hand_arrival_s is None:
+            return float('inf')
+        return max(0.0, arrival_s - self._hand_arrival_s)
 
-    def set_hand(self, stamp_s: float, position: Vector, arrival_s: float) -> bool:
+    def forget_hand(self) -> None:
+        """Start anew with the hand, e.g. after time has jumped; the wrist brakes until then."""
+        self._estimator.reset()
+        self._hand = None
+        self._hand_arrival_s = None
+
+    def set_hand(self, stamp_s: float, position: Vector, now_s: float, arrival_s: float) -> str:
         """
         Take a pose of the partner's hand.
 
         Args:
             stamp_s: when it was measured, s.
             position: (3,), m, in `world`.
-            arrival_s: when it came, s.
+            now_s: the time, s, on the clock of the stamps.
+            arrival_s: the time, s, on the clock of the arrivals.
 
         Returns:
-            Whether it was used; outliers, duplicates and numbers that are not finite are not.
+            Why it was not used; empty if it was.
 
         """
-        accepted = self._estimator.update(stamp_s, position)
-        if accepted:
-            self._arrival_s = arrival_s
-        return accepted
+        if abs(stamp_s - now_s) > self.options.stamp_tolerance_s:
+            return 'stamp of the hand is not of this time'
+        if not self._estimator.update(stamp_s, position):
+            return 'pose of the hand is an outlier, old or not finite'
+        self._hand = position
+        self._hand_arrival_s = arrival_s
+        return ''
 
     def set_wrist(self, position: Vector) -> None:
         """
@@ -186,9 +233,13 @@ class HandoverController:
         """
         if self.state in MOVING or self._wrist is None:
             return False
-        at_rest = self._primitive.position if self._primitive is not None else self._wrist
-        self._primitive = self.model.initial_state(at_rest)
+        if self._primitive is None:
+            self._primitive = self.model.initial_state(self._wrist)
+        else:
+            held = self._anchored(self._primitive)
+            self._primitive = self.model.initial_state(held.position, held.velocity)
         self._exchange_since_s = None
+        self.exchange = None
         self._signal_s = None
         self.state = HandoverState.REACHING
         return True
@@ -197,14 +248,17 @@ class HandoverController:
         """Brake and hold; nothing but `start` or `reset` leads on from there."""
         self.state = HandoverState.ABORTED
 
-    def step(self, now_s: float, dt: float, phase_rate: float = 1.0) -> WristCommand | None:
+    def step(
+        self, now_s: float, dt: float, phase_rate: float = 1.0, arrival_s: float | None = None
+    ) -> WristCommand | None:
         """
         Move one period on.
 
         Args:
-            now_s: the time at the start of the period, s.
+            now_s: the time at the start of the period, s, on the clock of the stamps.
             dt: its length, s.
             phase_rate: how fast the phase may run, 0 to 1; below 1 if the arm cannot keep up.
+            arrival_s: the same time on the clock of the arrivals, where that is another.
 
         Returns:
             The command for the end of the period; None until the wrist is known.
@@ -215,7 +269,7 @@ class HandoverController:
         if self._primitive is None:
             self._primitive = self.model.initial_state(self._wrist)
         hand = self._estimator.estimate(now_s)
-        age = float('inf') if self._arrival_s is None else max(0.0, now_s - self._arrival_s)
+        age = self.hand_age_s(now_s if arrival_s is None else arrival_s)
         self._start_if_signalled(now_s, hand)
         fresh = hand is not None and age <= self.options.hand_timeout_s
         if self.state in MOVING and hand is not None and fresh:
@@ -301,6 +355,7 @@ class HandoverController:
         arrived = gap < self.options.exchange_distance_m and relative < self.options.exchange_speed
         if arrived and self.model.goal_weight(self._primitive.phase) > 0.5:
             self.state = HandoverState.EXCHANGE
+            self.exchange = self._wrist
             self._exchange_since_s = now_s
 
     def _command(self, primitive: DmpState, age: float) -> WristCommand:

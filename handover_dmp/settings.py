@@ -6,9 +6,8 @@ from dataclasses import field
 from functools import cache
 from typing import Any
 
-import yaml
-
 from handover_dmp.resources import share_path
+import yaml
 
 
 @cache
@@ -24,9 +23,7 @@ def defaults(node: str) -> dict[str, Any]:
 
     """
     tree = yaml.safe_load(share_path('config/handover.yaml').read_text(encoding='utf-8'))
-    return dict(
-        _flatten(tree['/**']['ros__parameters']) + _flatten(tree[node]['ros__parameters'])
-    )
+    return dict(_flatten(tree['/**']['ros__parameters']) + _flatten(tree[node]['ros__parameters']))
 
 
 def setting(node: str, name: str) -> Any:

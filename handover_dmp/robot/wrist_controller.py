@@ -10,12 +10,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.priority_ik import IkSolution, PriorityIk, WristTarget
 from handover_dmp.settings import setting
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
@@ -52,6 +51,27 @@ class JointCommand:
     velocities: Array | None
     reason: str
     solution: IkSolution | None = None
+
+    def numbers(self, time_s: float) -> dict[str, float]:
+        """
+        Name the values of `/wrist/ik_status`.
+
+        Args:
+            time_s: of the period, s.
+
+        Returns:
+            Name to value; all but the time are 0 while braking.
+
+        """
+        found = self.solution
+        return {
+            'time_s': time_s,
+            'speed_scale': found.speed_scale if found else 0.0,
+            'smallest_singular_value': found.smallest_singular_value if found else 0.0,
+            'position_residual': found.residuals['position'] if found else 0.0,
+            'orientation_residual': found.residuals['orientation'] if found else 0.0,
+            'active_limits': float(len(found.active_limits)) if found else 0.0,
+        }
 
 
 class WristController:
@@ -95,8 +115,8 @@ class WristController:
     def set_joint_state(
         self,
         names: Sequence[str],
-        positions: Sequence[float],
-        velocities: Sequence[float],
+        positions: ArrayLike,
+        velocities: ArrayLike,
         arrival_s: float,
     ) -> bool:
         """
@@ -112,19 +132,18 @@ class WristController:
             Whether they were used.
 
         """
-        self._joint_fault = self._fault(names, positions, velocities)
+        measured, moving = np.asarray(positions, float), np.asarray(velocities, float)
+        self._joint_fault = self._fault(names, measured, moving)
         if self._joint_fault:
             return False
         order = self._order[1]
-        self._positions = np.asarray(positions, dtype=float)[order]
-        if len(velocities):
-            self._measured_velocities = np.asarray(velocities, dtype=float)[order]
+        self._positions = measured[order]
+        if len(moving):
+            self._measured_velocities = moving[order]
         self._joint_arrival_s = arrival_s
         return True
 
-    def _fault(
-        self, names: Sequence[str], positions: Sequence[float], velocities: Sequence[float]
-    ) -> str:
+    def _fault(self, names: Sequence[str], positions: Array, velocities: Array) -> str:
         if tuple(names) != self._order[0]:
             missing = [name for name in self.model.joint_names if name not in names]
             if missing:
@@ -136,9 +155,9 @@ class WristController:
         if len(positions) != len(names) or len(velocities) not in (0, len(names)):
             return f'joint states have {len(names)} names but {len(positions)} positions'
         order = self._order[1]
-        if not np.all(np.isfinite(np.asarray(positions, dtype=float)[order])):
+        if not np.isfinite(positions[order]).all():
             return 'joint positions are not finite'
-        if len(velocities) and not np.all(np.isfinite(np.asarray(velocities, dtype=float)[order])):
+        if len(velocities) and not np.isfinite(velocities[order]).all():
             return 'joint velocities are not finite'
         return ''
 
@@ -161,7 +180,7 @@ class WristController:
         self._target_arrival_s = arrival_s
         return True
 
-    def set_hand(self, position: Sequence[float], arrival_s: float) -> None:
+    def set_hand(self, position: ArrayLike, arrival_s: float) -> None:
         """
         Take the position of the partner's hand, for separation and for what points at it.
 

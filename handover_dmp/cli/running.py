@@ -1,0 +1,87 @@
+"""What `demo` and `simulate` share: options, progress, the report in the terminal."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TYPE_CHECKING
+
+from handover_dmp.errors import UsageError
+
+if TYPE_CHECKING:
+    from handover_dmp.scenario import Scenario
+
+Tell = Callable[[str, float], None]
+Conduct = Callable[[Path, 'Scenario', dict[str, Any], Tell], None]
+
+
+def add_run_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options that both verbs have."""
+    parser.add_argument('-o', '--output', type=Path, help='folder of the run; default: in runs/')
+    parser.add_argument('--robot', default='lwr4', help='lwr4, iiwa14, panda, ur5 or a URDF')
+    parser.add_argument('--seed', type=int, default=0, help='of the synthetic data')
+    parser.add_argument('--scale', type=float, default=1.0, help='factor on the recorded motion')
+    parser.add_argument('--json', type=Path, help='write the report there too')
+
+
+def run_and_report(
+    options: argparse.Namespace, trial: Path | None, model: Path | None, conduct: Conduct
+) -> int:
+    """
+    Set up a run, conduct it, report on it.
+
+    Args:
+        options: those of `add_run_arguments`.
+        trial: the handover to replay; none: the example.
+        model: the learnt movement; none: learnt on the way.
+        conduct: runs the handover and leaves its bag in the folder.
+
+    Returns:
+        0 if the object changed hands, else 1.
+
+    Raises:
+        HandoverError: something is wrong with the request, the data or the run.
+
+    """
+    from handover_dmp.run import finish, keep_inputs, new_run_folder, run_info, save_json
+    from handover_dmp.scenario import make_scenario
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    if not 0.01 <= options.scale <= 100.0:
+        raise UsageError(f'--scale {options.scale:g} is not between 0.01 and 100')
+    bar = Progress(
+        TextColumn('{task.description:<22}'),
+        BarColumn(),
+        TimeElapsedColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    )
+    with bar:
+        task = bar.add_task('placing the arm', total=1.0)
+
+        def tell(what: str, share: float) -> None:
+            bar.update(task, description=what, completed=share)
+
+        scenario = make_scenario(
+            trial, model=model, robot=options.robot, scale=options.scale, seed=options.seed
+        )
+        folder = new_run_folder(options.output, scenario.trial)
+        keep_inputs(folder, scenario)
+        conduct(folder, scenario, run_info(scenario, options.scale), tell)
+        tell('drawing and reporting', 0.95)
+        report = finish(folder, scenario)
+    save_json(report, options.json)
+    return _show(report, folder)
+
+
+def _show(report: dict[str, Any], folder: Path) -> int:
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console()
+    console.print(report)
+    _ = Table
+    console.print(folder)
+    return 0

@@ -1,0 +1,42 @@
+"""`handover_dmp simulate`: one handover in lockstep in this process, without ROS."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any, TYPE_CHECKING
+
+from handover_dmp.cli.running import add_run_arguments, run_and_report, Tell
+from handover_dmp.errors import UsageError
+
+if TYPE_CHECKING:
+    from handover_dmp.scenario import Scenario
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the verb."""
+    parser.add_argument(
+        'model', type=Path, nargs='?', metavar='MODEL.json', help='default: learnt on the way'
+    )
+    parser.add_argument(
+        'recorded', type=Path, nargs='?', metavar='TRIAL.csv', help='default: a synthetic one'
+    )
+    parser.add_argument('--trial', type=Path, help='the same as TRIAL.csv')
+    add_run_arguments(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the verb."""
+    if options.recorded is not None and options.trial is not None:
+        raise UsageError('give the trial once, as TRIAL.csv or with --trial')
+    return run_and_report(options, options.recorded or options.trial, options.model, _conduct)
+
+
+def _conduct(folder: Path, scenario: Scenario, info: dict[str, Any], tell: Tell) -> None:
+    from handover_dmp.handover import Handover
+    from handover_dmp.run_bag import write_run_bag
+
+    handover = Handover(scenario)
+    periods = handover.run(lambda share: tell('handing over', share))
+    handover.close()
+    write_run_bag(folder / 'bag', scenario, periods, info)

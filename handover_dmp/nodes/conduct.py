@@ -1,0 +1,91 @@
+"""One handover on the graph, from the start of the nodes to the end of the recorder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import json
+from pathlib import Path
+from typing import Any
+
+from handover_dmp.handover import AFTERWARDS_S, LONGEST_EXTRA_S, REPLAY_AT_S
+from handover_dmp.nodes.graph import Graph
+from handover_dmp.scenario import Scenario
+
+
+def conduct(
+    folder: Path,
+    scenario: Scenario,
+    info: dict[str, Any],
+    tell: Callable[[str, float], None],
+    *,
+    lockstep: bool = True,
+) -> None:
+    """
+    Run one handover on the five nodes and record it to `bag/` in the run's folder.
+
+    Args:
+        folder: of the run; `trial.csv` and `model.json` are in it.
+        scenario: what is run.
+        info: what `/handover/info` says.
+        tell: is told what goes on, and the share done.
+        lockstep: on simulated time; else on the wall clock.
+
+    Raises:
+        GraphError: a node did not start, broke off or did not end cleanly.
+
+    """
+    longest_s = REPLAY_AT_S + scenario.trial.duration_s + LONGEST_EXTRA_S
+    tell('starting five nodes', 0.05)
+    with Graph(folder, graph_parameters(folder, scenario, info, lockstep), lockstep=lockstep) as g:
+        tell('handing over', 0.2)
+        begun_s = g.time_s
+        if lockstep:
+            g.unpause()
+        else:
+            g.call('/hand_tracker/replay')
+        g.wait_for_state(
+            ('done', 'aborted'),
+            longest_s,
+            lambda: tell('handing over', 0.2 + 0.7 * (g.time_s - begun_s) / longest_s),
+        )
+        g.linger(AFTERWARDS_S)
+        tell('stopping the nodes', 0.9)
+
+
+def graph_parameters(
+    folder: Path, scenario: Scenario, info: dict[str, Any], lockstep: bool
+) -> dict[str, dict[str, Any]]:
+    """
+    Make the parameters of the five nodes for a run.
+
+    Args:
+        folder: of the run.
+        scenario: what is run.
+        info: what `/handover/info` says.
+        lockstep: on simulated time; else on the wall clock.
+
+    Returns:
+        Node to name to value.
+
+    """
+    robot = scenario.robot
+    arm = {
+        'robot': str(robot.urdf_path),
+        'base_position': [float(x) for x in robot.base.position],
+        'base_yaw': float(robot.base.yaw),
+    }
+    return {
+        'recorder': {'folder': str(folder / 'bag'), 'info': json.dumps(info)},
+        'hand_tracker': {
+            'trial': str(folder / 'trial.csv'),
+            'cutoff_hz': 0.0,
+            'replay_at_s': REPLAY_AT_S if lockstep else -1.0,
+        },
+        'dmp': {'model': str(folder / 'model.json')},
+        'priority_ik': arm,
+        'robot_sim': {
+            **arm,
+            'initial_positions': scenario.start_posture.tolist(),
+            'real_time_factor': 0.0,
+        },
+    }

@@ -1,0 +1,101 @@
+"""What a node says of itself on `/diagnostics`, once a second."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from statistics import quantiles
+from time import perf_counter
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from handover_dmp.nodes.node import HandoverNode
+from handover_dmp.topics import DIAGNOSTICS
+from rclpy.clock import Clock, ClockType
+
+OVERRUN = 1.5
+
+
+class Periods:
+    """
+    Rate and jitter of a loop, by the processor's clock.
+
+    Keeps the periods of the last second only.
+    """
+
+    def __init__(self, period_s: float) -> None:
+        """
+        Take the period that the loop should have.
+
+        Args:
+            period_s: s; a period over 1.5 times this is an overrun.
+
+        """
+        self._nominal_s = period_s
+        self._last_s: float | None = None
+        self._periods_s: list[float] = []
+
+    def tick(self) -> None:
+        """Note that a period begins."""
+        now_s = perf_counter()
+        if self._last_s is not None:
+            self._periods_s.append(now_s - self._last_s)
+        self._last_s = now_s
+
+    def take(self) -> dict[str, str]:
+        """
+        Sum up and begin anew.
+
+        Returns:
+            Rate, Hz; median and 99 % error of the period, ms; overruns.
+
+        """
+        periods, self._periods_s = self._periods_s, []
+        if len(periods) < 2:
+            return {'rate (Hz)': f'{len(periods)}'}
+        errors_ms = [abs(period - self._nominal_s) * 1e3 for period in periods]
+        cuts = quantiles(errors_ms, n=100, method='inclusive')
+        return {
+            'rate (Hz)': f'{len(periods) / sum(periods):.1f}',
+            'period error, median (ms)': f'{cuts[49]:.3f}',
+            'period error, 99 % (ms)': f'{cuts[98]:.3f}',
+            'overruns': str(sum(period > OVERRUN * self._nominal_s for period in periods)),
+        }
+
+
+class Diagnostics:
+    """Publishes the condition of a node once a second on the wall clock."""
+
+    def __init__(
+        self,
+        node: HandoverNode,
+        periods: Periods,
+        condition: Callable[[], tuple[str, dict[str, str]]],
+    ) -> None:
+        """
+        Begin to publish.
+
+        Args:
+            node: the node.
+            periods: of its loop.
+            condition: gives the fault, or nothing while all is well, and further values.
+
+        """
+        self._node = node
+        self._periods = periods
+        self._condition = condition
+        self._publisher = node.advertise(DIAGNOSTICS)
+        node.create_timer(1.0, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def publish(self) -> None:
+        """Publish now."""
+        fault, values = self._condition()
+        values = {**self._periods.take(), **values}
+        status = DiagnosticStatus(
+            level=DiagnosticStatus.WARN if fault else DiagnosticStatus.OK,
+            name=self._node.get_name(),
+            message=fault or 'ok',
+            hardware_id='handover_dmp',
+            values=[KeyValue(key=key, value=value) for key, value in values.items()],
+        )
+        array = DiagnosticArray(status=[status])
+        array.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(array)

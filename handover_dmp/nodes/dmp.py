@@ -1,0 +1,291 @@
+"""Node `dmp`: the partner's hand in, the command of the wrist out, 200 times a second."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+import sys
+from typing import Any
+
+from geometry_msgs.msg import PoseStamped
+from handover_dmp.controller import HandoverController, HandoverOptions
+from handover_dmp.dmp import DecoupledDmp
+from handover_dmp.hand import GoalEstimator, HandFilter
+from handover_dmp.nodes.conversions import (
+    labelled,
+    NANOSECONDS,
+    nanoseconds,
+    pose_message,
+    position_of,
+    rotation_of,
+    stamp,
+    twist_message,
+    values_of,
+)
+from handover_dmp.nodes.diagnostics import Diagnostics, Periods
+from handover_dmp.nodes.lockstep import Lockstep
+from handover_dmp.nodes.markers import Markers
+from handover_dmp.nodes.node import HandoverNode
+from handover_dmp.nodes.parameters import declare, on_change, Parameter, Values
+from handover_dmp.nodes.spinning import run
+from handover_dmp.scenario import example_model, read_model
+from handover_dmp.topics import (
+    FRAME,
+    HAND_POSE,
+    IK_STATUS,
+    PHASE,
+    POSE_COMMAND,
+    SIGNAL,
+    STATE,
+    TWIST_COMMAND,
+    WRIST_POSE,
+)
+import numpy as np
+from std_msgs.msg import Float64MultiArray, Header, String
+
+PRIMITIVE = (
+    Parameter('stiffness', 'K of (8)', 0.001, 10000.0),
+    Parameter('damping', 'D of (8); 0: critical, 2 sqrt(K)', 0.0, 1000.0),
+    Parameter('goal_velocity_gain', 'K_v of (8), s; negative: D tau', -1.0, 1000.0),
+    Parameter('mu', 'centre of the goal weight (7), in units of tau', -5.0, 5.0),
+    Parameter('sigma', 'width of the goal weight (7), in units of tau', 0.0001, 5.0),
+    Parameter('formulation', 'K_s of (8)', choices=('stiff', 'printed')),
+)
+HANDOVER = (
+    Parameter('start', 'what starts a handover', choices=('signal', 'motion', 'service')),
+    Parameter('motion_threshold', 'speed of a hand that starts to move, m/s', 0.0, 5.0),
+    Parameter('hand_timeout_s', 'age of the hand beyond which the wrist brakes, s', 0.01, 5.0),
+    Parameter('stamp_tolerance_s', 'by how much stamps of the hand may be off, s', 0.01, 60.0),
+    Parameter('exchange_distance_m', 'wrist to goal where the exchange begins, m', 0.001, 1.0),
+    Parameter('exchange_speed', 'relative to the hand, for the same, m/s', 0.001, 5.0),
+    Parameter('exchange_hold_s', 'how long the exchange lasts, s', 0.0, 60.0),
+    Parameter('acceleration_limit', 'of the wrist command, m/s2', 0.1, 1000.0),
+    Parameter('tracking_error_limit_m', 'how far the command may run ahead, m', 0.001, 10.0),
+    Parameter('phase_stopping', 'whether an arm that cannot keep up slows the phase'),
+)
+HAND_FILTER = (
+    Parameter('hand_filter.acceleration_noise', 'of the hand, m/s2/sqrt(Hz)', 1e-6, 1e3),
+    Parameter('hand_filter.measurement_noise_m', 'of a pose, standard deviation, m', 1e-9, 1.0),
+    Parameter('hand_filter.outlier_distance_m', 'from what is expected, m', 1e-6, 100.0),
+    Parameter('hand_filter.hand_acceleration', 'widens that with time, m/s2', 0.0, 1e3),
+    Parameter('hand_filter.reacquire_s', 'outliers that last so long are believed, s', 1e-3, 60.0),
+    Parameter('hand_filter.lost_s', 'without a pose, all is forgotten, s', 1e-3, 60.0),
+    Parameter('hand_filter.late_limit_s', 'age up to which late poses are used, s', 0.0, 10.0),
+    Parameter('hand_filter.prediction_limit_s', 'how far ahead the hand moves on, s', 0.0, 10.0),
+    Parameter('hand_filter.delay_s', 'how much too late poses are stamped, s', 0.0, 10.0),
+)
+
+
+class Dmp(HandoverNode):
+    """The movement primitive as a node."""
+
+    NAME = 'dmp'
+    PARAMETERS = (
+        Parameter('model', 'file of the learnt movement; empty: a synthetic one', read_only=True),
+        Parameter('rate_hz', 'of the commands, Hz', 10.0, 1000.0, read_only=True),
+        Parameter(
+            'lockstep_hand_period_s', 'how often the hand comes in lockstep, s', 0.001, 1.0,
+            read_only=True,
+        ),
+        *HANDOVER,
+        *(replace(parameter, read_only=True) for parameter in HAND_FILTER),
+    )  # fmt: skip
+
+    def __init__(self) -> None:
+        """Load the model, connect the topics, wait for hand and wrist."""
+        super().__init__()
+        path = self.values['model']
+        learnt = read_model(Path(path)) if path else example_model()
+        self.values |= declare(self, PRIMITIVE, defaults_from=asdict(learnt.parameters))
+        self._controller = HandoverController(
+            _with_parameters(learnt, self.values), _options(self.values), _estimator(self.values)
+        )
+        on_change(self, HANDOVER + PRIMITIVE, self._change)
+        period_s = 1.0 / self.values['rate_hz']
+        self._periods = Periods(period_s)
+        self._hands: list[tuple[float, tuple[float, float, float]]] = []
+        self._newest_hand_ns = -1
+        self._phase_rate = 1.0
+        self._phase_rate_ns = -1
+        self._rotation: Any = None
+        self._last_s: float | None = None
+        self._faults: dict[str, int] = {}
+        self._connect()
+        self._markers = Markers(self, _path(learnt))
+        self._clock_of_periods = Lockstep(
+            period_s, self._answer, self._publish, ready=self._ready, jumped=self._jumped
+        )
+        if not self.lockstep:
+            self.every(period_s, self._tick)
+        Diagnostics(self, self._periods, self._condition)
+        self._say()
+
+    def _connect(self) -> None:
+        self._pose_command = self.advertise(POSE_COMMAND)
+        self._twist_command = self.advertise(TWIST_COMMAND)
+        self._phase = self.advertise(PHASE)
+        self._state = self.advertise(STATE)
+        self._pose = self._twist = self._values = None
+        self._said = ''
+        self.subscribe(HAND_POSE, self._on_hand)
+        self.subscribe(WRIST_POSE, self._on_wrist)
+        self.subscribe(IK_STATUS, self._on_ik_status)
+        self.subscribe(SIGNAL, self._on_signal)
+        self.serve('start', self._start)
+        self.serve('abort', self._abort)
+        self.serve('reset', self._reset)
+
+    # Inputs
+
+    def _on_hand(self, message: PoseStamped) -> None:
+        if message.header.frame_id != FRAME:
+            self._fault(f'hand in frame {message.header.frame_id!r} instead of {FRAME!r}')
+            return
+        time_ns = nanoseconds(message.header.stamp)
+        self._hands.append((time_ns / NANOSECONDS, position_of(message)))
+        self._newest_hand_ns = time_ns
+        if self.lockstep:
+            self._clock_of_periods.look()
+        else:
+            self._take_hands(self.now_s(), self.arrival_s())
+
+    def _take_hands(self, now_s: float, arrival_s: float) -> None:
+        for stamp_s, position in self._hands:
+            fault = self._controller.set_hand(stamp_s, position, now_s, arrival_s)
+            if fault:
+                self._fault(fault)
+        self._hands.clear()
+
+    def _on_wrist(self, message: PoseStamped) -> None:
+        self._controller.set_wrist(position_of(message))
+        if self._rotation is None:
+            self._rotation = rotation_of(message)
+        if self.lockstep:
+            self._clock_of_periods.ask(nanoseconds(message.header.stamp))
+
+    def _on_ik_status(self, message: Float64MultiArray) -> None:
+        values = values_of(message)
+        self._phase_rate = values['speed_scale']
+        self._phase_rate_ns = round(values['time_s'] * NANOSECONDS)
+        self._clock_of_periods.look()
+
+    def _on_signal(self, message: Header) -> None:
+        self._controller.signal(nanoseconds(message.stamp) / NANOSECONDS)
+
+    # Services and parameters
+
+    def _start(self) -> str:
+        return '' if self._controller.start() else 'a handover is on, or no wrist pose has come'
+
+    def _abort(self) -> str:
+        self._controller.abort()
+        return ''
+
+    def _reset(self) -> str:
+        self._controller.reset()
+        return ''
+
+    def _change(self, values: Values) -> None:
+        model = _with_parameters(self._controller.model, values)
+        self._controller.options = _options(values)
+        self._controller.model = model
+
+    # Periods
+
+    def _ready(self, tick_ns: int) -> bool:
+        """Whether the hand of this period and the arm's answer to the last one are there."""
+        hand_period_ns = round(self.values['lockstep_hand_period_s'] * NANOSECONDS)
+        timeout_ns = round(self._controller.options.hand_timeout_s * NANOSECONDS)
+        hand_age_ns = tick_ns - self._newest_hand_ns
+        expected = self._newest_hand_ns >= 0 and hand_age_ns < timeout_ns
+        hand = not expected or hand_age_ns < hand_period_ns
+        answered_ns = self._clock_of_periods.answered_ns
+        return hand and self._phase_rate_ns in (answered_ns, -1)
+
+    def _answer(self, tick_ns: int, elapsed_s: float) -> None:
+        now_s = tick_ns / NANOSECONDS
+        self._take_hands(now_s, now_s)
+        self._step(now_s, now_s, elapsed_s, tick_ns)
+
+    def _tick(self) -> None:
+        arrival_s = self.arrival_s()
+        last_s, self._last_s = self._last_s, arrival_s
+        if last_s is not None and arrival_s < last_s:
+            self._jumped()
+        elapsed_s = 0.0 if last_s is None else min(max(arrival_s - last_s, 0.0), 0.05)
+        now_ns = self.get_clock().now().nanoseconds
+        self._step(now_ns / NANOSECONDS, arrival_s, elapsed_s, now_ns)
+
+    def _step(self, now_s: float, arrival_s: float, elapsed_s: float, time_ns: int) -> None:
+        self._periods.tick()
+        command = self._controller.step(now_s, elapsed_s, self._phase_rate, arrival_s)
+        if command is None:
+            return
+        time = stamp(time_ns)
+        self._pose = pose_message(time, command.position, self._rotation)
+        self._twist = twist_message(time, command.velocity)
+        self._values = labelled(command.numbers(now_s))
+        self._publish()
+        self._say()
+        controller = self._controller
+        self._markers.update(time, controller.hand, controller.wrist, controller.exchange)
+
+    def _publish(self) -> None:
+        if self._pose is not None:
+            self._pose_command.publish(self._pose)
+            self._twist_command.publish(self._twist)
+            self._phase.publish(self._values)
+
+    def _say(self) -> None:
+        state = self._controller.state.value
+        if state != self._said:
+            self._said = state
+            self._state.publish(String(data=state))
+
+    def _jumped(self) -> None:
+        self._fault('time jumped')
+        self._controller.forget_hand()
+
+    # Condition
+
+    def _fault(self, fault: str) -> None:
+        self._faults[fault] = self._faults.get(fault, 0) + 1
+
+    def _condition(self) -> tuple[str, dict[str, str]]:
+        faults, self._faults = self._faults, {}
+        age_s = self._controller.hand_age_s(self.arrival_s())
+        if age_s > self._controller.options.hand_timeout_s:
+            faults['no fresh hand: braking'] = 1
+        values = {'state': self._controller.state.value, 'age of the hand (s)': f'{age_s:.3f}'}
+        return '; '.join(f'{fault} ({count} times)' for fault, count in faults.items()), values
+
+
+def _options(values: Values) -> HandoverOptions:
+    return HandoverOptions(**{parameter.name: values[parameter.name] for parameter in HANDOVER})
+
+
+def _estimator(values: Values) -> GoalEstimator:
+    names = (parameter.name for parameter in HAND_FILTER)
+    return GoalEstimator(HandFilter(**{name.partition('.')[2]: values[name] for name in names}))
+
+
+def _with_parameters(model: DecoupledDmp, values: Values) -> DecoupledDmp:
+    return model.with_parameters(
+        **{parameter.name: values[parameter.name] for parameter in PRIMITIVE}
+    )
+
+
+def _path(model: DecoupledDmp) -> Sequence[Sequence[float]]:
+    times = np.linspace(0.0, model.duration_s, 101)
+    path: Sequence[Sequence[float]] = model.rollout(times, model.goal).positions.tolist()
+    return path
+
+
+def main() -> int:
+    """Run the node."""
+    return run(Dmp)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,299 @@
+"""
+The five nodes as five processes: started, watched, ended; none outlives who started them.
+
+For the demo, the benchmark and the tests. Whoever uses `ros2 launch` has no need of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+from time import monotonic
+from types import TracebackType
+from typing import Any
+
+from handover_dmp.errors import HandoverError
+from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
+from handover_dmp.nodes.qos import qos_profile
+from handover_dmp.nodes.spinning import PARENT_VARIABLE
+from handover_dmp.resources import share_path
+from handover_dmp.topics import (
+    CLOCK,
+    HAND_POSE,
+    HUMAN_POSE,
+    IK_STATUS,
+    JOINT_COMMAND,
+    JOINT_STATES,
+    PHASE,
+    POSE_COMMAND,
+    STATE,
+    TWIST_COMMAND,
+    WRIST_POSE,
+)
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+import yaml
+
+NODES = ('recorder', 'hand_tracker', 'dmp', 'priority_ik', 'robot_sim')
+RECORDED_AND_READ = (HAND_POSE, WRIST_POSE, POSE_COMMAND, TWIST_COMMAND, IK_STATUS, JOINT_STATES)
+RECORDED_ALONE = (HUMAN_POSE, PHASE)
+START_TIMEOUT_S = 90.0
+CALL_TIMEOUT_S = 30.0
+END_TIMEOUT_S = 20.0
+
+
+class GraphError(HandoverError):
+    """The graph did not start, broke off or did not end as it should; names the node."""
+
+
+class Graph:
+    """
+    The five nodes, and a look at their topics.
+
+    A context manager: starts them on entry, ends them on exit. With `lockstep` every node waits
+    for the others on the simulated time of `robot_sim`, which stands still until `unpause`.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        parameters: dict[str, dict[str, Any]],
+        *,
+        lockstep: bool = True,
+        nodes: tuple[str, ...] = NODES,
+    ) -> None:
+        """
+        Prepare the nodes.
+
+        Args:
+            folder: gets the parameters and the logs.
+            parameters: node to name to value.
+            lockstep: on simulated time; else on the wall clock.
+            nodes: which ones.
+
+        """
+        self._folder = folder
+        self._lockstep = lockstep
+        self._nodes = nodes
+        self._parameters = {
+            name: {
+                **parameters.get(name, {}),
+                'lockstep': lockstep,
+                'use_sim_time': lockstep and name != 'robot_sim',
+            }
+            for name in nodes
+        }
+        if lockstep and 'robot_sim' in nodes:
+            self._parameters['robot_sim']['paused'] = True
+        self.processes: dict[str, subprocess.Popen[bytes]] = {}
+        self.state = ''
+        self.time_s = 0.0
+
+    def __enter__(self) -> Graph:
+        """Start the nodes and wait until they hear each other."""
+        isolate()
+        (self._folder / 'logs').mkdir(parents=True, exist_ok=True)
+        file = self._folder / 'parameters.yaml'
+        tree = {name: {'ros__parameters': values} for name, values in self._parameters.items()}
+        file.write_text(yaml.safe_dump(tree), encoding='utf-8')
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        try:
+            self._watch()
+            for name in self._nodes:
+                self.start(name)
+            self._wait_for(self._complete, START_TIMEOUT_S, 'the nodes do not find each other')
+        except BaseException:
+            self._end()
+            raise
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """End the nodes, the recorder first; complain if one did not end cleanly."""
+        codes = self._end()
+        wrong = {name: code for name, code in codes.items() if code != 0}
+        if wrong and error is None:
+            name, code = next(iter(wrong.items()))
+            raise GraphError(f'{name} ended with code {code}{self._last_words(name)}')
+
+    def start(self, name: str) -> None:
+        """
+        Start one node.
+
+        Args:
+            name: which.
+
+        """
+        log = (self._folder / 'logs' / f'{name}.log').open('ab')
+        with log:
+            self.processes[name] = subprocess.Popen(
+                [
+                    sys.executable, '-m', f'handover_dmp.nodes.{name}',
+                    '--ros-args', '--params-file', str(self._folder / 'parameters.yaml'),
+                ],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                env={**os.environ, PARENT_VARIABLE: str(os.getpid())},
+            )  # fmt: skip
+
+    def spin(self, timeout_s: float = 0.1) -> None:
+        """
+        Take in what the nodes say.
+
+        Args:
+            timeout_s: longest wait for something, s.
+
+        Raises:
+            GraphError: a node has ended.
+
+        """
+        self._executor.spin_once(timeout_sec=timeout_s)
+        for name, process in self.processes.items():
+            if process.poll() is not None:
+                raise GraphError(
+                    f'{name} ended with code {process.returncode}{self._last_words(name)}'
+                )
+
+    def call(self, service: str) -> None:
+        """
+        Call a service of type `std_srvs/Trigger`.
+
+        Args:
+            service: its name, e.g. `/dmp/start`.
+
+        Raises:
+            GraphError: it does not answer, or says no.
+
+        """
+        client = self._node.create_client(Trigger, service)
+        try:
+            self._wait_for(client.service_is_ready, CALL_TIMEOUT_S, f'{service} is not offered')
+            future = client.call_async(Trigger.Request())
+            self._wait_for(future.done, CALL_TIMEOUT_S, f'{service} does not answer')
+            answer = future.result()
+        finally:
+            self._node.destroy_client(client)
+        if not answer.success:
+            raise GraphError(f'{service}: {answer.message}')
+
+    def unpause(self) -> None:
+        """Let simulated time run."""
+        self.call('/robot_sim/pause')
+
+    def wait_for_state(
+        self, wanted: tuple[str, ...], timeout_s: float, progress: Callable[[], None]
+    ) -> bool:
+        """
+        Watch the handover.
+
+        Args:
+            wanted: states that end the wait.
+            timeout_s: on the graph's clock, s.
+            progress: called now and then.
+
+        Returns:
+            Whether one of the states was reached.
+
+        """
+        deadline_s = self.time_s + timeout_s if self._lockstep else monotonic() + timeout_s
+        while self.state not in wanted:
+            self.spin()
+            progress()
+            if (self.time_s if self._lockstep else monotonic()) > deadline_s:
+                return False
+        return True
+
+    def linger(self, duration_s: float) -> None:
+        """
+        Let the graph go on for a while.
+
+        Args:
+            duration_s: on its clock, s.
+
+        """
+        self.wait_for_state((), duration_s, lambda: None)
+
+    def _watch(self) -> None:
+        self._node = rclpy.create_node('handover_dmp_watch', use_global_arguments=False)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self._node)
+        self._node.create_subscription(
+            String, STATE.name, self._on_state, qos_profile(STATE.quality)
+        )
+        if self._lockstep:
+            self._node.create_subscription(
+                Clock, CLOCK.name, self._on_clock, qos_profile(CLOCK.quality)
+            )
+
+    def _on_state(self, message: String) -> None:
+        self.state = message.data
+
+    def _on_clock(self, message: Clock) -> None:
+        self.time_s = nanoseconds(message.clock) / NANOSECONDS
+
+    def _complete(self) -> bool:
+        """Whether every topic has the ends that it should have."""
+        if set(self._nodes) != set(NODES):
+            return set(self._nodes) <= set(self._node.get_node_names())
+        ends = [(topic.name, 2) for topic in RECORDED_AND_READ]
+        ends += [(topic.name, 1) for topic in RECORDED_ALONE]
+        ends.append((JOINT_COMMAND.name, 2))
+        return all(
+            self._node.count_publishers(name) >= 1 and self._node.count_subscribers(name) >= least
+            for name, least in ends
+        )
+
+    def _wait_for(self, condition: Callable[[], bool], timeout_s: float, fault: str) -> None:
+        deadline_s = monotonic() + timeout_s
+        while not condition():
+            self.spin(0.02)
+            if monotonic() > deadline_s:
+                raise GraphError(f'{fault} within {timeout_s:.0f} s')
+
+    def _last_words(self, name: str) -> str:
+        log = self._folder / 'logs' / f'{name}.log'
+        lines = log.read_text(encoding='utf-8', errors='replace').strip().splitlines()
+        return f': {lines[-1]}' if lines else ''
+
+    def _end(self) -> dict[str, int]:
+        codes: dict[str, int] = {}
+        for group in (('recorder',), tuple(name for name in self.processes if name != 'recorder')):
+            running = {name: self.processes[name] for name in group if name in self.processes}
+            for process in running.values():
+                if process.poll() is None:
+                    process.send_signal(signal.SIGINT)
+            for name, process in running.items():
+                try:
+                    codes[name] = process.wait(END_TIMEOUT_S)
+                except subprocess.TimeoutExpired:
+                    process.kill()
+                    codes[name] = process.wait()
+        self._executor.shutdown()
+        self._node.destroy_node()
+        rclpy.try_shutdown()
+        return codes
+
+
+def isolate() -> None:
+    """
+    Keep the graph to itself: on this machine alone, in a domain of its own unless one is set.
+
+    Nothing leaves the loopback interface and nothing is left in shared memory.
+    """
+    os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 100))
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    profiles = share_path('config/fastdds_loopback.xml')
+    os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE', str(profiles))

@@ -1,0 +1,106 @@
+"""Node `hand_tracker`: the recorded wrist of the partner, replayed as a tracker would see it."""
+
+from __future__ import annotations
+
+import sys
+
+from geometry_msgs.msg import PoseStamped
+from handover_dmp.hand.replay import Replay
+from handover_dmp.hand.sensor import SensorModel
+from handover_dmp.hand.tracking import TrackedHand
+from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds, pose_message, stamp
+from handover_dmp.nodes.diagnostics import Diagnostics, Periods
+from handover_dmp.nodes.lockstep import Lockstep
+from handover_dmp.nodes.node import HandoverNode
+from handover_dmp.nodes.parameters import Parameter
+from handover_dmp.nodes.spinning import run
+from handover_dmp.scenario import recorded_trial
+from handover_dmp.topics import CLOCK, FRAME, HAND_POSE, HUMAN_POSE, SIGNAL
+from std_msgs.msg import Header
+
+
+class HandTracker(HandoverNode):
+    """The replayed hand as a node."""
+
+    NAME = 'hand_tracker'
+    PARAMETERS = (
+        Parameter('trial', 'CSV file or bag; empty: a synthetic handover', read_only=True),
+        Parameter(
+            'cutoff_hz', 'low-pass of the recording, Hz; 0: none', 0.0, 100.0, read_only=True
+        ),
+        Parameter('replay_at_s', 'when to start; negative: when told', -1.0, 1e9, read_only=True),
+        Parameter('lead_s', 'from the signal to the start, s', 0.0, 60.0, read_only=True),
+        Parameter('rate_hz', 'of the tracker, Hz', 1.0, 1000.0, read_only=True),
+        Parameter('sensor.noise_m', 'standard deviation an axis, m', 0.0, 1.0, read_only=True),
+        Parameter('sensor.delay_s', 'from measurement to arrival, s', 0.0, 5.0, read_only=True),
+        Parameter('sensor.dropout', 'share of poses lost', 0.0, 1.0, read_only=True),
+        Parameter('sensor.outliers', 'share of poses far off', 0.0, 1.0, read_only=True),
+        Parameter('sensor.seed', 'of the random numbers', 0, 2**31 - 1, read_only=True),
+    )
+
+    def __init__(self) -> None:
+        """Read the recording, show the hand at rest, wait for the start."""
+        super().__init__()
+        values = self.values
+        trial = recorded_trial(values['trial'], cutoff_hz=values['cutoff_hz'])
+        worse = {
+            name: values[f'sensor.{name}']
+            for name in ('noise_m', 'delay_s', 'dropout', 'outliers', 'seed')
+        }
+        self._tracked = TrackedHand(
+            Replay.from_trial(trial), SensorModel(rate_hz=values['rate_hz'], **worse)
+        )
+        self._human = Replay.from_motion(trial.times, trial.p2)
+        self._periods = Periods(1.0 / values['rate_hz'])
+        self._messages: list[PoseStamped] = []
+        self._hand_pose = self.advertise(HAND_POSE)
+        self._human_pose = self.advertise(HUMAN_POSE)
+        self._signal = self.advertise(SIGNAL)
+        self.serve('replay', self._replay)
+        if values['replay_at_s'] >= 0.0:
+            self._begin(values['replay_at_s'])
+        if self.lockstep:
+            periods = Lockstep(1.0 / values['rate_hz'], self._answer, self._publish)
+            self.subscribe(CLOCK, lambda message: periods.ask(nanoseconds(message.clock)))
+        else:
+            self.every(1.0 / values['rate_hz'], self._tick)
+        Diagnostics(self, self._periods, self._condition)
+
+    def _replay(self) -> str:
+        self._begin(self.now_s() + self.values['lead_s'])
+        return ''
+
+    def _begin(self, at_s: float) -> None:
+        self._tracked.start(at_s)
+        self._signal.publish(Header(stamp=stamp(round(at_s * NANOSECONDS)), frame_id=FRAME))
+
+    def _tick(self) -> None:
+        self._answer(self.get_clock().now().nanoseconds, 0.0)
+
+    def _answer(self, time_ns: int, _elapsed_s: float) -> None:
+        self._periods.tick()
+        now_s = time_ns / NANOSECONDS
+        self._messages = [
+            pose_message(stamp(round(sample.stamp_s * NANOSECONDS)), sample.position)
+            for sample in self._tracked.due(now_s)
+        ]
+        self._publish()
+        person = self._human.newest(max(0.0, now_s - self._tracked.start_s))
+        if person is not None:
+            self._human_pose.publish(pose_message(stamp(time_ns), person.position))
+
+    def _publish(self) -> None:
+        for message in self._messages:
+            self._hand_pose.publish(message)
+
+    def _condition(self) -> tuple[str, dict[str, str]]:
+        return '', {'replay starts at (s)': f'{self._tracked.start_s:.3f}'}
+
+
+def main() -> int:
+    """Run the node."""
+    return run(HandTracker)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

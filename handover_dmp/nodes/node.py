@@ -1,0 +1,101 @@
+"""What the five nodes share: parameters with defaults, topics by the one table, two clocks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from time import monotonic
+from typing import Any, ClassVar
+
+from handover_dmp.nodes.conversions import NANOSECONDS
+from handover_dmp.nodes.parameters import COMMON, declare, Parameter
+from handover_dmp.nodes.qos import message_class, qos_profile
+from handover_dmp.topics import Topic
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.timer import Timer
+from std_srvs.srv import Trigger
+
+
+class HandoverNode(Node):  # type: ignore[misc]
+    """A node of the graph."""
+
+    NAME: ClassVar[str]
+    PARAMETERS: ClassVar[tuple[Parameter, ...]]
+
+    def __init__(self) -> None:
+        """Declare the parameters; their values at the start are in `self.values`."""
+        super().__init__(self.NAME)
+        self.values = declare(self, COMMON + self.PARAMETERS)
+        self.lockstep: bool = self.values['lockstep']
+
+    def advertise(self, topic: Topic) -> Publisher:
+        """
+        Publish a topic.
+
+        Args:
+            topic: which.
+
+        Returns:
+            Its publisher.
+
+        """
+        return self.create_publisher(
+            message_class(topic.type_name), topic.name, qos_profile(topic.quality)
+        )
+
+    def subscribe(self, topic: Topic, callback: Callable[[Any], None]) -> None:
+        """
+        Subscribe to a topic.
+
+        Args:
+            topic: which.
+            callback: gets each message.
+
+        """
+        self.create_subscription(
+            message_class(topic.type_name), topic.name, callback, qos_profile(topic.quality)
+        )
+
+    def serve(self, name: str, action: Callable[[], str]) -> None:
+        """
+        Offer a service `~/name` of type `std_srvs/Trigger`.
+
+        Args:
+            name: of the service.
+            action: does it; returns what hindered it, or nothing.
+
+        """
+
+        def answer(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            response.message = action()
+            response.success = not response.message
+            return response
+
+        self.create_service(Trigger, f'~/{name}', answer)
+
+    def every(self, period_s: float, callback: Callable[[], None], *, wall: bool = False) -> Timer:
+        """
+        Call something at a steady rate.
+
+        Args:
+            period_s: s.
+            callback: what to call.
+            wall: on the wall clock, also where time is simulated.
+
+        Returns:
+            The timer.
+
+        """
+        simulated = self.get_parameter('use_sim_time').value
+        steady = wall or not simulated
+        clock = Clock(clock_type=ClockType.STEADY_TIME) if steady else None
+        return self.create_timer(period_s, callback, clock=clock)
+
+    def now_s(self) -> float:
+        """Return the time of stamps, s."""
+        return float(self.get_clock().now().nanoseconds / NANOSECONDS)
+
+    def arrival_s(self) -> float:
+        """Return the time that ages are counted in, s: never set back, unless it is simulated."""
+        return self.now_s() if self.get_parameter('use_sim_time').value else monotonic()

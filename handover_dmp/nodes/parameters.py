@@ -1,0 +1,158 @@
+"""Parameters with description and range, declared in one call and changed all or none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from handover_dmp.errors import HandoverError, UsageError
+from handover_dmp.settings import defaults
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
+
+Values = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """
+    One parameter of a node; its default stands in `config/handover.yaml`.
+
+    Attributes:
+        name: nested ones joined by dots.
+        description: what it sets, with its unit.
+        low: least value, of numbers.
+        high: greatest value, of numbers.
+        choices: the words it may be, of strings.
+        read_only: whether it is fixed once the node runs.
+        unset: its type, of a parameter that has no default.
+
+    """
+
+    name: str
+    description: str
+    low: float | None = None
+    high: float | None = None
+    choices: tuple[str, ...] = ()
+    read_only: bool = False
+    unset: RosParameter.Type | None = None
+
+    def descriptor(self, default: Any) -> ParameterDescriptor:
+        """
+        Say it as ROS does.
+
+        Args:
+            default: its default, which sets its type.
+
+        Returns:
+            The descriptor.
+
+        """
+        descriptor = ParameterDescriptor(description=self.description, read_only=self.read_only)
+        if self.choices:
+            descriptor.additional_constraints = 'one of: ' + ', '.join(self.choices)
+        if self.low is not None and self.high is not None:
+            if isinstance(default, float):
+                descriptor.floating_point_range = [
+                    FloatingPointRange(from_value=self.low, to_value=self.high)
+                ]
+            else:
+                descriptor.integer_range = [
+                    IntegerRange(from_value=int(self.low), to_value=int(self.high), step=1)
+                ]
+        return descriptor
+
+
+COMMON = (
+    Parameter('lockstep', 'wait for each other on simulated time', read_only=True),
+    Parameter(
+        'executor', 'which executor of rclpy', choices=('events', 'default'), read_only=True
+    ),
+)
+
+ARM = (
+    Parameter('robot', 'lwr4, iiwa14, panda, ur5 or the path of a URDF', read_only=True),
+    Parameter('base_position', 'of the robot in the room, m', read_only=True),
+    Parameter('base_yaw', 'of the robot in the room, rad', -6.3, 6.3, read_only=True),
+)
+
+
+def declare(
+    node: Node, parameters: Sequence[Parameter], *, defaults_from: Values | None = None
+) -> Values:
+    """
+    Declare parameters with the defaults of `config/handover.yaml`.
+
+    Args:
+        node: whose section it is, by its class's `NAME`.
+        parameters: what to declare.
+        defaults_from: other defaults than those of `config/handover.yaml`.
+
+    Returns:
+        Name to value.
+
+    Raises:
+        UsageError: a value given at the start is of the wrong type, out of range or no choice.
+
+    """
+    section = defaults(node.NAME) if defaults_from is None else defaults_from
+    values: Values = {}
+    for parameter in parameters:
+        default = section.get(parameter.name, parameter.unset)
+        try:
+            declared = node.declare_parameter(
+                parameter.name, default, parameter.descriptor(default)
+            )
+        except Exception as error:
+            raise UsageError(f'{node.NAME}: parameter {parameter.name}: {error}') from error
+        values[parameter.name] = declared.value
+    fault = _wrong_choice(parameters, values)
+    if fault:
+        raise UsageError(f'{node.NAME}: {fault}')
+    return values
+
+
+def on_change(
+    node: Node, parameters: Sequence[Parameter], apply: Callable[[Values], None]
+) -> None:
+    """
+    Let parameters be changed while the node runs, all of one request or none.
+
+    Args:
+        node: the node.
+        parameters: those it declared.
+        apply: gets every value, the new ones among them, and either takes them all or raises a
+            `HandoverError` or `ValueError` and takes none.
+
+    """
+
+    def changed(requested: list[RosParameter]) -> SetParametersResult:
+        values = {
+            parameter.name: node.get_parameter(parameter.name).value for parameter in parameters
+        }
+        values.update({r.name: r.value for r in requested if r.name in values})
+        fault = _wrong_choice(parameters, values)
+        if fault:
+            return SetParametersResult(successful=False, reason=fault)
+        try:
+            apply(values)
+        except (HandoverError, ValueError) as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    node.add_on_set_parameters_callback(changed)
+
+
+def _wrong_choice(parameters: Sequence[Parameter], values: Values) -> str:
+    for parameter in parameters:
+        value = values[parameter.name]
+        if parameter.choices and value not in parameter.choices:
+            return f'{parameter.name} is {value!r}, not one of {", ".join(parameter.choices)}'
+    return ''

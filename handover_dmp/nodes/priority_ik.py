@@ -1,0 +1,249 @@
+"""Node `priority_ik`: the command of the wrist in, joint velocities out; the wrist as measured."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+from geometry_msgs.msg import PoseStamped, TwistStamped
+from handover_dmp.nodes.conversions import (
+    answering,
+    labelled,
+    NANOSECONDS,
+    nanoseconds,
+    pose_message,
+    position_of,
+    rotation_of,
+    velocities_of,
+)
+from handover_dmp.nodes.diagnostics import Diagnostics, Periods
+from handover_dmp.nodes.lockstep import Lockstep
+from handover_dmp.nodes.node import HandoverNode
+from handover_dmp.nodes.parameters import ARM, on_change, Parameter, Values
+from handover_dmp.nodes.spinning import run
+from handover_dmp.robot.model import BasePlacement, RobotModel
+from handover_dmp.robot.priority_ik import IkOptions, ORIENTATIONS, PriorityIk, WristTarget
+from handover_dmp.robot.wrist_controller import WristController, WristControllerOptions
+from handover_dmp.topics import (
+    FRAME,
+    HAND_POSE,
+    IK_STATUS,
+    JOINT_COMMAND,
+    JOINT_STATES,
+    POSE_COMMAND,
+    TWIST_COMMAND,
+    WRIST_POSE,
+)
+import numpy as np
+from sensor_msgs.msg import JointState
+
+SOONEST = 0.5
+LATEST = 0.75
+LONGEST_STEP = 4.0
+TIMEOUTS = (
+    Parameter('joint_state_timeout_s', 'older: nothing is commanded, s', 0.005, 10.0),
+    Parameter('command_timeout_s', 'older: the arm brakes, s', 0.005, 10.0),
+    Parameter('hand_timeout_s', 'older: the hand is taken to be unknown, s', 0.005, 10.0),
+)
+TASKS = (
+    Parameter('position_gain', 'of the wrist, 1/s', 0.0, 200.0),
+    Parameter('feedback_deceleration', 'towards a far target, m/s2', 0.01, 100.0),
+    Parameter('orientation', 'task of the wrist', choices=ORIENTATIONS),
+    Parameter('orientation_gain', 'of the wrist, 1/s', 0.0, 200.0),
+    Parameter('orientation_speed', 'that the gain may ask for, rad/s', 0.0, 20.0),
+    Parameter('posture_gain', 'towards the home posture, 1/s', 0.0, 50.0),
+    Parameter('limit_margin', 'before a position limit, rad', 0.0, 3.0),
+    Parameter('elbow_distance', 'kept from the partner if possible, m', 0.0, 2.0),
+    Parameter('elbow_gain', 'for that, 1/s', 0.0, 50.0),
+    Parameter('braking_share', 'of the acceleration limit', 0.01, 1.0),
+    Parameter('stretch_activation', 'singular value that limits outward speed, m', 0.0, 2.0),
+    Parameter('stretch_least', 'singular value at the end of reach, m', 0.0, 2.0),
+    Parameter('stretch_rate', 'towards it, 1/s', 0.0, 50.0),
+    Parameter('separation', 'whether the wrist is slowed near the hand'),
+    Parameter('separation_distance', 'to the hand, m', 0.0, 5.0),
+    Parameter('separation_speed', 'within it, relative to the hand, m/s', 0.0, 5.0),
+    Parameter('separation_deceleration', 'on the way there, m/s2', 0.01, 100.0),
+    Parameter('self_collision', 'whether the links are kept apart'),
+    Parameter('forearm_collision', "whether they are kept off the partner's forearm"),
+    Parameter('collision_distance', 'that is always kept, m', 0.0, 1.0),
+    Parameter('collision_activation', 'within which links are looked at, m', 0.0, 2.0),
+    Parameter('collision_deceleration', 'of links towards each other, m/s2', 0.01, 100.0),
+)
+
+
+class PriorityIkNode(HandoverNode):
+    """The inverse kinematics as a node."""
+
+    NAME = 'priority_ik'
+    PARAMETERS = (
+        *ARM,
+        *TIMEOUTS,
+        *TASKS,
+        Parameter('rate_hz', 'of the joint commands, Hz', 10.0, 1000.0, read_only=True),
+    )
+
+    def __init__(self) -> None:
+        """Load the arm, connect the topics, wait for joint states and commands."""
+        super().__init__()
+        x, y, z = self.values['base_position']
+        self._model = RobotModel.load(
+            self.values['robot'], base=BasePlacement((x, y, z), self.values['base_yaw'])
+        )
+        self._controller = WristController(
+            self._model, PriorityIk(self._model, _tasks(self.values)), _timeouts(self.values)
+        )
+        on_change(self, TIMEOUTS + TASKS, self._change)
+        self._period_s = 1.0 / self.values['rate_hz']
+        self._periods = Periods(self._period_s)
+        self._pose: PoseStamped | None = None
+        self._twist: TwistStamped | None = None
+        self._answered_s: float | None = None
+        self._command: Any = None
+        self._status: Any = None
+        self._fault = 'no joint states yet'
+        self._active: tuple[str, ...] = ()
+        self._refused = 0
+        self._connect()
+        self._lockstep = Lockstep(self._period_s, self._answer, self._publish, ready=self._ready)
+        if not self.lockstep:
+            self.every(self._period_s / 2, self._tick)
+        Diagnostics(self, self._periods, self._condition)
+
+    def _connect(self) -> None:
+        self._wrist_pose = self.advertise(WRIST_POSE)
+        self._joint_command = self.advertise(JOINT_COMMAND)
+        self._ik_status = self.advertise(IK_STATUS)
+        self.subscribe(JOINT_STATES, self._on_joint_states)
+        self.subscribe(POSE_COMMAND, self._on_pose)
+        self.subscribe(TWIST_COMMAND, self._on_twist)
+        self.subscribe(HAND_POSE, self._on_hand)
+
+    # Inputs
+
+    def _on_joint_states(self, message: JointState) -> None:
+        time_ns = nanoseconds(message.header.stamp)
+        arrival_s = time_ns / NANOSECONDS if self.lockstep else self.arrival_s()
+        controller = self._controller
+        if not controller.set_joint_state(
+            message.name, message.position, message.velocity, arrival_s
+        ):
+            self._refused += 1
+            return
+        assert controller.positions is not None
+        position, rotation = self._model.wrist_pose(controller.positions)
+        self._wrist_pose.publish(pose_message(message.header.stamp, position, rotation))
+        if self.lockstep:
+            self._lockstep.ask(time_ns)
+
+    def _on_pose(self, message: PoseStamped) -> None:
+        if message.header.frame_id != FRAME:
+            self._refused += 1
+            return
+        self._pose = message
+        self._on_command()
+
+    def _on_twist(self, message: TwistStamped) -> None:
+        self._twist = message
+        self._on_command()
+
+    def _on_command(self) -> None:
+        if self.lockstep:
+            self._lockstep.look()
+        elif self._matched():
+            self._take(self.arrival_s())
+            self._tick(SOONEST)
+
+    def _on_hand(self, message: PoseStamped) -> None:
+        if message.header.frame_id == FRAME:
+            self._controller.set_hand(position_of(message), self.arrival_s())
+
+    def _matched(self) -> bool:
+        """Whether pose and twist of one command are there."""
+        pose, twist = self._pose, self._twist
+        return pose is not None and twist is not None and pose.header.stamp == twist.header.stamp
+
+    def _take(self, arrival_s: float) -> None:
+        """Hand the newest command on; without a twist, the wrist is to come to rest there."""
+        pose, twist = self._pose, self._twist
+        assert pose is not None
+        linear, angular = np.zeros(3), np.zeros(3)
+        if twist is not None and self._matched():
+            linear, angular = map(np.array, velocities_of(twist))
+        target = WristTarget(np.array(position_of(pose)), linear, rotation_of(pose), angular)
+        if not self._controller.set_target(target, arrival_s):
+            self._refused += 1
+        self._pose = None
+
+    def _change(self, values: Values) -> None:
+        ik, timeouts = PriorityIk(self._model, _tasks(values)), _timeouts(values)
+        self._controller.ik = ik
+        self._controller.options = timeouts
+
+    # Periods
+
+    def _ready(self, tick_ns: int) -> bool:
+        pose = self._pose
+        return pose is not None and self._matched() and nanoseconds(pose.header.stamp) == tick_ns
+
+    def _answer(self, tick_ns: int, elapsed_s: float) -> None:
+        now_s = tick_ns / NANOSECONDS
+        if self._pose is not None:
+            self._take(now_s)
+        self._solve(now_s, elapsed_s, tick_ns)
+
+    def _tick(self, least: float = LATEST) -> None:
+        """Answer on the clock, unless the arrival of a command has just been answered."""
+        now_s = self.arrival_s()
+        if self._answered_s is None:
+            self._answered_s = now_s - self._period_s
+        elapsed_s = now_s - self._answered_s
+        if 0.0 <= elapsed_s < least * self._period_s:
+            return
+        if self._pose is not None:
+            self._take(now_s)
+        self._answered_s = now_s
+        elapsed_s = min(max(elapsed_s, 0.0), LONGEST_STEP * self._period_s)
+        self._solve(now_s, elapsed_s, self.get_clock().now().nanoseconds)
+
+    def _solve(self, now_s: float, elapsed_s: float, time_ns: int) -> None:
+        self._periods.tick()
+        command = self._controller.update(now_s, elapsed_s)
+        self._fault = command.reason
+        self._command = None
+        if command.velocities is not None:
+            self._command = answering(time_ns, command.velocities)
+        self._status = labelled(command.numbers(time_ns / NANOSECONDS))
+        self._active = command.solution.active_limits if command.solution else ()
+        self._publish()
+
+    def _publish(self) -> None:
+        if self._command is not None:
+            self._joint_command.publish(self._command)
+        if self._status is not None:
+            self._ik_status.publish(self._status)
+
+    # Condition
+
+    def _condition(self) -> tuple[str, dict[str, str]]:
+        refused, self._refused = self._refused, 0
+        return self._fault, {
+            'active limits': ', '.join(self._active) or 'none',
+            'messages refused': str(refused),
+        }
+
+
+def _timeouts(values: Values) -> WristControllerOptions:
+    return WristControllerOptions(**{p.name: values[p.name] for p in TIMEOUTS})
+
+
+def _tasks(values: Values) -> IkOptions:
+    return IkOptions(**{p.name: values[p.name] for p in TASKS})
+
+
+def main() -> int:
+    """Run the node."""
+    return run(PriorityIkNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

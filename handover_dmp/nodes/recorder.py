@@ -1,0 +1,153 @@
+"""Node `recorder`: any topics, byte for byte, into a rosbag2 folder with MCAP files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+import sys
+
+from handover_dmp.errors import DataError
+from handover_dmp.nodes.diagnostics import Diagnostics, Periods
+from handover_dmp.nodes.node import HandoverNode
+from handover_dmp.nodes.parameters import Parameter
+from handover_dmp.nodes.qos import message_class, qos_profile
+from handover_dmp.nodes.spinning import run
+from handover_dmp.recording import BagWriter, Qos
+from handover_dmp.recording.messages import string
+from handover_dmp.topics import INFO, TOPICS
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+LOOK_S = 0.5
+QUEUE = 2000
+
+
+class Recorder(HandoverNode):
+    """The recorder as a node."""
+
+    NAME = 'recorder'
+    PARAMETERS = (
+        Parameter('folder', 'of the bag, which must not exist', read_only=True),
+        Parameter('topics', 'what to record; empty: every topic', read_only=True),
+        Parameter(
+            'info', 'JSON about the run, kept as a message of /handover/info', read_only=True
+        ),
+        Parameter('compression', 'of the chunks', choices=('zstd', 'lz4', 'none'), read_only=True),
+        Parameter(
+            'chunk_size', 'bytes after which a chunk is closed', 1024, 2**26, read_only=True
+        ),
+        Parameter('flush_period_s', 'longest time in memory, s', 0.01, 60.0, read_only=True),
+        Parameter('split_size', 'bytes a file; 0: no limit', 0, 2**40, read_only=True),
+        Parameter('split_duration_s', 's a file; 0: no limit', 0.0, 1e6, read_only=True),
+    )
+
+    def __init__(self) -> None:
+        """Make the bag, subscribe to what is known, look for more."""
+        super().__init__()
+        values = self.values
+        self._writer = BagWriter(
+            Path(values['folder']),
+            compression=values['compression'],
+            chunk_size=values['chunk_size'],
+            flush_period_s=values['flush_period_s'],
+            split_size=values['split_size'],
+            split_duration_s=values['split_duration_s'],
+        )
+        self.exit_code = 0
+        self._wanted = {name for name in values['topics'] if name}
+        self._periods = Periods(1.0)
+        self._subscribed: set[str] = set()
+        self._failure = ''
+        for topic in TOPICS:
+            if self._is_wanted(topic.name) and topic is not INFO:
+                offered = qos_profile(topic.quality)
+                self._record(topic.name, topic.type_name, offered, [Qos.from_profile(offered)])
+        if values['info']:
+            self._write_info(values['info'])
+        self.every(LOOK_S, self._look, wall=True)
+        self.every(values['flush_period_s'], self._flush, wall=True)
+        Diagnostics(self, self._periods, self._condition)
+
+    def destroy_node(self) -> None:
+        """Close the bag, then end."""
+        try:
+            self._writer.close()
+        except DataError as error:
+            self._fail(error)
+        super().destroy_node()
+
+    def _is_wanted(self, name: str) -> bool:
+        return not self._wanted or name in self._wanted
+
+    def _look(self) -> None:
+        """Find topics that appeared since."""
+        for name, types in self.get_topic_names_and_types():
+            if self._is_wanted(name) and name not in self._subscribed and len(types) == 1:
+                offered = [info.qos_profile for info in self.get_publishers_info_by_topic(name)]
+                if offered:
+                    profiles = [Qos.from_profile(profile) for profile in offered]
+                    self._record(name, types[0], _weakest(offered), profiles)
+
+    def _record(self, name: str, type_name: str, offered: QoSProfile, profiles: list[Qos]) -> None:
+        self._subscribed.add(name)
+        queue = QoSProfile(
+            depth=QUEUE, reliability=offered.reliability, durability=offered.durability
+        )
+        write = self._writing(name, type_name, profiles)
+        self.create_subscription(message_class(type_name), name, write, queue, raw=True)
+
+    def _writing(self, name: str, type_name: str, profiles: list[Qos]) -> Callable[[bytes], None]:
+        clock, writer = self.get_clock(), self._writer
+
+        def write(data: bytes) -> None:
+            if self._failure:
+                return
+            try:
+                if name not in writer.topics:
+                    writer.add_topic(name, type_name, profiles)
+                writer.write(name, data, clock.now().nanoseconds)
+            except DataError as error:
+                self._fail(error)
+
+        return write
+
+    def _write_info(self, text: str) -> None:
+        self._writer.add_topic(
+            INFO.name, INFO.type_name, Qos.from_profile(qos_profile(INFO.quality))
+        )
+        self._writer.write_message(INFO.name, string(text), self.get_clock().now().nanoseconds)
+
+    def _flush(self) -> None:
+        if not self._failure:
+            try:
+                self._writer.flush()
+            except DataError as error:
+                self._fail(error)
+
+    def _fail(self, error: DataError) -> None:
+        """Say once that nothing is recorded any more; whatever else runs goes on."""
+        self._failure = str(error)
+        self.exit_code = error.exit_code
+        self.get_logger().error(f'recording ended: {error}')
+
+    def _condition(self) -> tuple[str, dict[str, str]]:
+        return self._failure, {'messages': str(self._writer.message_count)}
+
+
+def _weakest(offered: list[QoSProfile]) -> QoSProfile:
+    """Ask for no more than every publisher offers, so that none is missed."""
+    reliable = all(o.reliability == ReliabilityPolicy.RELIABLE for o in offered)
+    latched = all(o.durability == DurabilityPolicy.TRANSIENT_LOCAL for o in offered)
+    return QoSProfile(
+        depth=QUEUE,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+def main() -> int:
+    """Run the node."""
+    return run(Recorder)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

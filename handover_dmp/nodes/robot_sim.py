@@ -1,0 +1,183 @@
+"""Node `robot_sim`: the arm in PyBullet behind the topics of a real driver, and its clock."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+import sys
+from time import monotonic, sleep
+
+from handover_dmp.nodes.conversions import NANOSECONDS, period_of, stamp
+from handover_dmp.nodes.diagnostics import Diagnostics, Periods
+from handover_dmp.nodes.node import HandoverNode
+from handover_dmp.nodes.parameters import ARM, on_change, Parameter, Values
+from handover_dmp.nodes.spinning import run
+from handover_dmp.robot.arm import ArmOptions, ArmState, SimulatedArm
+from handover_dmp.robot.model import BasePlacement, RobotModel
+from handover_dmp.robot.self_check import check_models
+from handover_dmp.topics import CLOCK, JOINT_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
+from rclpy.parameter import Parameter as RosParameter
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, String
+
+LOOK_S = 0.02
+ASK_AGAIN_S = 0.15
+PATIENCE_WHEN_LOST_S = 0.02
+
+CHANGEABLE = (
+    Parameter('real_time_factor', 'of simulated time; 0: as fast as it goes', 0.0, 100.0),
+    Parameter('patience_s', 'how long to wait for a command in lockstep, s', 0.05, 600.0),
+)
+
+
+class RobotSim(HandoverNode):
+    """The simulated arm as a node."""
+
+    NAME = 'robot_sim'
+    PARAMETERS = (
+        *ARM,
+        *CHANGEABLE,
+        Parameter('rate_hz', 'of the joint states, Hz', 10.0, 1000.0, read_only=True),
+        Parameter(
+            'initial_positions', 'of the joints, rad; not set: the home posture', read_only=True,
+            unset=RosParameter.Type.DOUBLE_ARRAY,
+        ),
+        Parameter(
+            'command_timeout_s', 'the arm brakes without a command for so long, s', 0.001, 10.0,
+            read_only=True,
+        ),
+        Parameter(
+            'resume_required', 'whether it must be told to move again after that', read_only=True
+        ),
+        Parameter('paused', 'whether time stands still at the start', read_only=True),
+    )  # fmt: skip
+
+    def __init__(self) -> None:
+        """Load the arm, hold it against Pinocchio's, begin to simulate."""
+        super().__init__()
+        x, y, z = self.values['base_position']
+        model = RobotModel.load(
+            self.values['robot'], base=BasePlacement((x, y, z), self.values['base_yaw'])
+        )
+        check_models(model)
+        self._arm = SimulatedArm(
+            model,
+            options=ArmOptions(self.values['command_timeout_s'], self.values['resume_required']),
+        )
+        self._start: Sequence[float] | None = self.values['initial_positions']
+        self._arm.reset(self._start)
+        self._period_s = 1.0 / self.values['rate_hz']
+        self._period_ns = round(self._period_s * NANOSECONDS)
+        self._periods = Periods(self._period_s)
+        self._tick_ns = 0
+        self._tick_since_s = self._asked_s = monotonic()
+        self._answers = 0
+        self._lost = False
+        self._paused: bool = self.values['paused']
+        self._connect(model)
+        if self.lockstep:
+            self.every(LOOK_S, self._wait, wall=True)
+        else:
+            self._stepped_s = monotonic()
+            self.every(self._period_s, self._step_on_the_wall_clock, wall=True)
+        Diagnostics(self, self._periods, self._condition)
+
+    def _connect(self, model: RobotModel) -> None:
+        self._clock = self.advertise(CLOCK) if self.lockstep else None
+        self._states = self.advertise(JOINT_STATES)
+        self._message = JointState(name=list(model.joint_names))
+        self._description = self.advertise(ROBOT_DESCRIPTION)
+        self._description.publish(String(data=model.urdf_text))
+        self.subscribe(JOINT_COMMAND, self._on_command)
+        self.serve('pause', self._pause)
+        self.serve('resume', self._resume)
+        self.serve('reset', self._reset)
+        on_change(self, CHANGEABLE, self._change)
+
+    # Simulated time: a period ends when the command that answers it has come
+
+    def _on_command(self, message: Float64MultiArray) -> None:
+        if not self.lockstep:
+            self._arm.command(message.data)
+        elif period_of(message) == self._tick_ns and not self._paused:
+            self._arm.command(message.data)
+            self._answers += 1
+            self._lost = False
+            self._advance()
+
+    def _wait(self) -> None:
+        """Ask again for a command that does not come; after a while, go on without it."""
+        now_s = monotonic()
+        patience_s = PATIENCE_WHEN_LOST_S if self._lost else self.values['patience_s']
+        if self._paused:
+            self._tick_since_s = now_s
+        elif self._answers and now_s - self._tick_since_s > patience_s:
+            self._lost = True
+            self._advance()
+        elif now_s - self._asked_s > ASK_AGAIN_S:
+            self._publish()
+
+    def _advance(self) -> None:
+        self._periods.tick()
+        self._arm.advance(self._period_s)
+        self._tick_ns += self._period_ns
+        factor = self.values['real_time_factor']
+        if factor > 0.0:
+            sleep(max(0.0, self._tick_since_s + self._period_s / factor - monotonic()))
+        self._tick_since_s = monotonic()
+        self._publish()
+
+    # The wall clock
+
+    def _step_on_the_wall_clock(self) -> None:
+        self._periods.tick()
+        now_s = monotonic()
+        elapsed_s = now_s - self._stepped_s
+        self._stepped_s = now_s
+        if not self._paused:
+            self._arm.advance(elapsed_s)
+        self._publish()
+
+    def _publish(self) -> None:
+        self._asked_s = monotonic()
+        if self._clock is not None:
+            time = stamp(self._tick_ns)
+            self._clock.publish(Clock(clock=time))
+        else:
+            time = self.get_clock().now().to_msg()
+        self._message.header.stamp = time
+        self._message.position = self._arm.joint_positions.tolist()
+        self._message.velocity = self._arm.joint_velocities.tolist()
+        self._states.publish(self._message)
+
+    # Services, parameters, condition
+
+    def _pause(self) -> str:
+        self._paused = not self._paused
+        return ''
+
+    def _resume(self) -> str:
+        self._arm.resume()
+        return ''
+
+    def _reset(self) -> str:
+        self._arm.reset(self._start)
+        return ''
+
+    def _change(self, values: Values) -> None:
+        self.values |= values
+
+    def _condition(self) -> tuple[str, dict[str, str]]:
+        report = self._arm.report
+        fault = '' if report.state is ArmState.READY else f'stopped: {report.last_fault}'
+        return fault, {key: str(value) for key, value in asdict(report).items()}
+
+
+def main() -> int:
+    """Run the node."""
+    return run(RobotSim)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

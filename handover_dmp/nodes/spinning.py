@@ -1,0 +1,76 @@
+"""How every node lives: started, spun without pause, ended cleanly by SIGINT or SIGTERM."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+import gc
+import os
+import signal
+import sys
+
+from handover_dmp.errors import HandoverError
+import rclpy
+from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+PARENT_VARIABLE = 'HANDOVER_DMP_PARENT'
+POLL_S = 0.2
+
+
+def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -> int:
+    """
+    Run a node until it is told to end.
+
+    The executor is polled instead of spun, since the events executor of these wheels does not
+    look at signals; its garbage collector runs between the periods, once a second, not in them.
+
+    Args:
+        make_node: makes the node; a `HandoverError` there ends the process with its one line.
+        arguments: ROS arguments; those of the process if left out.
+
+    Returns:
+        Exit code: 0 after SIGINT or SIGTERM, or the node's own `exit_code`.
+
+    """
+    ended: list[int] = []
+    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda caught, _frame: ended.append(caught))
+    try:
+        node = make_node()
+    except HandoverError as error:
+        print(error, file=sys.stderr)
+        rclpy.try_shutdown()
+        return error.exit_code
+    executor = _executor(node)
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    node.create_timer(1.0, lambda: gc.collect(1))
+    try:
+        while not ended and rclpy.ok() and not _orphaned():
+            executor.spin_once(timeout_sec=POLL_S)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
+        executor.shutdown()
+        node.destroy_node()
+        rclpy.try_shutdown()
+    return int(getattr(node, 'exit_code', 0))
+
+
+def _executor(node: Node) -> Executor:
+    events = node.get_parameter('executor').value == 'events'
+    executor: Executor = EventsExecutor() if events else SingleThreadedExecutor()
+    executor.add_node(node)
+    return executor
+
+
+def _orphaned() -> bool:
+    """Whether the process that started this one, and asked to be outlived by nobody, is gone."""
+    parent = os.environ.get(PARENT_VARIABLE)
+    return parent is not None and os.getppid() != int(parent)

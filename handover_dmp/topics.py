@@ -1,0 +1,134 @@
+"""
+Every topic of the graph: name, type and quality of service, once.
+
+Sensor data is best effort with depth 1, since only the newest counts; commands are reliable with
+depth 1, since an old one must never be followed; what a late listener must still get is transient
+local. Positions are metres in the frame `world` (REP 103, REP 105), times are those of the header.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+FRAME = 'world'
+
+
+class Quality(Enum):
+    """Quality of service: reliability, durability, depth."""
+
+    SENSOR = ('best_effort', 'volatile', 1)
+    COMMAND = ('reliable', 'volatile', 1)
+    LATCHED = ('reliable', 'transient_local', 1)
+    REPORT = ('reliable', 'volatile', 10)
+
+
+@dataclass(frozen=True)
+class Topic:
+    """
+    One topic.
+
+    Attributes:
+        name: absolute.
+        type_name: of its messages, e.g. `geometry_msgs/msg/PoseStamped`.
+        quality: of service, for publisher and subscription alike.
+        meaning: what its messages say, with units.
+
+    """
+
+    name: str
+    type_name: str
+    quality: Quality
+    meaning: str
+
+
+CLOCK = Topic('/clock', 'rosgraph_msgs/msg/Clock', Quality.COMMAND, 'simulated time')
+HAND_POSE = Topic(
+    '/hand/pose',
+    'geometry_msgs/msg/PoseStamped',
+    Quality.SENSOR,
+    "the partner's wrist as tracked, m",
+)
+HUMAN_POSE = Topic(
+    '/human/pose',
+    'geometry_msgs/msg/PoseStamped',
+    Quality.SENSOR,
+    'where the person was whose place the robot takes, m',
+)
+SIGNAL = Topic(
+    '/handover/signal',
+    'std_msgs/msg/Header',
+    Quality.LATCHED,
+    "the partner's signal: the handover starts at the stamp",
+)
+WRIST_POSE = Topic(
+    '/wrist/pose',
+    'geometry_msgs/msg/PoseStamped',
+    Quality.SENSOR,
+    "the robot's wrist as measured, m",
+)
+POSE_COMMAND = Topic(
+    '/wrist/pose_command',
+    'geometry_msgs/msg/PoseStamped',
+    Quality.COMMAND,
+    'where the wrist is to be, m',
+)
+TWIST_COMMAND = Topic(
+    '/wrist/twist_command',
+    'geometry_msgs/msg/TwistStamped',
+    Quality.COMMAND,
+    'how the wrist is to move, m/s; carries the stamp of its pose',
+)
+IK_STATUS = Topic(
+    '/wrist/ik_status',
+    'std_msgs/msg/Float64MultiArray',
+    Quality.COMMAND,
+    'how well the arm follows; the labels of the layout name the values',
+)
+JOINT_STATES = Topic(
+    '/joint_states', 'sensor_msgs/msg/JointState', Quality.SENSOR, 'of the arm, rad and rad/s'
+)
+JOINT_COMMAND = Topic(
+    '/joint_velocity_controller/commands',
+    'std_msgs/msg/Float64MultiArray',
+    Quality.COMMAND,
+    'joint velocities, rad/s, in the order of the URDF',
+)
+STATE = Topic(
+    '/handover/state',
+    'std_msgs/msg/String',
+    Quality.LATCHED,
+    'idle, reaching, exchange, done or aborted',
+)
+PHASE = Topic(
+    '/handover/phase',
+    'std_msgs/msg/Float64MultiArray',
+    Quality.COMMAND,
+    'of the movement primitive; the labels of the layout name the values',
+)
+MARKERS = Topic(
+    '/handover/markers',
+    'visualization_msgs/msg/MarkerArray',
+    Quality.REPORT,
+    'hand, wrist, trails, learnt path, exchange point',
+)
+INFO = Topic(
+    '/handover/info',
+    'std_msgs/msg/String',
+    Quality.LATCHED,
+    'JSON: what is run, with which versions',
+)
+ROBOT_DESCRIPTION = Topic(
+    '/robot_description', 'std_msgs/msg/String', Quality.LATCHED, 'URDF of the arm'
+)
+DIAGNOSTICS = Topic(
+    '/diagnostics',
+    'diagnostic_msgs/msg/DiagnosticArray',
+    Quality.REPORT,
+    'rate, jitter, overruns, age of inputs, faults; once a second',
+)
+
+TOPICS = (
+    CLOCK, HAND_POSE, HUMAN_POSE, SIGNAL, WRIST_POSE, POSE_COMMAND, TWIST_COMMAND, IK_STATUS,
+    JOINT_STATES, JOINT_COMMAND, STATE, PHASE, MARKERS, INFO, ROBOT_DESCRIPTION, DIAGNOSTICS,
+)  # fmt: skip
