@@ -45,6 +45,10 @@ STANDING = {
 # Where the acting arm would rather be, rad, and how much it minds to leave it.
 ARM_AT_EASE = np.array([0.0, 0.55, 0.22, 0.0, 1.15, 0.0, 0.0, 0.0])
 ARM_STIFFNESS = np.array([3.0, 0.25, 0.35, 0.25, 0.25, 0.6, 0.8, 0.8])
+# The same for the wrist's position, in 1/m, and for the fingers, that point ahead and a little up.
+WRIST_WEIGHT = 1e3
+FINGER_WEIGHT = 0.3
+FINGERS_AHEAD = np.array([1.0, 0.15, 0.0]) / np.hypot(1.0, 0.15)
 
 Colour = tuple[float, float, float, float]
 SKIN: Colour = (0.86, 0.66, 0.53, 1.0)
@@ -247,6 +251,10 @@ class HumanFigure:
         self._model = self._anatomy.arm
         self._data = self._model.createData()
         self._hand_frame = self._model.getFrameId('right_hand')
+        self._lower = self._model.lowerPositionLimit.copy()
+        self._upper = self._model.upperPositionLimit.copy()
+        self._rows = np.vstack([np.zeros((6, self._model.nv)), np.diag(ARM_STIFFNESS)])
+        self._wanted = np.zeros(len(self._rows))
         path = np.atleast_2d(np.asarray(hand_path, dtype=float))
         self.floor_height_m = (
             self._likely_floor(path[-1]) if floor_height_m is None else floor_height_m
@@ -369,43 +377,35 @@ class HumanFigure:
         shift = self._step_after(hand)
         to_figure = self._root.rotation.T
         target = to_figure @ (hand - shift - self._root.translation)
-        fingers = np.array([1.0, 0.15, 0.0])  # ahead, and a little up
-        fingers /= np.linalg.norm(fingers)
         joints = self._joints
         for _ in range(60):
-            change = self._improvement(joints, target, fingers)
-            joints = np.clip(
-                joints + change, self._model.lowerPositionLimit, self._model.upperPositionLimit
-            )
-            if (
-                np.abs(change).max() < 1e-3
-            ):  # the next one would move the wrist by less than a micrometre
+            change = self._improvement(joints, target)
+            joints = np.minimum(np.maximum(joints + change, self._lower), self._upper)
+            # The next one would move the wrist by less than a micrometre.
+            if np.abs(change).max() < 1e-3:
                 break
         self._joints = joints
         pin.framesForwardKinematics(self._model, self._data, joints)
         placement = self._root * self._data.oMf[self._hand_frame]
         return HumanPosture(joints, shift, placement.translation + shift, placement.rotation)
 
-    def _improvement(self, joints: Array, target: Array, fingers: Array) -> Array:
+    def _improvement(self, joints: Array, target: Array) -> Array:
+        """Return the next Gauss-Newton step; the rows of the least squares are kept between."""
         model, data, frame = self._model, self._data, self._hand_frame
         pin.computeJointJacobians(model, data, joints)
         placement = pin.updateFramePlacement(model, data, frame)
         jacobian = pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
         pointing = -placement.rotation[:, 1]
-        turning = -pin.skew(pointing) @ jacobian[3:]
-        at_bound = ((joints <= model.lowerPositionLimit + 1e-9) & (joints < ARM_AT_EASE)) | (
-            (joints >= model.upperPositionLimit - 1e-9) & (joints > ARM_AT_EASE)
-        )
-        rows = np.vstack([1e3 * jacobian[:3], 0.3 * turning, np.diag(ARM_STIFFNESS)])
-        wanted = np.concatenate(
-            [
-                1e3 * (target - placement.translation),
-                0.3 * (fingers - pointing),
-                ARM_STIFFNESS * (ARM_AT_EASE - joints),
-            ]
-        )
-        if at_bound.any():
-            rows[:6, at_bound] = 0.0
+        rows, wanted = self._rows, self._wanted
+        rows[:3] = WRIST_WEIGHT * jacobian[:3]
+        rows[3:6] = (-FINGER_WEIGHT * pin.skew(pointing)) @ jacobian[3:]
+        wanted[:3] = WRIST_WEIGHT * (target - placement.translation)
+        wanted[3:6] = FINGER_WEIGHT * (FINGERS_AHEAD - pointing)
+        wanted[6:] = ARM_STIFFNESS * (ARM_AT_EASE - joints)
+        # A joint at its bound would otherwise take up motion that it cannot make.
+        stuck = (joints <= self._lower) | (joints >= self._upper)
+        if stuck.any():
+            rows[:6, stuck] = 0.0
         change: Array = np.linalg.solve(rows.T @ rows, rows.T @ wanted)
         return change * min(1.0, 0.5 / max(1e-12, float(np.abs(change).max())))
 
