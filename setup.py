@@ -13,18 +13,19 @@ NODES = ('robot_sim', 'hand_tracker', 'dmp', 'priority_ik', 'recorder')
 # calls that are used here. Nothing is bound from above.
 REQUIREMENTS = [
     'coal>=3.0',
-    'daqp>=0.7.2',
+    'daqp>=0.8',
     'example-robot-data>=4.2',
     'joblib>=1.3',
     'matplotlib>=3.7',
     'mcap>=1.2',
     'mcap-ros2-support>=0.5.5',
     'numpy>=1.26',
+    'pillow>=10.2',
     'pin>=3.7',
     'pybullet>=3.2.6',
     'PyYAML>=6.0.1',
     'rich>=13.7',
-    'ruckig>=0.14',
+    'ruckig>=0.15',
     'scipy>=1.11',
 ]
 

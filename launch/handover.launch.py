@@ -10,9 +10,10 @@ On simulated time the handover begins by itself, on the wall clock when it is to
 
 from __future__ import annotations
 
-from datetime import datetime
 from pathlib import Path
-import tempfile
+import shlex
+import sys
+from tempfile import TemporaryDirectory
 from typing import Any
 from xml.etree import ElementTree
 
@@ -24,8 +25,6 @@ from launch.substitutions import LaunchConfiguration, OrSubstitution
 from launch_ros.actions import Node
 
 PACKAGE = 'handover_dmp'
-REPLAY_AT_S = 1.0
-
 ARGUMENTS = {
     'robot': ('lwr4', 'lwr4, iiwa14, panda, ur5 or the path of a URDF'),
     'trial': ('', 'CSV file of a recorded handover, whose partner is replayed'),
@@ -34,7 +33,7 @@ ARGUMENTS = {
     'use_sim_time': ('true', 'run in lockstep on /clock; false: on the wall clock'),
     'parameters': (str(share_path('config/handover.yaml')), 'file with those of all nodes'),
     'record': ('true', 'whether to record all topics'),
-    'output': ('', 'folder for the bag; empty: runs/<date-time>_launch'),
+    'output': ('', 'folder of the run; empty: runs/<date-time>_<exchange>_<configuration>'),
     'rviz': ('false', 'whether to start RViz (package rviz2)'),
     'foxglove': ('false', 'whether to start the Foxglove bridge (package foxglove_bridge)'),
 }
@@ -56,68 +55,54 @@ def generate_launch_description() -> LaunchDescription:
 def nodes(context: LaunchContext) -> list[Node]:
     """Make the nodes, with the parameters that follow from the recording and the arm."""
     chosen = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
-    if chosen['trial'] and chosen['bag']:
-        raise RuntimeError('trial and bag exclude each other')
-    folder = Path(tempfile.mkdtemp(prefix=f'{PACKAGE}_'))
-    scenario, trial, model = _scenario(chosen, folder)
-    simulated = chosen['use_sim_time'].lower() == 'true'
-    arm = {
-        'robot': chosen['robot'],
-        'base_position': [float(value) for value in scenario.robot.base.position],
-        'base_yaw': float(scenario.robot.base.yaw),
-    }
-    own: dict[str, dict[str, Any]] = {
-        'robot_sim': {**arm, 'initial_positions': scenario.start_posture.tolist()},
-        'hand_tracker': {'trial': trial, **({'replay_at_s': REPLAY_AT_S} if simulated else {})},
-        'dmp': {'model': model},
-        'priority_ik': arm,
-        'recorder': {'folder': str(_output(chosen['output']) / 'bag')},
-    }
-    common = {'use_sim_time': simulated, 'lockstep': simulated}
-    return [
+    robot, parameters = prepare(chosen)
+    graph = [
         Node(
             package=PACKAGE,
             executable=name,
             name=name,
             output='screen',
-            parameters=[chosen['parameters'], {**common, **parameters}],
+            parameters=[chosen['parameters'], own],
             condition=IfCondition(chosen['record']) if name == 'recorder' else None,
-            # The arm has braked by itself; four nodes without the fifth are of no use.
+            # The arm brakes by itself; four nodes without the fifth are of no use.
             on_exit=Shutdown(reason=f'{name} ended'),
         )
-        for name, parameters in own.items()
-    ] + _viewers(scenario.robot, simulated)
+        for name, own in parameters.items()
+    ]
+    return graph + viewers(robot, _is_true(chosen['use_sim_time']))
 
 
-def _scenario(chosen: dict[str, str], folder: Path) -> tuple[Any, str, str]:
-    """Put the run together, and leave what the nodes read in `folder`."""
-    from handover_dmp.dmp import save_model
-    from handover_dmp.hand import synthesize, write_trial
-    from handover_dmp.scenario import EXAMPLE, make_scenario
+def prepare(chosen: dict[str, str]) -> tuple[Any, dict[str, dict[str, Any]]]:
+    """
+    Put the run together and make its folder.
 
-    trial = chosen['trial'] or chosen['bag']
-    if not trial:
-        configuration, _ = EXAMPLE
-        wanted = (configuration, chosen['exchange'])
-        trials = [t for t in synthesize() if (t.configuration, t.exchange) == wanted]
-        if not trials:
-            raise RuntimeError(f'exchange is {chosen["exchange"]!r}, neither give nor take')
-        trial = str(folder / '{0.configuration}_{0.exchange}_{0.number}.csv'.format(trials[0]))
-        write_trial(trials[0], Path(trial))
-    scenario = make_scenario(Path(trial), robot=chosen['robot'])
-    model = folder / 'model.json'
-    save_model(scenario.model, model)
-    return scenario, trial, str(model)
+    Args:
+        chosen: value of each launch argument.
+
+    Returns:
+        The arm in its place, and the parameters of each node that differ from the file's.
+
+    """
+    from handover_dmp.nodes.conduct import graph_parameters
+    from handover_dmp.run import keep_inputs, new_run_folder, run_info
+
+    scenario = _scenario(chosen)
+    folder = new_run_folder(Path(chosen['output']) if chosen['output'] else None, scenario.trial)
+    folder = folder.absolute()
+    keep_inputs(folder, scenario)
+    simulated = _is_true(chosen['use_sim_time'])
+    info = run_info(scenario, 1.0) | {'command': shlex.join(['ros2', *sys.argv[1:]])}
+    parameters = graph_parameters(folder, scenario, info, simulated)
+    # For people to watch, not as fast as it goes.
+    del parameters['robot_sim']['real_time_factor']
+    for name, own in parameters.items():
+        own['lockstep'] = simulated
+        # `robot_sim` makes the time of the others.
+        own['use_sim_time'] = simulated and name != 'robot_sim'
+    return scenario.robot, parameters
 
 
-def _output(folder: str) -> Path:
-    """Return the folder of this run, made if need be."""
-    path = Path(folder or f'runs/{datetime.now():%Y-%m-%d_%H-%M-%S}_launch').absolute()
-    path.mkdir(parents=True, exist_ok=True)
-    return path
-
-
-def _viewers(robot: Any, simulated: bool) -> list[Node]:
+def viewers(robot: Any, simulated: bool) -> list[Node]:
     """Make the viewers that were asked for, and the transforms that they need."""
     wanted = IfCondition(
         OrSubstitution(LaunchConfiguration('rviz'), LaunchConfiguration('foxglove'))
@@ -138,7 +123,7 @@ def _viewers(robot: Any, simulated: bool) -> list[Node]:
             executable='static_transform_publisher',
             arguments=[
                 '--x', x, '--y', y, '--z', z, '--yaw', str(robot.base.yaw),
-                '--frame-id', 'world', '--child-frame-id', _root_link(robot.urdf_text),
+                '--frame-id', 'world', '--child-frame-id', root_link(robot.urdf_text),
             ],
             parameters=[use_sim_time],
             condition=wanted,
@@ -160,9 +145,36 @@ def _viewers(robot: Any, simulated: bool) -> list[Node]:
     ]  # fmt: skip
 
 
-def _root_link(urdf_text: str) -> str:
+def root_link(urdf_text: str) -> str:
     """Return the name of the link that no joint moves."""
     tree = ElementTree.fromstring(urdf_text)
     moved = {child.get('link') for child in tree.findall('joint/child')}
     (root,) = (link.get('name') for link in tree.findall('link') if link.get('name') not in moved)
     return str(root)
+
+
+def _scenario(chosen: dict[str, str]) -> Any:
+    """Read the recording; else learn from one synthetic handover and take another."""
+    from handover_dmp.dmp import save_model
+    from handover_dmp.hand import condition, synthesize, write_trial
+    from handover_dmp.scenario import EXAMPLE, make_scenario
+    from handover_dmp.teaching import learn_from_trials
+
+    if chosen['trial'] and chosen['bag']:
+        raise RuntimeError('trial and bag exclude each other')
+    if recorded := chosen['trial'] or chosen['bag']:
+        return make_scenario(Path(recorded), robot=chosen['robot'])
+    wanted = (EXAMPLE[0], chosen['exchange'])
+    trials = [t for t in synthesize() if (t.configuration, t.exchange) == wanted]
+    if not trials:
+        raise RuntimeError(f'exchange is {chosen["exchange"]!r}, neither give nor take')
+    with TemporaryDirectory() as folder:
+        model = Path(folder) / 'model.json'
+        save_model(learn_from_trials([condition(trials[0])]), model)
+        trial = Path(folder) / f'{"_".join(wanted)}_{trials[1].number}.csv'
+        write_trial(trials[1], trial)
+        return make_scenario(trial, model=model, robot=chosen['robot'])
+
+
+def _is_true(word: str) -> bool:
+    return word.lower() in ('true', '1')

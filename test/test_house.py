@@ -17,6 +17,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'handover_dmp'
 # For those that are not installed, or that hide their modules from the metadata.
 DISTRIBUTIONS = {
+    'PIL': 'pillow',
     'pink': 'pin-pink',
     'pinocchio': 'pin',
     'sklearn': 'scikit-learn',

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
@@ -41,15 +40,6 @@ def functions(tree: ast.Module) -> dict[str, Any]:
     return names
 
 
-def dictionaries(tree: ast.AST, key: str) -> Iterator[ast.expr]:
-    """Yield the values that stand under a key in the dictionaries of a syntax tree."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Dict):
-            for name, value in zip(node.keys, node.values, strict=True):
-                if isinstance(name, ast.Constant) and name.value == key:
-                    yield value
-
-
 def test_the_arguments(functions: dict[str, Any]) -> None:
     assert set(functions['ARGUMENTS']) >= ARGUMENTS
     for default, description in functions['ARGUMENTS'].values():
@@ -62,27 +52,6 @@ def test_every_argument_is_used(tree: ast.Module) -> None:
     for argument in ARGUMENTS:
         # Once where it is declared, and at least once where it is read.
         assert words.count(argument) >= 2, argument
-
-
-def test_every_node_gets_parameters_that_it_has(tree: ast.Module) -> None:
-    described = {
-        # Without a default, so not in the file of defaults.
-        'robot_sim': {'initial_positions'},
-    }
-    for node in NODES:
-        (given,) = (value for value in dictionaries(tree, node))
-        names = {word.value for word in ast.walk(given) if isinstance(word, ast.Constant)}
-        parameters = {name for name in names if isinstance(name, str)} - {'bag', 'output', 'robot'}
-        assert parameters <= set(defaults(node)) | described.get(node, set()), node
-
-
-def test_executables_of_this_package_are_those_that_are_installed(
-    functions: dict[str, Any], tree: ast.Module
-) -> None:
-    assert functions['PACKAGE'] == 'handover_dmp'
-    for node in NODES:
-        assert (ROOT / 'scripts' / node).is_file()
-        assert list(dictionaries(tree, node))
 
 
 def test_other_packages_are_those_that_package_xml_names_or_viewers(tree: ast.Module) -> None:
@@ -98,51 +67,84 @@ def test_other_packages_are_those_that_package_xml_names_or_viewers(tree: ast.Mo
     assert packages - named == {'rviz2', 'foxglove_bridge'}
 
 
+def choose(functions: dict[str, Any], **chosen: str) -> dict[str, str]:
+    """Return the value of every launch argument."""
+    return {name: default for name, (default, _) in functions['ARGUMENTS'].items()} | chosen
+
+
 @pytest.mark.parametrize('exchange', ['give', 'take'])
-def test_a_synthetic_handover_and_its_model_are_left_for_the_nodes(
-    functions: dict[str, Any], tmp_path: Path, exchange: str
+@pytest.mark.parametrize('use_sim_time', ['true', 'false'])
+def test_a_synthetic_handover_is_left_for_the_nodes(
+    functions: dict[str, Any],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    exchange: str,
+    use_sim_time: str,
 ) -> None:
-    chosen = {'trial': '', 'bag': '', 'exchange': exchange, 'robot': 'lwr4'}
-    scenario, trial, model = functions['_scenario'](chosen, tmp_path)
-    assert read_trial(Path(trial)).exchange == exchange
-    learnt = load_model(Path(model))
-    assert learnt.duration_s == scenario.model.duration_s
-    np.testing.assert_allclose(
-        scenario.robot.wrist_pose(scenario.start_posture)[0], scenario.trial.p2[0], atol=1e-3
-    )
+    pytest.importorskip('rclpy')
+    monkeypatch.chdir(tmp_path)
+    chosen = choose(functions, exchange=exchange, use_sim_time=use_sim_time)
+    robot, parameters = functions['prepare'](chosen)
+    assert set(parameters) == NODES
+    trial = read_trial(Path(parameters['hand_tracker']['trial']))
+    assert trial.exchange == exchange
+    assert load_model(Path(parameters['dmp']['model'])).duration_s > 0.0
+    wrist, _ = robot.wrist_pose(np.array(parameters['robot_sim']['initial_positions']))
+    np.testing.assert_allclose(wrist, trial.p2[0], atol=0.01)
+    bag = Path(parameters['recorder']['folder'])
+    assert bag.is_absolute()
+    assert not bag.exists()
+    for name, own in parameters.items():
+        assert own['lockstep'] is (use_sim_time == 'true')
+        assert own['use_sim_time'] is (use_sim_time == 'true' and name != 'robot_sim')
+
+
+def test_every_node_gets_parameters_that_it_has(functions: dict[str, Any], tmp_path: Path) -> None:
+    pytest.importorskip('rclpy')
+    _, parameters = functions['prepare'](choose(functions, output=str(tmp_path / 'run')))
+    # Of rclpy; and without a default, so not in the file of defaults.
+    others = {'use_sim_time', 'initial_positions'}
+    for node, own in parameters.items():
+        assert set(own) <= set(defaults(node)) | others, node
 
 
 def test_a_trial_of_the_users_own(
     functions: dict[str, Any], tmp_path: Path, kth_folder: Path
 ) -> None:
-    trial = str(sorted(kth_folder.glob('raw_*.csv'))[0])
-    chosen = {'trial': trial, 'bag': '', 'exchange': 'give', 'robot': 'lwr4'}
-    _, named, model = functions['_scenario'](chosen, tmp_path)
-    assert named == trial
-    assert load_model(Path(model)).duration_s > 0.0
+    pytest.importorskip('rclpy')
+    trial = sorted(kth_folder.rglob('raw_*.csv'))[0]
+    chosen = choose(functions, trial=str(trial), output=str(tmp_path / 'run'))
+    _, parameters = functions['prepare'](chosen)
+    kept = read_trial(Path(parameters['hand_tracker']['trial']))
+    assert kept.duration_s == pytest.approx(read_trial(trial).duration_s, abs=0.05)
 
 
-def test_what_is_wrong_is_said(functions: dict[str, Any], tmp_path: Path) -> None:
-    chosen = {'trial': '', 'bag': '', 'exchange': 'throw', 'robot': 'lwr4'}
-    with pytest.raises(RuntimeError, match='throw'):
-        functions['_scenario'](chosen, tmp_path)
-    with pytest.raises(HandoverError, match=r'none\.csv'):
-        functions['_scenario']({**chosen, 'trial': str(tmp_path / 'none.csv')}, tmp_path)
-
-
-def test_the_output_folder(
-    functions: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ('chosen', 'error', 'words'),
+    [
+        ({'exchange': 'throw'}, RuntimeError, 'throw'),
+        ({'trial': 'a.csv', 'bag': 'b'}, RuntimeError, 'exclude'),
+        ({'trial': '/none.csv'}, HandoverError, r'none\.csv'),
+        ({'robot': '/none.urdf'}, HandoverError, r'none\.urdf'),
+    ],
+)
+def test_what_is_wrong_is_said(
+    functions: dict[str, Any],
+    tmp_path: Path,
+    chosen: dict[str, str],
+    error: type[Exception],
+    words: str,
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    made = functions['_output']('')
-    assert made.is_dir()
-    assert made.parent == tmp_path / 'runs'
-    assert functions['_output'](str(tmp_path / 'here')) == tmp_path / 'here'
+    pytest.importorskip('rclpy')
+    output = tmp_path / 'run'
+    with pytest.raises(error, match=words):
+        functions['prepare'](choose(functions, output=str(output), **chosen))
+    assert not output.exists()
 
 
 def test_the_root_link(functions: dict[str, Any]) -> None:
     text = (ROOT / 'urdf' / 'lwr4.urdf').read_text(encoding='utf-8')
-    assert functions['_root_link'](text) == 'lwr4_base'
+    assert functions['root_link'](text) == 'lwr4_base'
 
 
 def test_launch_loads_it_where_it_is_installed() -> None:
