@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 import csv
 import io
 from pathlib import Path
 import re
 
 from handover_dmp.errors import DataError
-from handover_dmp.files import write_text
-from handover_dmp.hand.tables import quote, read_records
+from handover_dmp.hand.tables import quote, read_records, save
 from handover_dmp.hand.trial import (
     EXCHANGES,
     HandoverTrial,
@@ -61,16 +60,22 @@ def read_data_set(folder: str | Path) -> list[HandoverTrial]:
     return trials
 
 
-def write_data_set(trials: Sequence[HandoverTrial], folder: str | Path) -> None:
+def write_data_set(
+    trials: Sequence[HandoverTrial],
+    folder: str | Path,
+    *,
+    progress: Callable[[], object] | None = None,
+) -> None:
     """
     Write trials and their index; the index last, so that it never names a file that is not there.
 
     Args:
         trials: what to write, no two of one configuration, exchange and number.
         folder: where to; made if need be. Files of the same names are replaced.
+        progress: called after each trial.
 
     Raises:
-        DataError: two trials have the same name.
+        DataError: two trials have the same name, or the folder cannot be written to.
 
     """
     folder = Path(folder)
@@ -83,9 +88,11 @@ def write_data_set(trials: Sequence[HandoverTrial], folder: str | Path) -> None:
     writer.writerow([*INDEX_COLUMNS, 'rate_hz', 'source'])
     for trial, file in zip(trials, files, strict=True):
         write_trial(trial, folder / file)
+        if progress:
+            progress()
         row = [file, trial.configuration, trial.exchange, trial.number]
         writer.writerow([*row, f'{trial.rate_hz:g}', trial.source])
-    write_text(folder / INDEX_NAME, table.getvalue())
+    save(folder / INDEX_NAME, table.getvalue())
 
 
 def file_name(trial: HandoverTrial) -> str:
@@ -121,12 +128,12 @@ def _check_frames(folder: Path, trials: Sequence[HandoverTrial]) -> None:
         cases[trial.configuration, trial.exchange].append(trial)
     for case in cases.values():
         ends = np.array([np.concatenate([trial.p1[-1], trial.p2[-1]]) for trial in case])
-        apart = ends - np.median(ends, axis=0)
-        distances = np.sqrt(np.square(apart).reshape(len(case), 2, 3).sum(axis=2)).max(axis=1)
-        # Of two, each is as far from the middle as the other.
-        limit = SAME_FRAME_M / 2 if len(case) == 2 else SAME_FRAME_M
-        if distances.max() > limit:
-            worst = len(case) - 1 - int(np.argmax(distances[::-1]))
+        # Of two, neither is the odd one: the first is what the other is held against.
+        usual = ends[0] if len(case) == 2 else np.median(ends, axis=0)
+        apart = (ends - usual).reshape(len(case), 2, 3)
+        distances = np.sqrt(np.square(apart).sum(axis=2)).max(axis=1)
+        worst = int(np.argmax(distances))
+        if distances[worst] > SAME_FRAME_M:
             raise DataError(
                 f'{folder / case[worst].source}: its exchange lies {distances[worst]:.2g} m '
                 f'from the others of {case[worst].configuration} {case[worst].exchange}; '

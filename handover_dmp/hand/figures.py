@@ -68,7 +68,7 @@ def draw_segmentation(segmented: SegmentedMotion, path: str | Path) -> None:
         f'{motion.source}: {_count(gives, "give")}, {_count(takes, "take")}, {left_out} left out',
         fontsize=11,
     )
-    bottom.legend(loc='upper right', ncols=2, frameon=True, fontsize=9)
+    bottom.legend(loc='lower right', bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, fontsize=9)
     with replacing(path) as temporary:
         figure.savefig(temporary, dpi=110)
 

@@ -41,6 +41,13 @@ class MarkerRecording:
     up: str
     source: str
 
+    @property
+    def known(self) -> str:
+        """Names of the markers, for an error message."""
+        more = len(self.names) - _NAMES_SHOWN
+        names = ', '.join(quote(name)[1:-1] for name in self.names[:_NAMES_SHOWN])
+        return names + (f' and {more} more' if more > 0 else '')
+
     def wrists(
         self,
         p1: Sequence[str],
@@ -79,9 +86,7 @@ class MarkerRecording:
 
     def _find(self, name: str) -> NDArray[np.float64]:
         if name not in self.positions:
-            raise DataError(
-                f'{self.source}: no marker {quote(name)}; there are {_some(self.names)}'
-            )
+            raise DataError(f'{self.source}: no marker {quote(name)}; there are {self.known}')
         return self.positions[name]
 
 
@@ -167,11 +172,6 @@ class WristMotion:
             number=number,
             source=self.source,
         )
-
-
-def _some(names: Sequence[str]) -> str:
-    more = f' and {len(names) - _NAMES_SHOWN} more' if len(names) > _NAMES_SHOWN else ''
-    return ', '.join(quote(name)[1:-1] for name in names[:_NAMES_SHOWN]) + more
 
 
 def _turn_up(positions: NDArray[np.float64], up: str) -> NDArray[np.float64]:

@@ -55,8 +55,8 @@ class Segmentation:
 
     """
 
-    near_m: float = 0.6
-    apart_m: float = 0.75
+    near_m: float = 0.55
+    apart_m: float = 0.65
     moving_speed: float = 0.05
     reach_speed: float = 0.2
     least_reach_m: float = 0.15
@@ -268,7 +268,6 @@ class _Stretch:
         if not thresholds.shortest_s <= at_s - start_s <= thresholds.longest_s:
             return Passage(at_s, f'lasts {at_s - start_s:.2f} s')
         return Segment(start_s, at_s, 'take' if p1_first else 'give')
-
 
     def _exchange(self, near: int, apart: int, thresholds: Segmentation) -> int:
         together = self.distance[near:apart]

@@ -10,6 +10,7 @@ from pathlib import Path
 import re
 
 from handover_dmp.errors import DataError
+from handover_dmp.files import write_text
 import numpy as np
 from numpy.typing import NDArray
 
@@ -169,6 +170,24 @@ def read_records(path: Path, columns: Sequence[str]) -> list[tuple[int, dict[str
     except csv.Error as error:
         raise DataError(f'{path}: line {rows.line_num}: {error}') from error
     return records
+
+
+def save(path: Path, text: str) -> None:
+    """
+    Write a text file whole or not at all.
+
+    Args:
+        path: the file; its folder is made if need be.
+        text: its content.
+
+    Raises:
+        DataError: it cannot be written there.
+
+    """
+    try:
+        write_text(path, text)
+    except OSError as error:
+        raise DataError(f'{path}: cannot be written: {error.strerror or error}') from error
 
 
 def parse_numbers(cells: Sequence[str], names: Sequence[str], where: str) -> list[float]:

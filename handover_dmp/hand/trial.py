@@ -7,8 +7,7 @@ from pathlib import Path
 import re
 
 from handover_dmp.errors import DataError
-from handover_dmp.files import write_text
-from handover_dmp.hand.tables import read_records, read_table
+from handover_dmp.hand.tables import read_records, read_table, save
 import numpy as np
 from numpy.typing import NDArray
 
@@ -177,7 +176,7 @@ def read_trial(
         where = '' if fault.row is None else f'line {fault.row + 2}: '
         raise DataError(f'{path}: {where}{fault.what}')
     if None in (configuration, exchange, number):
-        known = _from_index(path) or _from_name(path)
+        known = _from_index(path) or describe(path)
         configuration = known[0] if configuration is None else configuration
         exchange = known[1] if exchange is None else exchange
         number = known[2] if number is None else number
@@ -194,6 +193,25 @@ def read_trial(
     )
 
 
+def describe(path: Path) -> tuple[str, str, int]:
+    """
+    Tell by the name of a file what it is a trial of.
+
+    Args:
+        path: the file; only its name matters.
+
+    Returns:
+        Configuration, exchange and number, by `<configuration>_<exchange>_<number>.*`; for a file
+        of another name, its name, a give (a take where its name says so), and 1.
+
+    """
+    match = _NAME.fullmatch(path.stem)
+    if match:
+        return match['configuration'], match['exchange'], int(match['number'])
+    words = re.split(r'[^a-z]+', path.stem.lower())
+    return path.stem, 'take' if 'take' in words else 'give', 1
+
+
 def write_trial(trial: HandoverTrial, path: str | Path) -> None:
     """
     Write a trial as CSV, whole or not at all; what is read back is equal to the last bit.
@@ -202,10 +220,13 @@ def write_trial(trial: HandoverTrial, path: str | Path) -> None:
         trial: what to write.
         path: the file; its folder is made if need be.
 
+    Raises:
+        DataError: it cannot be written there.
+
     """
     rows = np.column_stack([trial.times, trial.p1, trial.p2]).tolist()
     lines = [','.join(HEADER), *(','.join(map(repr, row)) for row in rows)]
-    write_text(Path(path), '\n'.join(lines) + '\n')
+    save(Path(path), '\n'.join(lines) + '\n')
 
 
 def _time_fault(times: NDArray[np.float64], longest_s: float) -> Fault | None:
@@ -257,11 +278,3 @@ def _from_index(path: Path) -> tuple[str, str, int] | None:
         # One trial can be read beside an index that cannot; read_data_set reports on indices.
         return None
     return None
-
-
-def _from_name(path: Path) -> tuple[str, str, int]:
-    match = _NAME.fullmatch(path.stem)
-    if match:
-        return match['configuration'], match['exchange'], int(match['number'])
-    words = re.split(r'[^a-z]+', path.stem.lower())
-    return path.stem, 'take' if 'take' in words else 'give', 1

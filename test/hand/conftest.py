@@ -1,13 +1,13 @@
-"""Long recordings made of trials, as a mocap session would be."""
+"""What the tests of this room share: long recordings made of trials, as a mocap session is."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from handover_dmp.hand.markers import WristMotion
 from handover_dmp.hand.trial import HandoverTrial
+import numpy as np
+import pytest
 
 HOLD_S = 0.5
 RETREAT_S = 1.2
@@ -19,8 +19,12 @@ def minimum_jerk(u):
     return u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
 
 
-def session(
-    trials: Sequence[HandoverTrial], *, rate_hz: float = 200.0, noise_m: float = 1e-4, seed: int = 0
+def play(
+    trials: Sequence[HandoverTrial],
+    *,
+    rate_hz: float = 200.0,
+    noise_m: float = 1e-4,
+    seed: int = 0,
 ) -> tuple[WristMotion, list[tuple[float, float]]]:
     """
     Play trials one after the other: reach, hold, go back to where the next one starts, rest.
@@ -57,3 +61,9 @@ def session(
     everything = everything + noise_m * random.standard_normal(everything.shape)
     times = np.arange(len(everything)) / rate_hz
     return WristMotion(times, everything[:, :3], everything[:, 3:], 'session'), spans
+
+
+@pytest.fixture(scope='session')
+def play_session():
+    """Return the function that makes a session of trials."""
+    return play

@@ -1,0 +1,268 @@
+"""`handover_dmp import`: turn mocap files of other formats into trials."""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from handover_dmp.errors import DataError, UsageError
+
+if TYPE_CHECKING:
+    from handover_dmp.hand.markers import WristMotion
+    from handover_dmp.hand.segmentation import SegmentedMotion
+    from handover_dmp.hand.trial import HandoverTrial
+
+FORMATS = {
+    'qualisys': 'TSV of Qualisys Track Manager, 3D trajectories',
+    'c3d': 'C3D',
+    'bag': 'rosbag2 folder or MCAP file with a topic of poses for each wrist',
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """
+    Add the options of this verb.
+
+    Args:
+        parser: its parser.
+
+    """
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = '\n'.join(
+        [
+            'formats:',
+            *(f'  {name:<9}{what}' for name, what in FORMATS.items()),
+            '',
+            'P1 is the partner who stays human, P2 the one whose place the robot takes.',
+            'Each SOURCE is one handover, or with --segment a recording of any number of them.',
+        ]
+    )
+    parser.add_argument('format', choices=FORMATS, metavar='FORMAT', help=', '.join(FORMATS))
+    parser.add_argument('sources', nargs='+', type=Path, metavar='SOURCE', help='what to read')
+    parser.add_argument(
+        '-o', '--output', type=Path, required=True, metavar='DATASET', help='folder to write'
+    )
+    parser.add_argument(
+        '--append', action='store_true', help='to the data set that is there, instead of a new one'
+    )
+    for partner in ('p1', 'p2'):
+        parser.add_argument(
+            f'--{partner}',
+            action='append',
+            metavar='NAME',
+            help=f"marker of {partner.upper()}'s wrist (given again: the middle of several), "
+            'or topic of a bag',
+        )
+    parser.add_argument('--unit', choices=('m', 'cm', 'mm'), help='default: what the file tells')
+    parser.add_argument(
+        '--up', choices=('z', 'y'), help='axis that points up; default: what the file tells, or z'
+    )
+    parser.add_argument('--configuration', metavar='NAME', help='default: by the name of the file')
+    parser.add_argument(
+        '--exchange', choices=('give', 'take'), help='default: by the name of the file'
+    )
+    cutting = parser.add_argument_group('cutting up a long recording')
+    cutting.add_argument(
+        '--segment', action='store_true', help='find the handovers by distance and speed'
+    )
+    cutting.add_argument(
+        '--giver',
+        choices=('first_mover', 'p2', 'p1', 'p2_then_p1', 'p1_then_p2'),
+        help='who gives: whose hand moves first, always the same one, or in turn; '
+        'default: first_mover',
+    )
+    cutting.add_argument('--near', type=float, metavar='M', help='wrists may exchange; m')
+    cutting.add_argument('--apart', type=float, metavar='M', help='wrists have parted; m')
+    cutting.add_argument('--moving', type=float, metavar='SPEED', help='slower is at rest; m/s')
+    cutting.add_argument('--reach', type=float, metavar='SPEED', help='a reach is faster; m/s')
+    cutting.add_argument(
+        '--figure', type=Path, metavar='FILE', help='draw what was found (.png, .svg)'
+    )
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write what was found here')
+
+
+def run(options: argparse.Namespace) -> int:
+    """
+    Read the sources and write the data set.
+
+    Args:
+        options: as parsed.
+
+    Returns:
+        0.
+
+    Raises:
+        DataError: a source cannot be read, or no handover was found.
+        UsageError: options that do not go together.
+
+    """
+    from handover_dmp.hand.data_set import file_name, read_data_set, write_data_set
+    from handover_dmp.hand.tables import save
+    from rich.console import Console
+    from rich.progress import track
+
+    _check(options)
+    new: list[HandoverTrial] = []
+    segmented: list[SegmentedMotion] = []
+    sources = options.sources
+    console = Console(stderr=True)
+    for source in track(
+        sources, 'reading', console=console, transient=True, disable=not console.is_terminal
+    ):
+        motion = _read(options, source)
+        if options.segment:
+            segmented.append(_segment(options, source, motion))
+            new += segmented[-1].trials(options.configuration or source.stem)
+        else:
+            new.append(_whole(options, source, motion))
+    if options.figure:
+        from handover_dmp.hand.figures import draw_segmentation
+
+        draw_segmentation(segmented[0], options.figure)
+    if not new:
+        raise DataError(f'{", ".join(map(str, sources))}: no handover found{_why(segmented)}')
+    old = read_data_set(options.output) if options.append else []
+    new = _numbered(old, new)
+    write_data_set([*old, *new], options.output)
+    if options.json:
+        found = {
+            'data_set': str(options.output),
+            'trials': [
+                {
+                    'file': file_name(trial),
+                    'configuration': trial.configuration,
+                    'exchange': trial.exchange,
+                    'trial': trial.number,
+                    'duration_s': trial.duration_s,
+                    'rate_hz': trial.rate_hz,
+                    'source': trial.source,
+                }
+                for trial in new
+            ],
+            'left_out': [
+                {'source': part.motion.source, 'at_s': at_s, 'reason': reason}
+                for part in segmented
+                for at_s, reason in part.passages
+            ],
+        }
+        save(options.json, json.dumps(found, indent=2) + '\n')
+    _report(options.output, new, segmented)
+    return 0
+
+
+def _check(options: argparse.Namespace) -> None:
+    if options.figure and not (options.segment and len(options.sources) == 1):
+        raise UsageError('--figure shows how one SOURCE was cut up: it needs --segment')
+    if options.segment and options.exchange:
+        raise UsageError('--exchange is for whole files; with --segment use --giver')
+    if not options.segment:
+        for name in ('giver', 'near', 'apart', 'moving', 'reach'):
+            if getattr(options, name) is not None:
+                raise UsageError(f'--{name} needs --segment')
+    if options.format == 'bag':
+        if options.unit or options.up:
+            raise UsageError('bags are in metres, z up (REP 103): no --unit, no --up')
+        if max(len(options.p1 or []), len(options.p2 or [])) > 1:
+            raise UsageError('a bag has one topic for each wrist: --p1 and --p2 once each')
+
+
+def _read(options: argparse.Namespace, source: Path) -> WristMotion:
+    if options.format == 'bag':
+        from handover_dmp.hand.bag import P1_TOPIC, P2_TOPIC, read_bag_wrists
+
+        topics = [(options.p1 or [P1_TOPIC])[0], (options.p2 or [P2_TOPIC])[0]]
+        return read_bag_wrists(source, *topics)
+    markers = [*(options.p1 or []), *(options.p2 or [])]
+    if options.format == 'c3d':
+        from handover_dmp.hand.c3d_file import read_c3d
+
+        recording = read_c3d(source, markers)
+    else:
+        from handover_dmp.hand.qualisys import read_qualisys
+
+        recording = read_qualisys(source, markers)
+    if not (options.p1 and options.p2):
+        raise UsageError(f'--p1 and --p2 must name markers; {source} has {recording.known}')
+    return recording.wrists(options.p1, options.p2, unit=options.unit, up=options.up)
+
+
+def _segment(options: argparse.Namespace, source: Path, motion: WristMotion) -> SegmentedMotion:
+    from handover_dmp.hand.segmentation import segment, Segmentation
+
+    told = {
+        'giver': options.giver,
+        'near_m': options.near,
+        'apart_m': options.apart,
+        'moving_speed': options.moving,
+        'reach_speed': options.reach,
+    }
+    return segment(
+        motion, Segmentation(**{name: value for name, value in told.items() if value is not None})
+    )
+
+
+def _whole(options: argparse.Namespace, source: Path, motion: WristMotion) -> HandoverTrial:
+    from handover_dmp.hand.trial import describe
+
+    configuration, exchange, number = describe(source)
+    return motion.trial(
+        0,
+        len(motion.times),
+        configuration=options.configuration or configuration,
+        exchange=options.exchange or exchange,
+        number=number,
+    )
+
+
+def _numbered(old: list[HandoverTrial], new: list[HandoverTrial]) -> list[HandoverTrial]:
+    """Keep the numbers of trials where they are free, else take the next ones."""
+    from dataclasses import replace
+
+    taken = {(trial.configuration, trial.exchange, trial.number) for trial in old}
+    highest: Counter[tuple[str, str]] = Counter()
+    for trial in old:
+        case = trial.configuration, trial.exchange
+        highest[case] = max(highest[case], trial.number)
+    numbered = []
+    for trial in new:
+        case = trial.configuration, trial.exchange
+        number = trial.number if (*case, trial.number) not in taken else highest[case] + 1
+        highest[case] = max(highest[case], number)
+        taken.add((*case, number))
+        numbered.append(replace(trial, number=number))
+    return numbered
+
+
+def _why(segmented: list[SegmentedMotion]) -> str:
+    passages = [passage for part in segmented for passage in part.passages]
+    if not passages:
+        return ''
+    return f': at {passages[0].at_s:.2f} s, {passages[0].reason}'
+
+
+def _report(output: Path, new: list[HandoverTrial], segmented: list[SegmentedMotion]) -> None:
+    from handover_dmp.hand.data_set import file_name
+    import numpy as np
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table('file', 'from', box=None, pad_edge=False)
+    for title in ('duration / s', 'rate / Hz', "P1's way / m", "P2's way / m", 'at end / m'):
+        table.add_column(title, justify='right')
+    for trial in new:
+        ways = [float(np.linalg.norm(path[-1] - path[0])) for path in (trial.p1, trial.p2)]
+        gap = float(np.linalg.norm(trial.p2[-1] - trial.p1[-1]))
+        numbers = [trial.duration_s, *ways, gap]
+        cells = [f'{number:.2f}' for number in numbers]
+        table.add_row(file_name(trial), trial.source, cells[0], f'{trial.rate_hz:.4g}', *cells[1:])
+    console = Console(soft_wrap=True)
+    console.print(table, markup=False)
+    for part in segmented:
+        for at_s, reason in part.passages:
+            line = f'{part.motion.source}: at {at_s:.2f} s left out: {reason}'
+            console.print(line, markup=False, highlight=False)
+    count = f'{len(new)} trial' if len(new) == 1 else f'{len(new)} trials'
+    console.print(f'{output}: {count} written', markup=False, highlight=False)

@@ -1,0 +1,107 @@
+"""`handover_dmp synthesize`: write the synthetic data set."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """
+    Add the options of this verb.
+
+    Args:
+        parser: its parser.
+
+    """
+    parser.description = (
+        'Write a synthetic data set: no person was recorded for it. Mechanic and assistant at an '
+        'engine bay, under a car and at a hydraulic lift, give and take, minimum-jerk reaches '
+        'with the spread of people, sensor noise. The same seed gives the same files everywhere.'
+    )
+    parser.add_argument(
+        '-o', '--output', type=Path, required=True, metavar='DATASET', help='folder to write'
+    )
+    parser.add_argument('--seed', type=int, default=0, help='default: 0')
+    parser.add_argument(
+        '--trials',
+        type=int,
+        default=5,
+        metavar='N',
+        help='for each configuration and exchange; default: 5',
+    )
+    parser.add_argument(
+        '--configuration',
+        action='append',
+        metavar='NAME',
+        help='only this one; may be given again; default: all three',
+    )
+    parser.add_argument(
+        '--rate', type=float, default=200.0, metavar='HZ', help='of the sensor; default: 200'
+    )
+    parser.add_argument(
+        '--noise',
+        type=float,
+        default=1e-4,
+        metavar='M',
+        help='standard deviation on each axis; default: 0.0001',
+    )
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write what was made here')
+
+
+def run(options: argparse.Namespace) -> int:
+    """
+    Make the data set and write it.
+
+    Args:
+        options: as parsed.
+
+    Returns:
+        0.
+
+    """
+    from handover_dmp.hand.data_set import file_name, write_data_set
+    from handover_dmp.hand.synthetic import CONFIGURATIONS, synthesize
+    from handover_dmp.hand.tables import save
+    from rich.console import Console
+    from rich.progress import Progress
+
+    configurations = options.configuration or CONFIGURATIONS
+    trials = synthesize(
+        options.seed,
+        options.trials,
+        configurations=configurations,
+        rate_hz=options.rate,
+        noise_m=options.noise,
+    )
+    # Below this, it is done before a bar could be read.
+    short = len(trials) < 300
+    with Progress(console=Console(stderr=True), transient=True, disable=short) as bar:
+        task = bar.add_task('writing', total=len(trials))
+        write_data_set(trials, options.output, progress=lambda: bar.advance(task))
+    if options.json:
+        made = {
+            'data_set': str(options.output),
+            'seed': options.seed,
+            'rate_hz': options.rate,
+            'noise_m': options.noise,
+            'trials': [
+                {
+                    'file': file_name(trial),
+                    'configuration': trial.configuration,
+                    'exchange': trial.exchange,
+                    'trial': trial.number,
+                    'duration_s': trial.duration_s,
+                }
+                for trial in trials
+            ],
+        }
+        save(options.json, json.dumps(made, indent=2) + '\n')
+    Console(soft_wrap=True).print(
+        f'{options.output}: {len(trials)} synthetic trials of {", ".join(configurations)}, '
+        f'give and take, seed {options.seed}',
+        highlight=False,
+        markup=False,
+    )
+    return 0
