@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 SAMPLED_POSTURES = 60
+SURVEY_MARGIN = 0.1
+"""How much nearer than looked for pairs may come before all distances are computed anew, m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,16 +141,21 @@ class CollisionModel:
             self._geometry.addCollisionPair(pin.CollisionPair(i, j))
         self.pairs = tuple((pair.first, pair.second) for pair in self._geometry.collisionPairs)
         self._distances = self._geometry.createData()
+        self._surveyed = np.full(model.dof, np.nan)
+        self._survey_within = 0.0
+        self._survey: list[int] = []
+        self._lever = self._levers(model)
         self._forearm_radius = forearm_radius
         # the last links must come to the hand, so only those before the last three joints matter
         arm = range(1, max(model.dof - 2, 2))
         self._arm_capsules = [i for i, item in enumerate(self.capsules) if item.joint in arm]
 
-    def near_pairs(self, jacobian: Array, within: float) -> list[NearPair]:
+    def near_pairs(self, joint_positions: Array, jacobian: Array, within: float) -> list[NearPair]:
         """
         Find links that are near each other.
 
         Args:
+            joint_positions: (n,), rad.
             jacobian: (6, n), Pinocchio's `computeJointJacobians` for the posture, which has left
                 the placements of the joints in the model's data.
             within: m.
@@ -157,14 +164,17 @@ class CollisionModel:
             The pairs nearer than that.
 
         """
+        candidates = self._candidates(joint_positions, within)
+        if not candidates:
+            return []
         pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._distances)
-        pin.computeDistances(self._geometry, self._distances)
         near = []
-        for k, (i, j) in enumerate(self.pairs):
-            result = self._distances.distanceResults[k]
+        for k in candidates:
+            result = pin.computeDistance(self._geometry, self._distances, k)
             distance = result.min_distance
             if distance >= within:
                 continue
+            i, j = self.pairs[k]
             first, second = result.getNearestPoint1(), result.getNearestPoint2()
             normal = _direction(first, second, distance, result.normal)
             a, b = self.capsules[i], self.capsules[j]
@@ -172,6 +182,28 @@ class CollisionModel:
             row -= self._rate(jacobian, a.joint, first, normal)
             near.append(NearPair(f'{a.name} to {b.name}', distance, row, 0.0))
         return near
+
+    def _candidates(self, joint_positions: Array, within: float) -> list[int]:
+        """
+        List the pairs that may be near.
+
+        All distances are computed at one posture. As no point of the arm moves faster than
+        `lever`·|q̇|, pairs that were far there need not be looked at until the joints have moved
+        enough for one of them to come near.
+        """
+        travel = float(self._lever @ np.abs(joint_positions - self._surveyed))
+        if not travel <= SURVEY_MARGIN or within > self._survey_within:
+            pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._distances)
+            pin.computeDistances(self._geometry, self._distances)
+            far = within + SURVEY_MARGIN
+            self._survey = [
+                k
+                for k, result in enumerate(self._distances.distanceResults)
+                if result.min_distance < far
+            ]
+            self._surveyed = np.array(joint_positions)
+            self._survey_within = within
+        return self._survey
 
     def least_distance(self, joint_positions: Array) -> float:
         """
@@ -237,6 +269,21 @@ class CollisionModel:
         turning = np.array([a, b, c, y * c - z * b, z * a - x * c, x * b - y * a])
         row[:joint] = turning @ jacobian[:, :joint]
         return row
+
+    def _levers(self, model: RobotModel) -> Array:
+        """Bound the distance of any point beyond each joint from its axis, (n,), m."""
+        steps = [float(np.linalg.norm(pose.translation)) for pose in self._model.jointPlacements]
+        beyond = np.zeros(model.dof + 1)
+        for joint in range(model.dof, 0, -1):
+            own = [
+                max(float(np.linalg.norm(capsule.start)), float(np.linalg.norm(capsule.end)))
+                + capsule.radius
+                for capsule in self.capsules
+                if capsule.joint == joint
+            ]
+            further = steps[joint + 1] + beyond[joint] if joint < model.dof else 0.0
+            beyond[joint - 1] = max([*own, further])
+        return beyond[: model.dof]
 
     def _avoidable(
         self, model: RobotModel, watched: list[tuple[int, int]]

@@ -82,6 +82,9 @@ class VelocityBox:
             raise ValueError(f'braking share {braking_share} is not in (0, 1]')
         self._limits = limits
         self._braking = braking_share * limits.acceleration
+        self._signs = np.array([[1.0], [-1.0]])
+        self._ends = np.array([limits.upper, -limits.lower])
+        self._period = 0.0
 
     def bounds(
         self, joint_positions: Array, previous_velocity: Array, dt: float
@@ -98,16 +101,20 @@ class VelocityBox:
             Lower and upper bounds, (n,) each, rad/s; the lower never above the upper.
 
         """
-        limits = self._limits
-        step = self._braking * dt
-        upper = self._towards(limits.upper - joint_positions, step)
-        lower = -self._towards(joint_positions - limits.lower, step)
-        change = limits.acceleration * dt
-        slowest, fastest = previous_velocity - change, previous_velocity + change
-        return (
-            np.minimum(np.maximum(lower, slowest), fastest),
-            np.minimum(np.maximum(upper, slowest), fastest),
-        )
+        if dt != self._period:
+            self._prepare(dt)
+        distance = self._ends - self._signs * joint_positions
+        towards = np.abs(distance)
+        towards *= self._twice
+        towards += self._square
+        np.sqrt(towards, out=towards)
+        towards -= self._step
+        np.minimum(towards, self._limits.velocity, out=towards)
+        np.copysign(towards, distance, out=towards)
+        towards *= self._signs
+        np.maximum(towards, previous_velocity - self._change, out=towards)
+        np.minimum(towards, previous_velocity + self._change, out=towards)
+        return towards[1], towards[0]
 
     def brake(self, joint_positions: Array, previous_velocity: Array, dt: float) -> Array:
         """
@@ -125,7 +132,10 @@ class VelocityBox:
         lower, upper = self.bounds(joint_positions, previous_velocity, dt)
         return np.minimum(np.maximum(lower, 0.0), upper)
 
-    def _towards(self, distance: Array, step: Array) -> Array:
-        root = np.sqrt(step * step + 2.0 * self._braking * np.abs(distance)) - step
-        fastest = self._limits.velocity
-        return np.copysign(np.minimum(root, fastest), distance)
+    def _prepare(self, dt: float) -> None:
+        """Compute what depends on the period alone."""
+        self._period = dt
+        self._step = self._braking * dt
+        self._square = self._step * self._step
+        self._twice = 2.0 * self._braking
+        self._change = self._limits.acceleration * dt

@@ -25,8 +25,8 @@ from handover_dmp.robot.collision import CollisionModel, NearPair
 from handover_dmp.robot.limits import VelocityBox
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.separation import Partner, SpeedSeparation
-from handover_dmp.robot.stretch import limit_outward_speed, smallest_singular
-from handover_dmp.robot.tasks import axis_alignment, full_orientation, posture_velocity, UP
+from handover_dmp.robot.stretch import limit_outward_speed, singular_slope, smallest_singular
+from handover_dmp.robot.tasks import axis_alignment, full_orientation, PostureTask, UP
 from handover_dmp.settings import setting
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,10 @@ Array = NDArray[np.float64]
 ORIENTATIONS = ('none', 'full', 'level', 'point')
 UNBOUNDED = 1e30
 """What daqp takes for infinity."""
+SOFTNESS = 1e-8
+"""Inverse weight of a missed task in daqp; smaller is nearer to strict priorities."""
+IDLE_ROW = 1e-5
+"""Rows whose entries are all smaller than this are taken for zero."""
 TOUCHING = 1e-7
 """A bound this near counts as active, rad/s."""
 
@@ -171,13 +175,36 @@ class _Problem:
         self.upper[first + self.speed] = self.lower[first + self.speed] = 1.0
         ends = [first + extra, first + extra + 3, first + extra + 4]
         ends += [ends[-1] + orientation] if orientation else []
-        self.levels = np.array([*ends, first + rows], dtype=np.intc)
+        levels = np.array([*ends, first + rows], dtype=np.intc)
+        # a cost of |x|² only decides what all levels leave open
+        self._solver = daqp.Model()
+        self._solver.setup(
+            np.eye(first), np.zeros(first), self.matrix, self.upper, self.lower, self.sense, levels
+        )
+        # without weights of its own each row would count in proportion to 1/|row|
+        softness = np.full(first + rows, SOFTNESS)
+        self._solver.soft_weights(softness, softness)
 
     def solve(self) -> tuple[Array, bool]:
-        solution, _, flag, _ = daqp.solve(
-            None, None, self.matrix, self.upper, self.lower, self.sense, self.levels
+        """Give (q̇, s) and whether they are a solution, always from a cold start: without state."""
+        solution, solved = self._solution()
+        if solved:
+            return solution, True
+        # a task that no joint can serve, as with an arm stretched straight, is called infeasible
+        first = self.matrix.shape[1]
+        idle = first + np.flatnonzero(np.abs(self.matrix).max(axis=1) < IDLE_ROW)
+        self.lower[idle] = np.minimum(self.lower[idle], 0.0)
+        self.upper[idle] = np.maximum(self.upper[idle], 0.0)
+        return self._solution()
+
+    def _solution(self) -> tuple[Array, bool]:
+        changed = self._solver.update(
+            A=self.matrix, bupper=self.upper, blower=self.lower, sense=self.sense
         )
-        return solution, flag > 0 and bool(np.isfinite(solution.sum()))
+        if changed < 0:
+            return np.zeros(self.matrix.shape[1]), False
+        solution, _, flag, _ = self._solver.solve()
+        return solution, flag > 0 and math.isfinite(solution @ solution)
 
 
 class PriorityIk:
@@ -199,10 +226,20 @@ class PriorityIk:
         self.model = model
         self.options = options or IkOptions()
         self._box = VelocityBox(model.limits, self.options.braking_share)
+        self._no_rows, self._no_bounds = np.empty((0, model.dof)), np.empty(0)
         self._problems: dict[tuple[int, int], _Problem] = {}
         _, home_rotation = model.wrist_pose(model.home)
         self._level_axis = home_rotation.T @ UP
         self._posture_speed = 0.5 * model.limits.velocity
+        self._posture = PostureTask(
+            model.home,
+            model.limits,
+            self._posture_speed,
+            self.options.posture_gain,
+            self.options.limit_margin,
+        )
+        self._fastest = model.limits.velocity.tolist()
+        self._hardest = model.limits.acceleration.tolist()
         self._elbow = _elbow(model)
         self._separation = SpeedSeparation(
             self.options.separation_distance,
@@ -251,28 +288,20 @@ class PriorityIk:
         singular_value, direction = smallest_singular(linear)
         stretched = False
         if singular_value < options.stretch_activation:
+            slope = singular_slope(model, joint_positions, linear, direction)
             velocity, stretched = limit_outward_speed(
                 velocity,
-                linear,
-                angular,
-                singular_value,
                 direction,
+                singular_value,
+                slope,
                 options.stretch_least,
                 options.stretch_rate,
             )
         names, rows, bounds = self._half_spaces(
-            world_jacobian, linear, position, velocity, partner, dt
+            joint_positions, world_jacobian, linear, position, velocity, partner, dt
         )
         turning, turning_speed = self._orientation(position, rotation, angular, target, partner)
-        posture = posture_velocity(
-            joint_positions,
-            model.home,
-            model.limits.lower,
-            model.limits.upper,
-            options.posture_gain,
-            options.limit_margin,
-            self._posture_speed,
-        )
+        posture = self._posture.velocity(joint_positions)
         if partner is not None:
             posture += self._elbow_away(world_jacobian, partner)
 
@@ -339,8 +368,8 @@ class PriorityIk:
         distance = _norm(error)
         if distance < 1e-12:
             return np.zeros(3)
-        gentle = np.sqrt(2.0 * self.options.feedback_deceleration / distance)
-        return error * min(self.options.position_gain, float(gentle))
+        gentle = math.sqrt(2.0 * self.options.feedback_deceleration / distance)
+        return error * min(self.options.position_gain, gentle)
 
     def _orientation(
         self,
@@ -365,17 +394,18 @@ class PriorityIk:
             apart = partner.position - position
             distance = _norm(apart)
             if distance < 1e-3:
-                return angular[:0], np.empty(0)
+                return self._no_rows, self._no_bounds
             # close to the hand its direction swings wildly: turn no faster than it deserves
             axis, wanted = rotation[:, 2], apart / distance
             gain *= min(1.0, distance / 0.1)
         else:
-            return angular[:0], np.empty(0)
+            return self._no_rows, self._no_bounds
         directions, speed = axis_alignment(axis, wanted, gain, fastest)
         return directions @ angular, speed
 
     def _half_spaces(
         self,
+        joint_positions: Array,
         world_jacobian: Array,
         linear: Array,
         position: Array,
@@ -396,7 +426,9 @@ class PriorityIk:
         near: list[NearPair] = []
         if self._collisions is not None:
             if options.self_collision:
-                near += self._collisions.near_pairs(world_jacobian, options.collision_activation)
+                near += self._collisions.near_pairs(
+                    joint_positions, world_jacobian, options.collision_activation
+                )
             if options.forearm_collision and partner is not None and partner.elbow is not None:
                 near += self._collisions.near_forearm(
                     world_jacobian,
@@ -408,10 +440,12 @@ class PriorityIk:
         step = options.collision_deceleration * dt
         for pair in near:
             room = max(pair.distance - options.collision_distance, 0.0)
-            closing = np.sqrt(step * step + 2.0 * options.collision_deceleration * room) - step
+            closing = math.sqrt(step * step + 2.0 * options.collision_deceleration * room) - step
             names.append(pair.name)
             rows.append(pair.row)
             bounds.append(min(-closing - pair.drift, 0.0))
+        if not names:
+            return names, self._no_rows, self._no_bounds
         return names, np.array(rows), np.array(bounds)
 
     def _elbow_away(self, world_jacobian: Array, partner: Partner) -> Array:
@@ -436,20 +470,26 @@ class PriorityIk:
     def _active(
         self, velocity: Array, previous: Array, lower: Array, upper: Array, dt: float
     ) -> list[str]:
-        touching = (velocity >= upper - TOUCHING) | (velocity <= lower + TOUCHING)
-        if not touching.any():
-            return []
-        names = []
-        limits = self.model.limits
-        for i in np.flatnonzero(touching):
-            change = limits.acceleration[i] * dt - abs(velocity[i] - previous[i])
-            if change <= TOUCHING:
-                kind = 'acceleration'
-            elif limits.velocity[i] - abs(velocity[i]) <= TOUCHING:
-                kind = 'velocity'
+        names: list[str] = []
+        limits = zip(
+            self.model.joint_names,
+            velocity.tolist(),
+            previous.tolist(),
+            lower.tolist(),
+            upper.tolist(),
+            self._fastest,
+            self._hardest,
+            strict=True,
+        )
+        for joint, speed, before, low, high, fastest, hardest in limits:
+            if low + TOUCHING < speed < high - TOUCHING:
+                continue
+            if abs(speed - before) >= hardest * dt - TOUCHING:
+                names.append(f'{joint} acceleration')
+            elif abs(speed) >= fastest - TOUCHING:
+                names.append(f'{joint} velocity')
             else:
-                kind = 'position'
-            names.append(f'{self.model.joint_names[i]} {kind}')
+                names.append(f'{joint} position')
         return names
 
 

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
+import eigenpy
+from handover_dmp.robot.model import RobotModel
 import numpy as np
 from numpy.typing import NDArray
+import pinocchio as pin
 
 Array = NDArray[np.float64]
 
@@ -20,40 +25,47 @@ def smallest_singular(jacobian: Array) -> tuple[float, Array]:
         direction in space, (3,).
 
     """
-    values, directions = np.linalg.eigh(jacobian @ jacobian.T)
-    return max(float(values[0]), 0.0) ** 0.5, directions[:, 0]
+    solved = eigenpy.SelfAdjointEigenSolver(jacobian @ jacobian.T)
+    return math.sqrt(max(solved.eigenvalues()[0], 0.0)), solved.eigenvectors()[:, 0]
 
 
-def singular_gradient(linear: Array, angular: Array, direction: Array) -> Array:
+def singular_slope(
+    model: RobotModel, joint_positions: Array, linear: Array, direction: Array
+) -> float:
     """
-    Differentiate the square of a singular value with respect to the joints.
+    Differentiate a singular value along the joint motion that goes with its own direction.
 
-    With u the singular direction, λ = uᵀJJᵀu and ∂J_j/∂q_k = ω_min(j,k) × J_max(j,k) for a chain
-    of single joints, ∂λ/∂q_k = 2 Σ_j u·(ω_min(j,k) × J_max(j,k)) a_j, where a = Jᵀu.
+    With u the singular direction in space and a = Jᵀu the joint motion, λ = σ² = uᵀJJᵀu changes by
+    ∂λ/∂q · a = 2 uᵀJ̇a, where J̇ is the change of J while the joints move with a.
 
     Args:
+        model: the arm.
+        joint_positions: (n,), rad.
         linear: (3, n), Jacobian of the wrist's position.
-        angular: (3, n), Jacobian of its rotation.
         direction: (3,), u, of unit length.
 
     Returns:
-        ∂λ/∂q, (n,), m² per rad.
+        ∂λ/∂q · a, m³.
 
     """
-    x, y, z = direction
-    turned = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) @ angular
-    products = np.triu(turned.T @ linear)
-    reach = linear.T @ direction
-    gradient: Array = 2.0 * (products @ reach + products.T @ reach - products.diagonal() * reach)
-    return gradient
+    along = linear.T @ direction
+    pin.computeJointJacobiansTimeVariation(
+        model.pinocchio_model, model.pinocchio_data, joint_positions, along
+    )
+    change = pin.getFrameJacobianTimeVariation(
+        model.pinocchio_model,
+        model.pinocchio_data,
+        model.wrist_frame_id,
+        pin.LOCAL_WORLD_ALIGNED,
+    )
+    return 2.0 * float(direction @ change[:3] @ along)
 
 
 def limit_outward_speed(
     velocity: Array,
-    linear: Array,
-    angular: Array,
-    singular_value: float,
     direction: Array,
+    singular_value: float,
+    slope: float,
     least: float,
     rate: float,
 ) -> tuple[Array, bool]:
@@ -61,16 +73,15 @@ def limit_outward_speed(
     Slow the part of a wrist velocity that would stretch the arm out.
 
     Moving at speed r along u with the least joint speeds, q̇ = Jᵀu·r/λ, changes the singular
-    value σ by σ̇ = (∂λ/∂q · a) r / (2σ³). The speed is cut so that σ̇ ≥ −rate·(σ − least): the arm
-    comes to rest at σ = `least` instead of shaking about σ = 0. The rest of the velocity, and
+    value σ by σ̇ = (∂λ/∂q · Jᵀu)·r / (2σ³). The speed is cut so that σ̇ ≥ −rate·(σ − least): the
+    arm comes to rest at σ = `least` instead of shaking about σ = 0. The rest of the velocity, and
     every motion back, stays as it is, so the wrist still slides along the end of its reach.
 
     Args:
         velocity: (3,), of the wrist, m/s.
-        linear: (3, n), Jacobian of the wrist's position.
-        angular: (3, n), Jacobian of its rotation.
-        singular_value: σ, m.
         direction: (3,), u.
+        singular_value: σ, m.
+        slope: ∂λ/∂q · Jᵀu, see `singular_slope`, m³.
         least: σ at rest, m.
         rate: 1/s.
 
@@ -79,9 +90,8 @@ def limit_outward_speed(
 
     """
     speed = float(velocity @ direction)
-    gradient = singular_gradient(linear, angular, direction)
-    change = 0.5 * float(gradient @ (linear.T @ direction)) * speed
-    floor = max(singular_value, 1e-6) ** 3 * rate * max(singular_value - least, 0.0)
-    if change >= -floor:
+    change = 0.5 * slope * speed
+    fastest = -(max(singular_value, 1e-6) ** 3) * rate * max(singular_value - least, 0.0)
+    if change >= fastest:
         return velocity, False
-    return velocity + (-floor / change - 1.0) * speed * direction, True
+    return velocity + (fastest / change - 1.0) * speed * direction, True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from handover_dmp.robot.limits import JointLimits
 import numpy as np
 from numpy.typing import NDArray
 import pinocchio as pin
@@ -76,35 +77,44 @@ def square_to(axis: Array) -> tuple[Array, Array]:
     return first, _cross(axis, first)
 
 
-def posture_velocity(
-    joint_positions: Array,
-    home: Array,
-    lower: Array,
-    upper: Array,
-    gain: float,
-    margin: float,
-    fastest: Array,
-) -> Array:
-    """
-    Move the joints towards the home posture, and harder away from a limit that is near.
+class PostureTask:
+    """Move the joints towards the home posture, and harder away from a limit that is near."""
 
-    Args:
-        joint_positions: (n,), rad.
-        home: (n,), rad.
-        lower: (n,), position limits, rad.
-        upper: (n,), position limits, rad.
-        gain: rad/s per rad.
-        margin: rad before a limit from where the joint is pushed away from it, 20 times as hard.
-        fastest: (n,), what may be asked for, rad/s.
+    def __init__(
+        self, home: Array, limits: JointLimits, fastest: Array, gain: float, margin: float
+    ) -> None:
+        """
+        Say where to.
 
-    Returns:
-        Joint velocities, (n,), rad/s.
+        Args:
+            home: (n,), rad.
+            limits: of the joints.
+            fastest: (n,), what may be asked for, rad/s.
+            gain: rad/s per rad.
+            margin: rad before a limit from where the joint is pushed away, 20 times as hard.
 
-    """
-    push = np.maximum(lower + margin - joint_positions, 0.0)
-    push -= np.maximum(joint_positions - upper + margin, 0.0)
-    wanted = gain * (home - joint_positions + 20.0 * push)
-    return np.minimum(np.maximum(wanted, -fastest), fastest)
+        """
+        self._home = home
+        self._low = limits.lower + margin
+        self._high = limits.upper - margin
+        self._fastest = fastest
+        self._gain = gain
+        self._push = 20.0 * gain
+
+    def velocity(self, joint_positions: Array) -> Array:
+        """
+        Compute the joint velocities to ask for.
+
+        Args:
+            joint_positions: (n,), rad.
+
+        Returns:
+            (n,), rad/s.
+
+        """
+        back = np.minimum(np.maximum(joint_positions, self._low), self._high) - joint_positions
+        wanted = self._gain * (self._home - joint_positions) + self._push * back
+        return np.minimum(np.maximum(wanted, -self._fastest), self._fastest)
 
 
 def _at_most(vector: Array, length: float) -> Array:
