@@ -359,15 +359,16 @@ class HumanFigure:
             sum(weight * (np.maximum(0.0, e) ** 2).mean(axis=1) for weight, e in excesses)
         )
 
-    def posture(self, hand: Array) -> HumanPosture:
+    def posture(self, hand: Array, start: Array | None = None) -> HumanPosture:
         """
         Put the right wrist on a point.
 
         Damped Gauss-Newton steps on wrist position, direction of the fingers and the arm's ease,
-        the first so much heavier that it holds to a micrometre; they start from the last posture.
+        the first so much heavier that it holds to a micrometre.
 
         Args:
             hand: (3,), m, of the wrist, in `world`.
+            start: (8,), rad, joints to start from; None: those of the last posture.
 
         Returns:
             The posture.
@@ -377,7 +378,7 @@ class HumanFigure:
         shift = self._step_after(hand)
         to_figure = self._root.rotation.T
         target = to_figure @ (hand - shift - self._root.translation)
-        joints = self._joints
+        joints = self._joints if start is None else start
         for _ in range(60):
             change = self._improvement(joints, target)
             joints = np.minimum(np.maximum(joints + change, self._lower), self._upper)
@@ -482,18 +483,19 @@ class FigureBodies:
         pybullet.changeVisualShape(body, -1, rgbaColor=part.colour, physicsClientId=self._client)
         return int(body)
 
-    def show(self, hand: Array) -> HumanPosture:
+    def show(self, hand: Array, start: Array | None = None) -> HumanPosture:
         """
         Move the figure so that its right wrist is on a point.
 
         Args:
             hand: (3,), m, in `world`.
+            start: (8,), rad, joints to look for the posture from; None: those that it has.
 
         Returns:
             The posture that it has taken.
 
         """
-        posture = self.figure.posture(hand)
+        posture = self.figure.posture(hand, start)
         # What stands still is moved only if the figure has stepped.
         stepped = self._shift is None or not np.allclose(self._shift, posture.shift, atol=1e-5)
         for part, body in zip(self.figure.parts, self._bodies, strict=True):

@@ -197,6 +197,8 @@ class Scene:
             self._hand_path[: met + 1], self._wrist_path[met], floor_height_m=floor_height_m
         )
         self.floor_height_m = self.figure.floor_height_m
+        # A picture must not depend on the one before, so the figure's arm starts from these.
+        self._arm = np.array([p.joints for p in self.figure.postures(self._hand_path)])
         self._client = -1
         with silenced():
             self._client = int(pybullet.connect(pybullet.DIRECT))
@@ -207,7 +209,7 @@ class Scene:
             write_unit_sphere(self._sphere)
             write_unit_cylinder(self._cylinder)
             self._robot = self._load_robot(Path(folder))
-            self._furnish(met)
+            self._furnish()
         self._numbers = joint_numbers(model, self._robot, self._client)
         self._trails: list[int] = []
         self._backdrops: dict[tuple[int, int], _Backdrop] = {}
@@ -222,14 +224,14 @@ class Scene:
         )
         return load_robot(self.model, self._client, urdf_path=fine)
 
-    def _furnish(self, met: int) -> None:
+    def _furnish(self) -> None:
         """Put up the pedestal, and the object for now anywhere."""
         rise = self.model.base.position[2] - self.floor_height_m
         if rise > 0.02:
             for radius, low, high in ((0.22, 0.0, 0.02), (0.10, 0.02, rise - 0.02)):
                 self._pedestal(radius, low, high)
             self._pedestal(0.16, rise - 0.02, rise)
-        self._plan_grasp(met)
+        self._plan_grasp()
 
     def _pedestal(self, radius: float, low: float, high: float) -> None:
         x, y, _ = self.model.base.position
@@ -254,15 +256,15 @@ class Scene:
             pybullet.createMultiBody(baseVisualShapeIndex=shape, physicsClientId=self._client)
         )
 
-    def _plan_grasp(self, met: int) -> None:
+    def _plan_grasp(self) -> None:
         """
         Make the object, a rod, and say how each partner holds it.
 
         At the exchange it lies between the robot's flange and the palm of the hand, in the hold of
         both. Before, it moves as one with the giver; after, with the receiver.
         """
-        time_s = float(self.times[met])
-        hand, flange = self._hand_pose(time_s), self._flange_pose(time_s)
+        hand = self._hand_pose(self.exchange_time_s)
+        flange = self._flange_pose(self.exchange_time_s)
         palm = hand @ _Pose(np.array([0.0, -PALM_M, 0.0]), np.eye(3))
         between = palm.position - flange.position
         gap = float(np.linalg.norm(between))
@@ -290,7 +292,8 @@ class Scene:
         return _at(time_s, self.times, self._joints)
 
     def _hand_pose(self, time_s: float) -> _Pose:
-        posture = self.figure.posture(_at(time_s, self.times, self._hand_path))
+        hand = _at(time_s, self.times, self._hand_path)
+        posture = self.figure.posture(hand, _at(time_s, self.times, self._arm))
         return _Pose(posture.hand_position, posture.hand_rotation)
 
     def _flange_pose(self, time_s: float) -> _Pose:
@@ -309,7 +312,9 @@ class Scene:
             pybullet.resetJointState(
                 self._robot, number, float(position), physicsClientId=self._client
             )
-        posture = self._bodies.show(_at(time_s, self.times, self._hand_path))
+        posture = self._bodies.show(
+            _at(time_s, self.times, self._hand_path), _at(time_s, self.times, self._arm)
+        )
         if (time_s < self.exchange_time_s) == self._robot_gives:
             pose = self._flange_pose(time_s) @ self._grasp.by_robot
         else:
@@ -340,10 +345,11 @@ class Scene:
             tube = _tube(passed, TRAIL_RADIUS_M)
             if tube is None:
                 continue
-            vertices, indices = tube
+            vertices, normals, indices = tube
             shape = pybullet.createVisualShape(
                 pybullet.GEOM_MESH,
                 vertices=vertices.tolist(),
+                normals=normals.tolist(),
                 indices=indices.tolist(),
                 rgbaColor=(*colour, 1.0),
                 physicsClientId=self._client,
@@ -492,20 +498,21 @@ class Scene:
             camera.projection,
             lightDirection=[light[0], light[1], light[2] + 1.2],
             lightColor=[1.0, 1.0, 1.0],
-            lightAmbientCoeff=0.55,
-            lightDiffuseCoeff=0.5,
+            lightAmbientCoeff=0.50,
+            lightDiffuseCoeff=0.48,
             lightSpecularCoeff=0.12,
             shadow=0,
             renderer=pybullet.ER_TINY_RENDERER,
             physicsClientId=self._client,
         )
-        covered = np.reshape(mask, (height, width)) >= 0
-        colours = np.reshape(rgba, (height, width, 4))[..., :3] * covered[..., None]
-        blocks = (camera.height, k, camera.width, k)
-        return (
-            colours.reshape(*blocks, 3).mean(axis=(1, 3)) / 255.0,
-            covered.reshape(blocks).mean(axis=(1, 3)),
-        )
+        covered = (np.reshape(mask, (height, width, 1)) >= 0).astype(np.uint8)
+        samples = np.reshape(rgba, (height, width, 4)) * covered
+        samples[..., 3:] = covered
+        total = np.zeros((camera.height, camera.width, 4), dtype=np.uint16)
+        for row in range(k):
+            for column in range(k):
+                total += samples[row::k, column::k]
+        return total[..., :3] / (255.0 * k * k), total[..., 3] / (k * k)
 
     def _shadow(self, backdrop: _Backdrop) -> Array:
         """Look straight down on the bodies: where they keep light from the floor, 0 to 1."""
@@ -634,13 +641,15 @@ def _at(time_s: float, times: Array, values: Array) -> Array:
     return np.asarray((1.0 - share) * values[index - 1] + share * values[index])
 
 
-def _tube(points: Array, radius: float, sides: int = 8) -> tuple[Array, NDArray[np.int64]] | None:
+def _tube(
+    points: Array, radius: float, sides: int = 8
+) -> tuple[Array, Array, NDArray[np.int64]] | None:
     """
     Make the surface of a tube around a path.
 
     Returns:
-        Corners, (m, 3), and triangles as a flat row of their numbers; None for a path without
-        length.
+        Corners, (m, 3), normals, (m, 3), and triangles as a flat row of numbers of corners; None
+        for a path without length.
 
     """
     spaced = [points[0]]
@@ -653,23 +662,28 @@ def _tube(points: Array, radius: float, sides: int = 8) -> tuple[Array, NDArray[
     ahead = np.gradient(path, axis=0)
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
     across = np.cross(ahead[0], [0.0, 0.0, 1.0] if abs(ahead[0, 2]) < 0.9 else [1.0, 0.0, 0.0])
-    rings = []
-    for point, direction in zip(path, ahead, strict=True):
+    angle = np.linspace(0, 2 * np.pi, sides, endpoint=False)[:, None]
+    outward = []
+    for direction in ahead:
         across = across - (across @ direction) * direction  # carried along, so it does not twist
         across /= np.linalg.norm(across)
-        other = np.cross(direction, across)
-        angle = np.linspace(0, 2 * np.pi, sides, endpoint=False)[:, None]
-        rings.append(point + radius * (np.cos(angle) * across + np.sin(angle) * other))
-    corners = np.vstack([*rings, path[:1], path[-1:]])
-    count = len(path)
-    triangles: list[tuple[int, int, int]] = []
-    for i in range(count - 1):
-        for j in range(sides):
-            a, b = i * sides + j, i * sides + (j + 1) % sides
-            c, d = a + sides, b + sides
-            triangles += [(a, b, d), (a, d, c)]
-    first, last = count * sides, count * sides + 1
-    for j in range(sides):
-        k = (j + 1) % sides
-        triangles += [(first, k, j), (last, last - 2 - sides + 1 + j, last - 2 - sides + 1 + k)]
-    return corners, np.array(triangles, dtype=np.int64).ravel()
+        outward.append(np.cos(angle) * across + np.sin(angle) * np.cross(direction, across))
+    normals = np.vstack([*outward, -ahead[:1], ahead[-1:]])
+    rings = np.repeat(path, sides, axis=0) + radius * np.vstack(outward)
+    corners = np.vstack([rings, path[:1], path[-1:]])
+    side = np.arange(sides)
+    turned = (side + 1) % sides
+    ring = sides * np.arange(len(path) - 1)[:, None]
+    a, b = ring + side, ring + turned
+    c, d = a + sides, b + sides
+    first, last = np.full(sides, len(rings)), np.full(sides, len(rings) + 1)
+    end = len(rings) - sides
+    triangles = np.vstack(
+        [
+            np.stack([a, b, d], axis=-1).reshape(-1, 3),
+            np.stack([a, d, c], axis=-1).reshape(-1, 3),
+            np.stack([first, turned, side], axis=-1),
+            np.stack([last, end + side, end + turned], axis=-1),
+        ]
+    )
+    return corners, normals, triangles.ravel()

@@ -13,7 +13,7 @@ import pytest
 
 
 def reach(samples=200):
-    """A reach from beside the hip to the exchange, as people make it: minimum jerk."""
+    """Return a reach from beside the hip to the exchange, as people make it: minimum jerk."""
     u = np.linspace(0, 1, samples)[:, None]
     s = 10 * u**3 - 15 * u**4 + 6 * u**5
     return np.array([0.55, 0.15, 0.85]) + s * np.array([-0.35, -0.2, 0.25])
