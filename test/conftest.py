@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from handover_dmp.threads import use_one_thread
 import pytest
+
+use_one_thread()
 
 KTH = Path(__file__).resolve().parents[2] / 'shared' / 'data' / 'kth_handovers'
 
