@@ -6,6 +6,18 @@ covariance, since they share the model and the noise, so a step is some forty pr
 floats. Around it is what a real stream of poses needs: late poses are put in their place and the
 later ones filtered again, repeated ones are dropped, far-off ones are not believed until they
 last, and the answer is predicted to the time it is asked for.
+
+Measured with the default parameters (the tests hold them):
+
+    rate of the poses, Hz                            200     120      60      24
+    noise of the position / noise of a pose         0.63    0.73    0.85    0.96
+    noise of the speed, m/s for 1 mm on a pose     0.037   0.039   0.041   0.036
+    lag at constant speed, mm                          0       0       0       0
+    lag at 1 m/s², mm                              0.085   0.094   0.096   0.070
+    lag of the speed, ms                              13      14      15      17
+    reaches of the synthetic takes, 0.5 mm noise, poses 30 ms old, asked for at 200 Hz:
+    error of the position, mm rms                    2.0     2.4     2.9     4.4
+    error of the newest pose itself, mm rms         12.6    14.0    15.8    21.5
 """
 
 from __future__ import annotations
@@ -29,6 +41,9 @@ _FIRST_SPEED_DEVIATION = 0.5
 # Bounds the work of one update, whatever the stream.
 _MOST_POSES_KEPT = 32
 _LEAST_POSES_TO_REACQUIRE = 3
+_MOST_CANDIDATES = 4
+# However long ago the last pose, the gate is at most so many times as wide as at first.
+_WIDEST_GATE = 3.0
 
 
 @dataclass(frozen=True)
@@ -44,7 +59,7 @@ class HandFilter:
         outlier_distance_m: a pose further than this from where the hand is expected, m, is not
             believed.
         hand_acceleration: what a hand may do between two poses, m/s²; widens the gate by half of
-            it times the square of the time between them.
+            it times the square of the time between them, to three times its width at most.
         reacquire_s: poses that were not believed but agree with each other for this long, s, are
             believed, so that the filter can never lock itself out.
         lost_s: without a pose for this long, s, the old ones no longer tell where the hand is.
@@ -121,14 +136,14 @@ class GoalEstimator:
         self.accepted = 0
         self.rejected: Counter[str] = Counter()
         self._track = _Track(self.parameters)
-        self._candidate = _Track(self.parameters)
+        self._candidates: list[_Track] = []
 
     def reset(self) -> None:
         """Forget the hand, and the counts."""
         self.accepted = 0
         self.rejected.clear()
         self._track = _Track(self.parameters)
-        self._candidate = _Track(self.parameters)
+        self._candidates.clear()
 
     def update(
         self, stamp_s: float, position: Sequence[float], now_s: float | None = None
@@ -154,8 +169,7 @@ class GoalEstimator:
             reason = self._track.add(stamp, place)
             if not reason:
                 self.accepted += 1
-                if self._candidate.poses:
-                    self._candidate = _Track(self.parameters)
+                self._candidates.clear()
                 return True
             if reason != 'repeated' and self._consider(stamp, place):
                 self.accepted += 1
@@ -205,15 +219,27 @@ class GoalEstimator:
         return ''
 
     def _consider(self, stamp: float, place: Vector) -> bool:
-        """Follow what was not believed; believe it once it has lasted."""
-        if self._candidate.add(stamp, place) in ('outlier', 'gap', 'late'):
-            self._candidate = _Track(self.parameters)
-            self._candidate.add(stamp, place)
-        candidate = self._candidate
-        lasted = stamp - candidate.first_stamp >= self.parameters.reacquire_s
-        if not (lasted and candidate.count >= _LEAST_POSES_TO_REACQUIRE):
+        """Follow what was not believed, a few hands at a time; believe what has lasted."""
+        candidates = self._candidates
+        for index, candidate in enumerate(candidates):
+            outcome = candidate.add(stamp, place)
+            if outcome == 'repeated':
+                return False
+            if not outcome:
+                # The one followed last is the last to be given up.
+                candidates.append(candidates.pop(index))
+                break
+        else:
+            candidates.append(_Track(self.parameters))
+            candidates[-1].add(stamp, place)
+            if len(candidates) > _MOST_CANDIDATES:
+                del candidates[0]
+        best = candidates[-1]
+        lasted = stamp - best.first_stamp >= self.parameters.reacquire_s
+        if not (lasted and best.count >= _LEAST_POSES_TO_REACQUIRE):
             return False
-        self._track, self._candidate = candidate, _Track(self.parameters)
+        self._track = best
+        candidates.clear()
         return True
 
 
@@ -287,7 +313,10 @@ class _Track:
 
     def _is_outlier(self, state: _State, elapsed: float, place: Vector) -> bool:
         parameters = self.parameters
-        gate = parameters.outlier_distance_m + 0.5 * parameters.hand_acceleration * elapsed**2
+        gate = parameters.outlier_distance_m
+        gate = min(
+            gate + 0.5 * parameters.hand_acceleration * elapsed * elapsed, _WIDEST_GATE * gate
+        )
         dx = place[0] - state[0] - elapsed * state[3]
         dy = place[1] - state[1] - elapsed * state[4]
         dz = place[2] - state[2] - elapsed * state[5]
