@@ -25,7 +25,7 @@ REQUIREMENTS = [
     'pybullet>=3.2.6',
     'PyYAML>=6.0.1',
     'rich>=13.7',
-    'ruckig>=0.15',
+    'ruckig>=0.12.2',
     'scipy>=1.11',
 ]
 
