@@ -1,0 +1,216 @@
+"""`handover_dmp evaluate`: the paper's Section III on a data set."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from time import monotonic
+from typing import TYPE_CHECKING
+
+from handover_dmp.evaluation import LEARN
+
+if TYPE_CHECKING:
+    from handover_dmp.evaluation.rollouts import Learning
+
+PATIENCE_S = 2.0
+"""A progress bar appears when something takes longer."""
+
+Update = Callable[[int, int], None]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """
+    Declare the words after `evaluate`.
+
+    Args:
+        parser: parser of the verb.
+
+    """
+    parser.add_argument('data_set', type=Path, metavar='DATASET', help='folder with trials.csv')
+    parser.add_argument(
+        '-o', '--output', type=Path, required=True, metavar='DIR', help='where the results go'
+    )
+    parser.add_argument(
+        '--learn',
+        default=','.join(LEARN),
+        metavar='LIST',
+        help='what to learn from, separated by commas (default: %(default)s)',
+    )
+    parser.add_argument(
+        '--leave-one-out',
+        action='store_true',
+        help='band, mean and model from all other trials, the one left out as the test',
+    )
+    add_learning_arguments(parser)
+    parser.add_argument(
+        '--seed', type=int, default=0, help='of the bootstrap (default: %(default)s)'
+    )
+    parser.add_argument(
+        '--jobs',
+        type=int,
+        default=1,
+        metavar='N',
+        help='processes, -1 for one a processor; changes no result (default: %(default)s)',
+    )
+    parser.add_argument('--no-figures', action='store_true', help='the tables alone')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write the table as JSON, too')
+
+
+def add_learning_arguments(parser: argparse.ArgumentParser) -> None:
+    """
+    Declare the parameters of the primitive and how it is learnt.
+
+    Args:
+        parser: parser of a verb that learns.
+
+    """
+    parser.add_argument(
+        '--parameters', type=Path, metavar='FILE', help='ROS parameter file, its dmp section'
+    )
+    group = parser.add_argument_group('movement primitive, in place of that file or the defaults')
+    group.add_argument('--stiffness', type=float, metavar='K', help='K of (8)')
+    group.add_argument('--damping', type=float, metavar='D', help='D of (8); 0: critical')
+    group.add_argument(
+        '--goal-velocity-gain', type=float, metavar='KV', help='K_v of (8), s; negative: D tau'
+    )
+    group.add_argument('--mu', type=float, help='centre of the goal weight (7), in units of tau')
+    group.add_argument('--sigma', type=float, help='width of the goal weight (7), in units of tau')
+    group.add_argument('--formulation', choices=['stiff', 'printed'], help='K_s = K, or K_s = 1')
+    parser.add_argument(
+        '--regression',
+        choices=['rvm', 'ridge'],
+        default='rvm',
+        help='sparse Bayesian, or ridge (default: %(default)s)',
+    )
+    parser.add_argument(
+        '--basis',
+        type=int,
+        default=100,
+        metavar='N',
+        help='candidate basis functions (default: %(default)s)',
+    )
+
+
+def read_learning(options: argparse.Namespace) -> Learning:
+    """
+    Turn what `add_learning_arguments` declared into parameters.
+
+    Args:
+        options: the parsed words.
+
+    Returns:
+        The parameters of the primitive and how it is learnt.
+
+    Raises:
+        DataError: a parameter out of its range, or a faulty file.
+
+    """
+    from dataclasses import replace
+
+    from handover_dmp.evaluation.parameter_file import read_parameters
+    from handover_dmp.evaluation.rollouts import Learning
+
+    learning = Learning(regression=options.regression, basis=options.basis)
+    if options.parameters is not None:
+        learning = replace(learning, parameters=read_parameters(options.parameters))
+    names = ('stiffness', 'damping', 'goal_velocity_gain', 'mu', 'sigma', 'formulation')
+    given = {name: getattr(options, name) for name in names if getattr(options, name) is not None}
+    return replace(learning, parameters=replace(learning.parameters, **given))
+
+
+def run(options: argparse.Namespace) -> int:
+    """
+    Evaluate a data set and write table, figures and page.
+
+    Args:
+        options: what `add_arguments` declared.
+
+    Returns:
+        0.
+
+    Raises:
+        UsageError: an unknown word in `--learn`.
+        DataError: the data set cannot be evaluated.
+
+    """
+    learn = tuple(dict.fromkeys(word.strip() for word in options.learn.split(',')))
+    unknown = [word for word in learn if word not in LEARN]
+    if unknown:
+        from handover_dmp.errors import UsageError
+
+        raise UsageError(f'--learn {unknown[0]!r}: known are {", ".join(LEARN)}')
+    from handover_dmp.evaluation.protocol import evaluate, Protocol
+    from handover_dmp.evaluation.report import write_figures, write_report
+    from handover_dmp.evaluation.table import renderable, WIDTH
+    from handover_dmp.files import write_text
+    from handover_dmp.hand import read_data_set
+    from rich.console import Console
+
+    protocol = Protocol(
+        learning=read_learning(options),
+        learn=learn,
+        leave_one_out=options.leave_one_out,
+        seed=options.seed,
+    )
+    trials = read_data_set(options.data_set)
+    with progress_bar() as progress:
+        evaluation = evaluate(
+            trials, protocol, jobs=options.jobs, progress=progress('learning and rolling out')
+        )
+        figures: list[tuple[str, str]] = []
+        if not options.no_figures:
+            figures = write_figures(evaluation, options.output, progress('drawing'))
+    text = write_report(evaluation, options.data_set.name, options.output, figures)
+    if options.json is not None:
+        write_text(options.json, text)
+    console = Console()
+    console.width = max(console.width, WIDTH)
+    console.print(renderable(evaluation.rows, evaluation.summary))
+    print(options.output / 'index.html')
+    return 0
+
+
+@contextmanager
+def progress_bar() -> Iterator[Callable[[str], Update]]:
+    """
+    Show how far the work is, on the standard error, if it takes longer than a moment.
+
+    Yields:
+        A function that takes what is being done, and gives one that takes how much of how much.
+
+    """
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    bar = Progress(
+        TextColumn('{task.description}'),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    )
+    began = monotonic()
+
+    def start(what: str) -> Update:
+        task = bar.add_task(what, total=None)
+
+        def update(done: int, total: int) -> None:
+            bar.update(task, completed=done, total=total)
+            if not bar.live.is_started and monotonic() - began > PATIENCE_S:
+                bar.start()
+
+        return update
+
+    try:
+        yield start
+    finally:
+        bar.stop()

@@ -1,0 +1,51 @@
+"""Confidence intervals from resampled trials."""
+
+from __future__ import annotations
+
+from handover_dmp.evaluation.envelope import Array
+import numpy as np
+from numpy.typing import NDArray
+
+LEVEL = 0.95
+ROUNDS = 2000
+
+
+def resample(
+    trials: int, seed: np.random.SeedSequence, rounds: int = ROUNDS
+) -> NDArray[np.float64]:
+    """
+    Draw trials with replacement.
+
+    Args:
+        trials: how many there are, and how many are drawn in each round.
+        seed: makes the draws the same every time.
+        rounds: how many times to draw.
+
+    Returns:
+        (rounds, trials): how often each trial was drawn in each round.
+
+    """
+    generator = np.random.default_rng(seed)
+    counts = generator.multinomial(trials, np.full(trials, 1.0 / trials), size=rounds)
+    return counts.astype(np.float64)
+
+
+def interval(draws: Array, level: float = LEVEL) -> tuple[float, float]:
+    """
+    Take the percentile interval of a statistic.
+
+    Args:
+        draws: (rounds,) the statistic in each round; rounds where it does not exist (NaN) are
+            left out.
+        level: the share of rounds that the interval holds.
+
+    Returns:
+        Its lower and upper end; NaN if the statistic never existed.
+
+    """
+    real = draws[np.isfinite(draws)]
+    if real.size == 0:
+        return float('nan'), float('nan')
+    tail = (1.0 - level) / 2.0
+    low, high = np.quantile(real, [tail, 1.0 - tail])
+    return float(low), float(high)

@@ -1,0 +1,162 @@
+"""The trials of one configuration and exchange, conditioned and time-normalised."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from handover_dmp.errors import DataError
+from handover_dmp.evaluation.envelope import Array, SAMPLES, time_normalise
+from handover_dmp.hand import condition, HandoverTrial, velocities
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Hands:
+    """
+    The hands of several P1 on one clock, so that one call rolls out against all of them.
+
+    Attributes:
+        times: (m,) s from the start, as long as the longest trial.
+        positions: (n, m, 3) m; after its end a hand stands still.
+        velocities: (n, m, 3) m/s.
+        samples: (n,) number of samples that each trial really has.
+
+    """
+
+    times: Array
+    positions: Array
+    velocities: Array
+    samples: NDArray[np.int_]
+
+    @classmethod
+    def of(cls, trials: Sequence[HandoverTrial]) -> Hands:
+        """
+        Put trials of one rate beside each other.
+
+        Args:
+            trials: conditioned, so that their samples are evenly spaced at one rate.
+
+        Returns:
+            Their hands.
+
+        """
+        samples = np.array([len(trial.times) for trial in trials])
+        longest = trials[int(samples.argmax())].times
+        positions = np.empty((len(trials), len(longest), 3))
+        speeds = np.zeros_like(positions)
+        for index, trial in enumerate(trials):
+            positions[index, : samples[index]] = trial.p1
+            positions[index, samples[index] :] = trial.p1[-1]
+            speeds[index, : samples[index]] = velocities(trial.times, trial.p1)
+        return cls(longest - longest[0], positions, speeds, samples)
+
+    def time_normalise(self, rollouts: Array, tested: Sequence[int]) -> Array:
+        """
+        Time-normalise rollouts against some of the hands, each over the duration of its trial.
+
+        Args:
+            rollouts: (k, at most m, 3) m, on `times`.
+            tested: the k trials whose hands they were.
+
+        Returns:
+            (k, 101, 3) m.
+
+        """
+        last = self.samples[list(tested)] - 1
+        at = np.linspace(0.0, last.astype(np.float64), SAMPLES, axis=1)
+        before = np.minimum(at.astype(np.int_), last[:, None] - 1)
+        share = (at - before)[..., None]
+        trial = np.arange(len(rollouts))[:, None]
+        curves = rollouts[trial, before] * (1.0 - share) + rollouts[trial, before + 1] * share
+        return np.asarray(curves)
+
+
+@dataclass(frozen=True)
+class Case:
+    """
+    All trials of one configuration and exchange.
+
+    Attributes:
+        configuration: e.g. `engine_bay`.
+        exchange: `give` or `take`.
+        trials: the trials, resampled to 200 Hz and low-passed, each starting at 0 s.
+
+    """
+
+    configuration: str
+    exchange: str
+    trials: tuple[HandoverTrial, ...]
+
+    def __len__(self) -> int:
+        return len(self.trials)
+
+    @property
+    def name(self) -> str:
+        """Configuration and exchange in one word, good for file names."""
+        return f'{self.configuration}_{self.exchange}'
+
+    @cached_property
+    def durations_s(self) -> Array:
+        """(n,) duration of each trial, s."""
+        return np.array([trial.times[-1] - trial.times[0] for trial in self.trials])
+
+    @cached_property
+    def curves(self) -> Array:
+        """(n, 101, 3) m, the time-normalised P2 of each trial."""
+        return np.stack([time_normalise(trial.times, trial.p2) for trial in self.trials])
+
+    @cached_property
+    def starts(self) -> Array:
+        """(n, 3) m, where each P2 starts."""
+        return np.stack([trial.p2[0] for trial in self.trials])
+
+    @cached_property
+    def goal_offsets(self) -> Array:
+        """(n, 3) m, P2(end) − P1(end) of each trial."""
+        return np.stack([trial.p2[-1] - trial.p1[-1] for trial in self.trials])
+
+    @cached_property
+    def hands(self) -> Hands:
+        """The hands of all P1 on one clock."""
+        return Hands.of(self.trials)
+
+    def without(self, index: int) -> Case:
+        """Return the case without one of its trials."""
+        rest = self.trials[:index] + self.trials[index + 1 :]
+        return Case(self.configuration, self.exchange, rest)
+
+
+def make_cases(trials: Sequence[HandoverTrial], *, at_least: int = 2) -> list[Case]:
+    """
+    Sort trials into cases and condition them.
+
+    Args:
+        trials: of any configurations and exchanges, in any order.
+        at_least: how many trials a case must have.
+
+    Returns:
+        The cases in order of their first trial, trials in order of their number.
+
+    Raises:
+        DataError: there are no trials, or too few in a case.
+
+    """
+    if not trials:
+        raise DataError('the data set holds no trials')
+    groups: dict[tuple[str, str], list[HandoverTrial]] = {}
+    for trial in trials:
+        groups.setdefault((trial.configuration, trial.exchange), []).append(trial)
+    cases = []
+    for (configuration, exchange), group in groups.items():
+        if len(group) < at_least:
+            raise DataError(
+                f'{group[0].source or group[0].label}: {configuration} {exchange} has '
+                f'{len(group)} trial{"s" * (len(group) > 1)}, at least {at_least} are needed'
+            )
+        group.sort(key=lambda trial: trial.number)
+        conditioned = [condition(trial) for trial in group]
+        cases.append(Case(configuration, exchange, tuple(conditioned)))
+    return cases

@@ -1,0 +1,121 @@
+"""Time-normalised curves and the band of human variability that they are held against."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+SAMPLES = 101
+"""Samples of a time-normalised curve: every hundredth of the duration, both ends included."""
+
+ROUNDING_M = 1e-9
+"""What may be rounding and nothing else: a nanometre decides no test."""
+
+Array = NDArray[np.float64]
+
+
+def time_normalise(times: Array, positions: Array, samples: int = SAMPLES) -> Array:
+    """
+    Resample a trajectory to equally spaced fractions of its own duration.
+
+    Args:
+        times: (n,) s, increasing, uneven ones included.
+        positions: (n, d) m.
+        samples: how many samples to give.
+
+    Returns:
+        (samples, d) m, linear between the given samples, first and last kept.
+
+    """
+    at = np.linspace(times[0], times[-1], samples)
+    return np.stack([np.interp(at, times, column) for column in positions.T], axis=1)
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """
+    Mean and standard deviation of human curves, sample by sample and dimension by dimension.
+
+    Attributes:
+        mean: (..., samples, d) m.
+        deviation: (..., samples, d) m, with n − 1 in the denominator.
+        trials: number of curves that it was made of.
+
+    """
+
+    mean: Array
+    deviation: Array
+    trials: int
+
+    @classmethod
+    def of(cls, curves: Array) -> Envelope:
+        """
+        Make the envelope of some curves.
+
+        Args:
+            curves: (n, samples, d) m, n ≥ 2.
+
+        Returns:
+            Their envelope; arrays of shape (samples, d).
+
+        """
+        return cls(curves.mean(axis=0), curves.std(axis=0, ddof=1), len(curves))
+
+    @classmethod
+    def of_the_others(cls, curves: Array) -> Envelope:
+        """
+        Make, for each curve, the envelope of all the others.
+
+        Args:
+            curves: (n, samples, d) m, n ≥ 3.
+
+        Returns:
+            n envelopes in one; arrays of shape (n, samples, d).
+
+        """
+        n = len(curves)
+        centre = curves.mean(axis=0)
+        # About the common centre, so that the sums of squares below lose no digits.
+        offsets = curves - centre
+        mean_offsets = -offsets / (n - 1)
+        squares = (offsets**2).sum(axis=0) - offsets**2 - (n - 1) * mean_offsets**2
+        deviation = np.sqrt(np.maximum(squares, 0.0) / (n - 2))
+        return cls(centre + mean_offsets, deviation, n - 1)
+
+    def at(self, trials: Sequence[int]) -> Envelope:
+        """
+        Take the envelopes of some trials, where each has its own.
+
+        Args:
+            trials: their indices.
+
+        Returns:
+            Arrays of shape (len(trials), samples, d); itself where one serves for all.
+
+        """
+        if self.mean.ndim == 2:
+            return self
+        chosen = list(trials)
+        return Envelope(self.mean[chosen], self.deviation[chosen], self.trials)
+
+    def sigmas(self, curves: Array) -> Array:
+        """
+        Find how many standard deviations wide the band must be to hold each curve throughout.
+
+        A curve is within kσ if |y_d(u) − m_d(u)| ≤ k·s_d(u) at every sample, that is, if this
+        figure is at most k.
+
+        Args:
+            curves: (..., samples, d) m, broadcast against the envelope.
+
+        Returns:
+            (..., d), infinite where the band has no width and the curve is not on it.
+
+        """
+        away = np.abs(curves - self.mean) - ROUNDING_M
+        with np.errstate(divide='ignore', invalid='ignore'):
+            ratio = np.where(away <= 0.0, 0.0, away / self.deviation)
+        return np.asarray(ratio.max(axis=-2))

@@ -1,0 +1,308 @@
+"""The figures of the paper's Section III, as PNG and SVG."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from handover_dmp.evaluation.cases import Case
+from handover_dmp.evaluation.envelope import Array, Envelope
+from handover_dmp.evaluation.scores import BANDS
+from handover_dmp.files import replacing
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
+import numpy as np
+from numpy.typing import NDArray
+
+P1_COLOUR, P2_COLOUR, DMP_COLOUR = '#c8372d', '#2f8f4e', '#1f5fb4'
+INSIDE_COLOUR, OUTSIDE_COLOUR = '#2f9e55', '#d64533'
+BAND_COLOURS = {3: '#e1e6ec', 1: '#aab6c4'}
+EXCHANGE_COLOUR = '#f3d9a4'
+AXES = 'XYZ'
+
+MOST_TRIALS = 8
+"""Trials drawn one after the other; more would be a smear."""
+
+MOST_CURVES = 60
+"""Curves drawn in one panel, evenly chosen; the percentages beside them count all."""
+
+EXCHANGE_BAND_M = 0.03
+"""The exchange is shaded while the wrists are within this of their least distance."""
+
+STYLE: Any = {
+    'font.size': 9.5,
+    'font.family': 'DejaVu Sans',
+    'axes.titlesize': 10,
+    'axes.labelsize': 9.5,
+    'axes.grid': True,
+    'axes.axisbelow': True,
+    'axes.spines.top': False,
+    'axes.spines.right': False,
+    'axes.edgecolor': '#59626d',
+    'grid.color': '#eceff2',
+    'grid.linewidth': 0.8,
+    'xtick.color': '#39424d',
+    'ytick.color': '#39424d',
+    'legend.frameon': False,
+    'lines.solid_capstyle': 'round',
+    'svg.hashsalt': 'handover_dmp',
+    'figure.facecolor': 'white',
+}
+
+
+_FORMATS: dict[str, dict[str, Any]] = {
+    '.png': {'dpi': 150},
+    '.svg': {'metadata': {'Date': None}},
+}
+
+
+@dataclass(frozen=True)
+class Shown:
+    """
+    The rollouts of one case that a figure holds against the band.
+
+    Attributes:
+        curves: (k, 101, 3) m, time-normalised, k at most some hundreds.
+        inside: (k, 3) whether each is within 3σ.
+        share: (3,) share of all curves within 3σ, also of those that are not shown.
+        within: k to percentage of all curves within kσ.
+        rollouts: how many there are in all.
+
+    """
+
+    curves: Array
+    inside: NDArray[np.bool_]
+    share: Array
+    within: dict[int, float]
+    rollouts: int
+
+
+@dataclass(frozen=True)
+class Panel:
+    """
+    What the figures show of one case.
+
+    Attributes:
+        case: the trials.
+        representative: index of the trial nearest to the mean.
+        rollouts: of the model learnt from that trial, against every trial, (n, m, 3) m on the
+            clock of `case.hands`.
+        shown: by what was learnt from.
+
+    """
+
+    case: Case
+    representative: int
+    rollouts: Array
+    shown: dict[str, Shown]
+
+
+def draw(panels: Sequence[Panel], folder: Path) -> Iterator[tuple[str, str]]:
+    """
+    Draw every figure, one configuration at a time.
+
+    Args:
+        panels: the cases, those of one configuration share its figures.
+        folder: where the files go, NAME.png and NAME.svg.
+
+    Yields:
+        Name and caption of each figure as soon as it is written.
+
+    """
+    by_configuration: dict[str, list[Panel]] = {}
+    for panel in panels:
+        by_configuration.setdefault(panel.case.configuration, []).append(panel)
+    for configuration, group in by_configuration.items():
+        title = configuration.replace('_', ' ')
+        name = f'fig03_traces_{configuration}'
+        _save(_traces, group, title, folder / name)
+        yield name, f'{title}: wrists of P1 and P2, trial after trial, exchanges shaded (Fig. 3)'
+        name = f'fig04-06_rollouts_{configuration}'
+        _save(_rollouts, group, title, folder / name)
+        yield name, f'{title}: the DMP against the hand it was learnt with, and another (Figs 4–6)'
+        for learn, numbers in (('single', '07-09'), ('mean', '10-12'), ('representative', '13')):
+            if learn not in group[0].shown:
+                continue
+            name = f'fig{numbers}_learn_{learn}_{configuration}'
+            _save(_bands, group, title, folder / name, learn)
+            yield (
+                name,
+                f'{title}: learn {learn} against the spread of people ({_figures(numbers)})',
+            )
+
+
+def figure_count(panels: Sequence[Panel]) -> int:
+    """Return how many figures `draw` makes of these cases."""
+    configurations = {panel.case.configuration for panel in panels}
+    return len(configurations) * (2 + len(panels[0].shown))
+
+
+def _figures(numbers: str) -> str:
+    paper = {'07-09': 'Figs 7–9', '10-12': 'Figs 10–12'}
+    return paper.get(numbers, 'not in the paper')
+
+
+def _traces(group: Sequence[Panel], title: str) -> Figure:
+    figure = Figure(figsize=(12.0, 5.6), layout='constrained')
+    axes = figure.subplots(3, 1, sharex=True)
+    trials = [(trial, panel.case) for panel in group for trial in panel.case.trials[:MOST_TRIALS]]
+    pause = 0.25 * float(np.mean([trial.duration_s for trial, _ in trials]))
+    start, boundaries = 0.0, []
+    for index, (trial, case) in enumerate(trials):
+        if index and trials[index - 1][1] is not case:
+            boundaries.append(start)
+            start += pause
+        at = start + trial.times - trial.times[0]
+        apart = np.linalg.norm(trial.p1 - trial.p2, axis=1)
+        touching = at[apart <= apart.min() + EXCHANGE_BAND_M]
+        for dimension, axis in enumerate(axes):
+            axis.axvspan(touching[0], touching[-1], color=EXCHANGE_COLOUR, lw=0)
+            axis.plot(at, trial.p1[:, dimension], color=P1_COLOUR, lw=1.6)
+            axis.plot(at, trial.p2[:, dimension], color=P2_COLOUR, lw=1.6)
+        middle = (at[0] + at[-1]) / 2
+        axes[0].annotate(
+            f'{trial.exchange} {trial.number}',
+            (middle, 1.0),
+            xycoords=('data', 'axes fraction'),
+            ha='center',
+            va='bottom',
+            color='#59626d',
+            fontsize=8.5,
+        )
+        start = at[-1] + pause
+    for dimension, axis in enumerate(axes):
+        axis.set_ylabel(f'{AXES[dimension]}, m')
+        axis.margins(x=0.01)
+        for boundary in boundaries:
+            axis.axvline(boundary, color='#9aa4af', lw=1.0, ls=(0, (4, 3)))
+    axes[-1].set_xlabel('time, s (trials cut to the reach and set one after the other)')
+    _legend(
+        figure,
+        f'Wrists of P1 and P2: {title}',
+        [
+            Line2D([], [], color=P1_COLOUR, lw=2, label='P1'),
+            Line2D([], [], color=P2_COLOUR, lw=2, label='P2'),
+            Patch(color=EXCHANGE_COLOUR, label='exchange'),
+        ],
+    )
+    return figure
+
+
+def _rollouts(group: Sequence[Panel], title: str) -> Figure:
+    columns = [(panel, tested) for panel in group for tested in _shown(panel)]
+    figure = Figure(figsize=(3.1 * len(columns), 6.4), layout='constrained')
+    axes = figure.subplots(3, len(columns), sharex='col', sharey='row', squeeze=False)
+    for column, (panel, tested) in zip(axes.T, columns, strict=True):
+        trial = panel.case.trials[tested]
+        rollout = panel.rollouts[tested, : len(trial.times)]
+        at = trial.times - trial.times[0]
+        for dimension, axis in enumerate(column):
+            axis.plot(at, trial.p1[:, dimension], color=P1_COLOUR, lw=1.6)
+            # Broad below narrow: both are seen where they lie on each other.
+            axis.plot(at, trial.p2[:, dimension], color=P2_COLOUR, lw=4.0, alpha=0.55)
+            axis.plot(at, rollout[:, dimension], color=DMP_COLOUR, lw=1.6)
+            axis.xaxis.set_major_locator(MaxNLocator(5))
+        learnt = panel.case.trials[panel.representative].number
+        what = 'the learnt trial' if tested == panel.representative else 'another trial'
+        column[0].set_title(
+            f'{trial.exchange}: {what}\nlearnt from {learnt}, tested against {trial.number}'
+        )
+        column[-1].set_xlabel('time, s')
+    for dimension, axis in enumerate(axes[:, 0]):
+        axis.set_ylabel(f'{AXES[dimension]}, m')
+    _legend(
+        figure,
+        f'The DMP in the place of P2: {title}',
+        [
+            Line2D([], [], color=P1_COLOUR, lw=2, label='P1'),
+            Line2D([], [], color=P2_COLOUR, lw=4, alpha=0.55, label='P2'),
+            Line2D([], [], color=DMP_COLOUR, lw=2, label='DMP'),
+        ],
+    )
+    return figure
+
+
+def _shown(panel: Panel) -> tuple[int, int]:
+    """Choose the learnt trial and, of the others, the one that turned out middling."""
+    errors = []
+    for index, trial in enumerate(panel.case.trials):
+        away = panel.rollouts[index, : len(trial.times)] - trial.p2
+        errors.append(float((away**2).sum(axis=1).mean()))
+    others = [index for index in range(len(errors)) if index != panel.representative]
+    others.sort(key=lambda index: errors[index])
+    return panel.representative, others[len(others) // 2]
+
+
+def _bands(group: Sequence[Panel], title: str, learn: str) -> Figure:
+    figure = Figure(figsize=(5.2 * len(group) + 0.4, 6.8), layout='constrained')
+    axes = figure.subplots(3, len(group), sharex=True, squeeze=False)
+    u = np.linspace(0.0, 1.0, group[0].case.curves.shape[1])
+    for column, panel in zip(axes.T, group, strict=True):
+        envelope = Envelope.of(panel.case.curves)
+        shown = panel.shown[learn]
+        chosen = np.unique(np.linspace(0, len(shown.curves) - 1, MOST_CURVES).astype(int))
+        for dimension, axis in enumerate(column):
+            _draw_band(axis, u, envelope, dimension)
+            for inside, colour in ((False, OUTSIDE_COLOUR), (True, INSIDE_COLOUR)):
+                lines = chosen[shown.inside[chosen, dimension] == inside]
+                axis.plot(u, shown.curves[lines, :, dimension].T, color=colour, lw=0.8, alpha=0.65)
+            axis.plot(u, envelope.mean[:, dimension], color='#111827', lw=1.8)
+            axis.set_title(
+                f'{100 * shown.share[dimension]:.0f} % of {shown.rollouts} within 3σ',
+                loc='right',
+                fontsize=8.5,
+                color='#59626d',
+                pad=3,
+            )
+        figures = ', '.join(f'≤{k}σ {shown.within[k]:.0f} %' for k in BANDS)
+        column[0].set_title(f'{panel.case.exchange}\n{figures}\n', loc='left')
+        column[-1].set_xlabel('time as a fraction of the duration')
+    for dimension, axis in enumerate(axes[:, 0]):
+        axis.set_ylabel(f'{AXES[dimension]}, m')
+        axis.margins(x=0.0)
+    _legend(
+        figure,
+        f'Learn {learn}: {title}',
+        [
+            Line2D([], [], color='#111827', lw=2, label='mean of P2'),
+            Patch(color=BAND_COLOURS[1], label='1σ'),
+            Patch(color=BAND_COLOURS[3], label='3σ'),
+            Line2D([], [], color=INSIDE_COLOUR, lw=1.5, label='DMP inside 3σ'),
+            Line2D([], [], color=OUTSIDE_COLOUR, lw=1.5, label='outside'),
+        ],
+    )
+    return figure
+
+
+def _draw_band(axis: Axes, u: Array, envelope: Envelope, dimension: int) -> None:
+    mean, deviation = envelope.mean[:, dimension], envelope.deviation[:, dimension]
+    for k, colour in BAND_COLOURS.items():
+        axis.fill_between(u, mean - k * deviation, mean + k * deviation, color=colour, lw=0)
+
+
+def _legend(figure: Figure, title: str, handles: list[Line2D | Patch]) -> None:
+    figure.align_ylabels()
+    figure.suptitle(title, x=0.012, ha='left', fontsize=13, fontweight='bold')
+    figure.legend(
+        handles=handles,
+        loc='upper right',
+        ncols=len(handles),
+        bbox_to_anchor=(0.995, 1.0),
+        fontsize=9.5,
+    )
+
+
+def _save(
+    make: Callable[..., Figure], group: Sequence[Panel], title: str, stem: Path, *arguments: str
+) -> None:
+    with rc_context(STYLE):
+        figure = make(group, title, *arguments)
+        for suffix, options in _FORMATS.items():
+            with replacing(stem.with_name(stem.name + suffix)) as temporary:
+                figure.savefig(temporary, **options)

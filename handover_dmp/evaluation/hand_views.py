@@ -1,0 +1,85 @@
+"""What a primitive may be told of a hand: the truth, or what a filter makes of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from handover_dmp.evaluation.cases import Hands
+from handover_dmp.evaluation.envelope import Array
+from handover_dmp.hand import GoalEstimator
+import numpy as np
+from scipy.signal import lfilter
+
+
+def without_velocity(hands: Hands) -> Hands:
+    """Tell positions alone, as primitives without K_v are told."""
+    return replace(hands, velocities=np.zeros_like(hands.velocities))
+
+
+def smooth_velocity(hands: Hands, time_constant_s: float) -> Hands:
+    """
+    Low-pass the velocity (first order, causal), and leave the position as it is.
+
+    Args:
+        hands: the truth.
+        time_constant_s: of the filter, s.
+
+    Returns:
+        What is told.
+
+    """
+    return replace(hands, velocities=_low_pass(hands.velocities, hands.times, time_constant_s))
+
+
+def smooth_goal(hands: Hands, time_constant_s: float) -> Hands:
+    """
+    Low-pass position and velocity alike (first order, causal): a goal that comes later but calmer.
+
+    Args:
+        hands: the truth.
+        time_constant_s: of the filter, s.
+
+    Returns:
+        What is told.
+
+    """
+    return replace(
+        smooth_velocity(hands, time_constant_s),
+        positions=_low_pass(hands.positions, hands.times, time_constant_s),
+    )
+
+
+def looking_ahead(hands: Hands, horizon_s: float) -> Hands:
+    """
+    Tell where the hand will be if it keeps its velocity for a while.
+
+    Args:
+        hands: the truth.
+        horizon_s: how far ahead, s.
+
+    Returns:
+        What is told.
+
+    """
+    return replace(hands, positions=hands.positions + horizon_s * hands.velocities)
+
+
+def estimated(hands: Hands) -> Hands:
+    """Tell what the goal estimator makes of the positions, each as soon as it comes."""
+    positions, velocities = hands.positions.copy(), np.zeros_like(hands.velocities)
+    for trial in range(len(positions)):
+        estimator = GoalEstimator()
+        for sample, stamp in enumerate(hands.times):
+            estimator.update(float(stamp), tuple(hands.positions[trial, sample]))
+            estimate = estimator.estimate(float(stamp))
+            if estimate is not None:
+                positions[trial, sample] = estimate.position
+                velocities[trial, sample] = estimate.velocity
+    return replace(hands, positions=positions, velocities=velocities)
+
+
+def _low_pass(signals: Array, times: Array, time_constant_s: float) -> Array:
+    kept = float(np.exp(-(times[1] - times[0]) / time_constant_s))
+    start = kept * signals[:, :1]
+    filtered, _ = lfilter([1.0 - kept], [1.0, -kept], signals, axis=1, zi=start)
+    return np.asarray(filtered)

@@ -1,0 +1,166 @@
+"""The page that shows the table and every figure; it opens without a network."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from html import escape
+import math
+
+from handover_dmp.evaluation import LEARN
+from handover_dmp.evaluation.scores import BANDS, Summary
+from handover_dmp.evaluation.table import PAPER, Row, TITLES
+
+_STYLE = """
+:root { color-scheme: light; --ink: #1b2430; --soft: #5b6673; --line: #dde2e8; --tint: #f5f7f9; }
+* { box-sizing: border-box; }
+body { margin: 0 auto; max-width: 76rem; padding: 2.5rem 1.5rem 4rem; color: var(--ink);
+  font: 16px/1.55 system-ui, -apple-system, "Segoe UI", Roboto, "DejaVu Sans", sans-serif; }
+h1 { font-size: 1.9rem; margin: 0 0 .3rem; letter-spacing: -.01em; }
+h2 { font-size: 1.25rem; margin: 2.6rem 0 .8rem; }
+p { max-width: 60rem; } .soft { color: var(--soft); }
+.wide { overflow-x: auto; }
+table { border-collapse: collapse; font-size: .92rem; font-variant-numeric: tabular-nums; }
+th, td { padding: .32rem .75rem; text-align: right; border-bottom: 1px solid var(--line);
+  white-space: nowrap; }
+th { font-weight: 600; color: var(--soft); } td.text, th.text { text-align: left; }
+thead tr:last-child th { border-bottom: 2px solid var(--ink); }
+th.group { text-align: center; border-left: 1px solid var(--line); }
+td.first, th.first { border-left: 1px solid var(--line); }
+tr.sum td { font-weight: 650; background: var(--tint); border-top: 2px solid var(--ink); }
+tr.paper td { color: var(--soft); font-style: italic; }
+small { color: var(--soft); font-weight: 400; }
+figure { margin: 0 0 2.2rem; } figure img { width: 100%; height: auto; display: block;
+  border: 1px solid var(--line); border-radius: 8px; padding: .6rem; background: #fff; }
+figcaption { color: var(--soft); font-size: .92rem; padding: .5rem .2rem; }
+a { color: #1f5fb4; }
+nav a { margin-right: 1.1rem; }
+"""
+
+
+def page(
+    title: str,
+    facts: Iterable[str],
+    rows: Sequence[Row],
+    summary: Sequence[Row],
+    figures: Sequence[tuple[str, str]],
+) -> str:
+    """
+    Write the page.
+
+    Args:
+        title: its heading.
+        facts: what was evaluated and how, a sentence each.
+        rows: of the cases.
+        summary: over all cases.
+        figures: name and caption of each; NAME.svg and NAME.png lie in `figures/` beside it.
+
+    Returns:
+        HTML; it loads nothing but those figures.
+
+    """
+    learns = [learn for learn in LEARN if any(row.learn == learn for row in summary)]
+    pictures = '\n'.join(
+        f'<figure id="{escape(name)}"><img src="figures/{escape(name)}.svg" loading="lazy" '
+        f'alt="{escape(caption)}"><figcaption>{escape(caption)} · '
+        f'<a href="figures/{escape(name)}.png">PNG</a> · '
+        f'<a href="figures/{escape(name)}.svg">SVG</a></figcaption></figure>'
+        for name, caption in figures
+    )
+    return f"""<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{escape(title)}</title>
+<style>{_STYLE}</style>
+</head>
+<body>
+<h1>{escape(title)}</h1>
+<p class="soft">{escape(' '.join(facts))}</p>
+<nav><a href="table.txt">table.txt</a><a href="table.csv">table.csv</a><a
+href="table.json">table.json</a></nav>
+<h2>Table I: curves of the decoupled DMP within kσ of people, %</h2>
+<div class="wide"><table>{_paper_table(rows, summary, learns)}</table></div>
+<h2>All cases, every method</h2>
+<p class="soft">In brackets the 95 % interval from resampled trials. Distance: root mean square to
+what P2 really did; end: mean distance to where P2 was at the exchange. People are held against the
+mean and the band of the other trials, everything else against the band of the table.</p>
+<div class="wide"><table>{_methods_table(summary)}</table></div>
+{'<h2>Figures</h2>' if figures else ''}
+{pictures}
+</body>
+</html>
+"""
+
+
+def _paper_table(rows: Sequence[Row], summary: Sequence[Row], learns: Sequence[str]) -> str:
+    head = '<th class="text" rowspan="2">configuration</th><th class="text" rowspan="2">exchange'
+    head += '</th><th rowspan="2">trials</th>'
+    head += ''.join(f'<th class="group" colspan="3">learn {learn}</th>' for learn in learns)
+    bands = ''.join(_cell('th', f'≤{k}σ', first=k == 1) for _ in learns for k in BANDS)
+    ours = {
+        (row.configuration, row.exchange, row.learn): row.figures
+        for row in (*rows, *summary)
+        if row.method == 'decoupled'
+    }
+    lines = []
+    cases = dict.fromkeys((row.configuration, row.exchange, row.trials) for row in rows)
+    for configuration, exchange, trials in cases:
+        numbers = [ours[configuration, exchange, learn] for learn in learns]
+        lines.append(_line('', configuration.replace('_', ' '), exchange, trials, numbers))
+    trials = sum(number for _, _, number in cases)
+    lines.append(_line('sum', 'all', '', trials, [ours['', '', learn] for learn in learns]))
+    paper = ''.join(
+        _cell('td', f'{PAPER[learn][k]:.1f}' if learn in PAPER else '', first=k == 1)
+        for learn in learns
+        for k in BANDS
+    )
+    lines.append(
+        '<tr class="paper"><td class="text" colspan="2">the paper, its own recordings</td>'
+        f'<td>30</td>{paper}</tr>'
+    )
+    return f'<thead><tr>{head}</tr><tr>{bands}</tr></thead><tbody>{"".join(lines)}</tbody>'
+
+
+def _line(
+    kind: str, configuration: str, exchange: str, trials: int, numbers: Sequence[Summary]
+) -> str:
+    cells = ''.join(
+        _cell('td', f'{figures.within[k]:.1f}', first=k == 1) for figures in numbers for k in BANDS
+    )
+    return (
+        f'<tr class="{kind}"><td class="text">{escape(configuration)}</td>'
+        f'<td class="text">{exchange}</td><td>{trials}</td>{cells}</tr>'
+    )
+
+
+def _methods_table(summary: Sequence[Row]) -> str:
+    bands = ''.join(f'<th>≤{k}σ, %</th>' for k in BANDS)
+    head = '<th class="text">method</th><th class="text">learn</th><th>curves</th>'
+    head += f'{bands}<th>distance, mm</th><th>end, mm</th>'
+    lines, shown = [], set()
+    for row in sorted(summary, key=lambda row: list(TITLES).index(row.method)):
+        learns = row.method in {'decoupled', 'classical'}
+        if not learns and row.method in shown:
+            continue
+        shown.add(row.method)
+        figures = row.figures
+        cells = [_number(figures.within[k], figures.within_interval[k]) for k in BANDS]
+        cells.append(_number(1e3 * figures.rms_m, [1e3 * m for m in figures.rms_interval_m]))
+        gap = '–' if math.isnan(figures.final_gap_m) else f'{1e3 * figures.final_gap_m:.0f}'
+        lines.append(
+            f'<tr><td class="text">{TITLES[row.method]}</td>'
+            f'<td class="text">{row.learn if learns else "–"}</td><td>{row.curves}</td>'
+            f'{"".join(f"<td>{cell}</td>" for cell in (*cells, gap))}</tr>'
+        )
+    return f'<thead><tr>{head}</tr></thead><tbody>{"".join(lines)}</tbody>'
+
+
+def _cell(tag: str, text: str, *, first: bool) -> str:
+    return f'<{tag} class="first">{text}</{tag}>' if first else f'<{tag}>{text}</{tag}>'
+
+
+def _number(value: float, ends: Sequence[float]) -> str:
+    if math.isnan(value):
+        return '–'
+    return f'{value:.1f} <small>[{ends[0]:.0f}–{ends[1]:.0f}]</small>'

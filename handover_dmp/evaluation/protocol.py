@@ -1,0 +1,261 @@
+"""The protocol of Section III: every method in the place of P2, held against people."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import reduce
+from operator import add
+
+from handover_dmp.evaluation import LEARN
+from handover_dmp.evaluation.bootstrap import resample, ROUNDS
+from handover_dmp.evaluation.cases import Case, make_cases
+from handover_dmp.evaluation.envelope import Array, Envelope
+from handover_dmp.evaluation.minimum_jerk import minimum_jerk
+from handover_dmp.evaluation.rollouts import curves_of, Learning, plan, PRIMITIVES, Task
+from handover_dmp.evaluation.scores import judge, Scores, Summary, Totals
+from handover_dmp.evaluation.table import Row
+from handover_dmp.hand import HandoverTrial
+from joblib import delayed, Parallel
+import numpy as np
+from numpy.typing import NDArray
+
+LEAST_TRIALS = 2
+LEAST_TRIALS_LEFT_OUT = 3
+
+KEPT_ROLLOUTS = 400
+"""Rollouts of a case that are kept for the figures."""
+
+_CHUNK = 20
+"""Models that one worker learns at a time; the result does not depend on it."""
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """
+    What to evaluate, and how.
+
+    Attributes:
+        learning: parameters of the primitive, and how it is learnt.
+        learn: which of `LEARN`.
+        leave_one_out: band, mean and model from all other trials, the one left out as the test.
+        seed: of the bootstrap.
+        rounds: of the bootstrap.
+
+    """
+
+    learning: Learning = field(default_factory=Learning)
+    learn: tuple[str, ...] = LEARN
+    leave_one_out: bool = False
+    seed: int = 0
+    rounds: int = ROUNDS
+
+
+@dataclass(frozen=True)
+class CaseScores:
+    """
+    Everything that was judged in one case.
+
+    Attributes:
+        case: the trials.
+        scores: by learn and method.
+        curves: learn to some curves of the decoupled primitive, for the figures, (k, 101, 3) m.
+        kept: learn to (k, 2), row and column of these in `scores`.
+
+    """
+
+    case: Case
+    scores: dict[tuple[str, str], Scores]
+    curves: dict[str, Array]
+    kept: dict[str, NDArray[np.int_]]
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """
+    Table I, and what its figures are drawn from.
+
+    Attributes:
+        protocol: what was asked for.
+        rows: one for each case, learn and method.
+        summary: one for each learn and method, over all cases.
+        cases: the cases with every single score.
+
+    """
+
+    protocol: Protocol
+    rows: list[Row]
+    summary: list[Row]
+    cases: list[CaseScores]
+
+
+def evaluate(
+    trials: Sequence[HandoverTrial],
+    protocol: Protocol | None = None,
+    *,
+    jobs: int = 1,
+    progress: Progress | None = None,
+) -> Evaluation:
+    """
+    Evaluate a data set.
+
+    Args:
+        trials: recorded handovers, several of each configuration and exchange.
+        protocol: what to evaluate; the paper's Section III if left out.
+        jobs: processes; −1 for one a processor. The result does not depend on it.
+        progress: is told how many of how many models have been learnt and rolled out.
+
+    Returns:
+        The table and the scores behind it.
+
+    Raises:
+        DataError: too few trials in a case.
+
+    """
+    protocol = protocol or Protocol()
+    at_least = LEAST_TRIALS_LEFT_OUT if protocol.leave_one_out else LEAST_TRIALS
+    cases = make_cases(trials, at_least=at_least)
+    units = [unit for case in cases for unit in _units(case, protocol)]
+    total, done = sum(len(unit.tasks) for unit in units), 0
+    blocks: list[list[_Block]] = []
+    run = Parallel(n_jobs=jobs, return_as='generator')
+    for block in run(delayed(_carry_out)(unit, protocol.learning) for unit in units):
+        done += len(block)
+        blocks.append(block)
+        if progress is not None:
+            progress(done, total)
+    judged = [_collect(case, protocol, units, blocks) for case in cases]
+    return Evaluation(protocol, *_tabulate(judged, protocol), judged)
+
+
+@dataclass(frozen=True)
+class _Unit:
+    """Some tasks of one case, learn and method: what one worker does at a time."""
+
+    case: Case
+    band: Envelope
+    learn: str
+    method: str
+    tasks: Sequence[Task]
+
+
+@dataclass(frozen=True)
+class _Block:
+    """The rollouts of one task, judged."""
+
+    task: Task
+    scores: Scores
+    curves: Array
+
+
+def _units(case: Case, protocol: Protocol) -> Iterator[_Unit]:
+    band = _band(case, leave_one_out=protocol.leave_one_out)
+    for learn in protocol.learn:
+        tasks = plan(case, learn, leave_one_out=protocol.leave_one_out)
+        for method in PRIMITIVES:
+            for first in range(0, len(tasks), _CHUNK):
+                yield _Unit(case, band, learn, method, tasks[first : first + _CHUNK])
+
+
+def _band(case: Case, *, leave_one_out: bool) -> Envelope:
+    if leave_one_out:
+        return Envelope.of_the_others(case.curves)
+    return Envelope.of(case.curves)
+
+
+def _carry_out(unit: _Unit, learning: Learning) -> list[_Block]:
+    blocks = []
+    for task in unit.tasks:
+        curves = curves_of(unit.case, task, unit.method, learning)
+        tested = list(task.tested)
+        scores = judge(curves[None], unit.case.curves[tested], unit.band.at(tested))
+        blocks.append(_Block(task, scores, curves if _drawn(unit) else curves[:0]))
+    return blocks
+
+
+def _drawn(unit: _Unit) -> bool:
+    return unit.method == 'decoupled' and unit.tasks[0].row * len(unit.case) < KEPT_ROLLOUTS
+
+
+def _collect(
+    case: Case, protocol: Protocol, units: Sequence[_Unit], blocks: Sequence[list[_Block]]
+) -> CaseScores:
+    scores: dict[tuple[str, str], Scores] = {}
+    curves: dict[str, Array] = {}
+    kept: dict[str, NDArray[np.int_]] = {}
+    for learn in protocol.learn:
+        for method in PRIMITIVES:
+            own = [
+                block
+                for unit, result in zip(units, blocks, strict=True)
+                if unit.case is case and (unit.learn, unit.method) == (learn, method)
+                for block in result
+            ]
+            scores[learn, method] = _table_of(own, len(case))
+            if method == 'decoupled':
+                drawn = [block for block in own if len(block.curves)]
+                curves[learn] = np.concatenate([block.curves for block in drawn])
+                kept[learn] = np.array(
+                    [(block.task.row, j) for block in drawn for j in block.task.tested]
+                )
+        scores[learn, 'minimum_jerk'] = _judge_minimum_jerk(case, protocol)
+        scores[learn, 'human'] = _judge_people(case)
+    return CaseScores(case, scores, curves, kept)
+
+
+def _table_of(blocks: Sequence[_Block], trials: int) -> Scores:
+    rows = 1 + max(block.task.row for block in blocks)
+    table = Scores(
+        sigmas=np.zeros((rows, trials, 3)),
+        squared_m2=np.zeros((rows, trials)),
+        gap_m=np.zeros((rows, trials)),
+        counted=np.zeros((rows, trials), dtype=np.bool_),
+    )
+    for block in blocks:
+        place = block.task.row, list(block.task.tested)
+        table.sigmas[place] = block.scores.sigmas[0]
+        table.squared_m2[place] = block.scores.squared_m2[0]
+        table.gap_m[place] = block.scores.gap_m[0]
+        table.counted[place] = True
+    return table
+
+
+def _judge_minimum_jerk(case: Case, protocol: Protocol) -> Scores:
+    reaches = [minimum_jerk(trial.p2[0], trial.p2[-1]) for trial in case.trials]
+    band = _band(case, leave_one_out=protocol.leave_one_out)
+    return judge(np.stack(reaches)[None], case.curves, band)
+
+
+def _judge_people(case: Case) -> Scores:
+    """Hold each person's motion against the others': the ceiling for anything that imitates."""
+    if len(case) < LEAST_TRIALS_LEFT_OUT:
+        nothing = np.zeros((1, len(case)))
+        return Scores(nothing[..., None].repeat(3, axis=2), nothing, nothing, nothing > 0.0)
+    others = Envelope.of_the_others(case.curves)
+    return judge(case.curves[None], others.mean, others)
+
+
+def _tabulate(cases: Sequence[CaseScores], protocol: Protocol) -> tuple[list[Row], list[Row]]:
+    seeds = np.random.SeedSequence(protocol.seed).spawn(len(cases))
+    draws = [
+        resample(len(judged.case), seed, protocol.rounds)
+        for judged, seed in zip(cases, seeds, strict=True)
+    ]
+    rows: list[Row] = []
+    sums: dict[tuple[str, str], list[tuple[Totals, Totals]]] = {}
+    for judged, counts in zip(cases, draws, strict=True):
+        case, once = judged.case, np.ones((1, len(judged.case)))
+        for (learn, method), scores in judged.scores.items():
+            totals = scores.totals(once), scores.totals(counts)
+            sums.setdefault((learn, method), []).append(totals)
+            place = case.configuration, case.exchange, learn, method
+            rows.append(Row(*place, len(case), scores.curves, Summary.of(*totals)))
+    trials = sum(len(judged.case) for judged in cases)
+    summary = []
+    for (learn, method), parts in sums.items():
+        curves = sum(judged.scores[learn, method].curves for judged in cases)
+        totals = reduce(add, (part for part, _ in parts)), reduce(add, (part for _, part in parts))
+        summary.append(Row('', '', learn, method, trials, curves, Summary.of(*totals)))
+    return rows, summary

@@ -1,0 +1,194 @@
+"""Learning and rolling out as the protocol has it: which model against which hands."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from handover_dmp.dmp import ClassicalDmp, DecoupledDmp, DmpParameters, learn
+from handover_dmp.evaluation.cases import Case, Hands
+from handover_dmp.evaluation.envelope import Array
+import numpy as np
+
+PRIMITIVES: dict[str, type[DecoupledDmp] | type[ClassicalDmp]] = {
+    'decoupled': DecoupledDmp,
+    'classical': ClassicalDmp,
+}
+"""The methods that learn."""
+
+
+@dataclass(frozen=True)
+class Learning:
+    """
+    How movement primitives are learnt.
+
+    Attributes:
+        parameters: of the primitive.
+        regression: `rvm` or `ridge`.
+        basis: number of basis functions.
+        duration_scale: factor on the duration that was learnt; 1 in the protocol.
+
+    """
+
+    parameters: DmpParameters = field(default_factory=DmpParameters)
+    regression: str = 'rvm'
+    basis: int = 100
+    duration_scale: float = 1.0
+
+
+@dataclass(frozen=True)
+class Task:
+    """
+    One model and the trials that it is rolled out against.
+
+    Attributes:
+        row: line of the table of rollouts that it belongs to.
+        sources: trials that it is learnt from, one, or several for their mean.
+        tested: trials whose hand it moves against.
+
+    """
+
+    row: int
+    sources: tuple[int, ...]
+    tested: tuple[int, ...]
+
+
+def plan(case: Case, learn_from: str, *, leave_one_out: bool = False) -> list[Task]:
+    """
+    Say which models the protocol wants, and what each is tested against.
+
+    Args:
+        case: the trials.
+        learn_from: `single`, `mean` or `representative`.
+        leave_one_out: never test a model against a trial that it was learnt from.
+
+    Returns:
+        The tasks; those of `single` have a row each, all others share row 0.
+
+    """
+    everyone = tuple(range(len(case)))
+    if learn_from == 'single':
+        if leave_one_out:
+            return [Task(i, (i,), tuple(j for j in everyone if j != i)) for i in everyone]
+        return [Task(i, (i,), everyone) for i in everyone]
+    if not leave_one_out:
+        sources = everyone if learn_from == 'mean' else (nearest_to_mean(case.curves),)
+        return [Task(0, sources, everyone)]
+    others = [tuple(i for i in everyone if i != j) for j in everyone]
+    if learn_from == 'mean':
+        return [Task(0, sources, (j,)) for j, sources in zip(everyone, others, strict=True)]
+    tested: dict[int, list[int]] = {}
+    for j, sources in zip(everyone, others, strict=True):
+        representative = sources[nearest_to_mean(case.curves[list(sources)])]
+        tested.setdefault(representative, []).append(j)
+    return [Task(0, (i,), tuple(against)) for i, against in tested.items()]
+
+
+def nearest_to_mean(curves: Array) -> int:
+    """
+    Find the curve nearest to the mean of all, by its root-mean-square distance.
+
+    Args:
+        curves: (n, samples, d) m.
+
+    Returns:
+        Its index.
+
+    """
+    return int(((curves - curves.mean(axis=0)) ** 2).sum(axis=(1, 2)).argmin())
+
+
+def learn_from_trials(
+    case: Case, sources: Sequence[int], method: str, learning: Learning
+) -> tuple[DecoupledDmp | ClassicalDmp, Array]:
+    """
+    Learn a movement primitive from a trial, or from the mean of several.
+
+    The mean is that of the time-normalised motions, over the mean duration; its goal offset is
+    the mean of theirs.
+
+    Args:
+        case: the trials.
+        sources: which of them to learn from.
+        method: `decoupled` or `classical`.
+        learning: how.
+
+    Returns:
+        The model, and its goal offset P2(end) − P1(end), (3,) m.
+
+    """
+    chosen = list(sources)
+    if len(chosen) == 1:
+        trial = case.trials[chosen[0]]
+        times, positions = trial.times - trial.times[0], trial.p2
+    else:
+        positions = case.curves[chosen].mean(axis=0)
+        times = np.linspace(0.0, case.durations_s[chosen].mean(), len(positions))
+    model: DecoupledDmp | ClassicalDmp = learn(
+        times,
+        positions,
+        learning.parameters,
+        regression=learning.regression,
+        basis=learning.basis,
+        primitive=PRIMITIVES[method],
+    )
+    if learning.duration_scale != 1.0:
+        model = model.with_duration(learning.duration_scale * model.duration_s)
+    return model, case.goal_offsets[chosen].mean(axis=0)
+
+
+def roll_out(
+    model: DecoupledDmp | ClassicalDmp,
+    goal_offset: Array,
+    case: Case,
+    tested: Sequence[int],
+    hands: Hands | None = None,
+) -> Array:
+    """
+    Roll a model out from rest where P2 started, against the recorded hands.
+
+    The goal is g(t) = P1(t) + goal offset, its velocity that of P1.
+
+    Args:
+        model: what to roll out, with its own duration.
+        goal_offset: (3,) m, or (len(tested), 3) m, one a hand.
+        case: the trials.
+        tested: which of them give hand and start.
+        hands: what the primitive is told of the hands, on the clock of `case.hands`; the truth if
+            left out.
+
+    Returns:
+        (len(tested), m, 3) m on the clock of `case.hands`; after the end of its trial a rollout
+        means nothing.
+
+    """
+    told = hands or case.hands
+    chosen = list(tested)
+    longest = int(told.samples[chosen].max())
+    offsets = np.broadcast_to(goal_offset, (len(chosen), 3))
+    positions, _ = model.rollout_batch(
+        told.times[:longest],
+        told.positions[chosen, :longest] + offsets[:, None],
+        told.velocities[chosen, :longest],
+        case.starts[chosen],
+    )
+    return np.asarray(positions)
+
+
+def curves_of(case: Case, task: Task, method: str, learning: Learning) -> Array:
+    """
+    Carry one task out.
+
+    Args:
+        case: the trials.
+        task: the model to learn, and what to test it against.
+        method: `decoupled` or `classical`.
+        learning: how to learn.
+
+    Returns:
+        The time-normalised rollouts, (len(task.tested), 101, 3) m.
+
+    """
+    model, goal_offset = learn_from_trials(case, task.sources, method, learning)
+    rollouts = roll_out(model, goal_offset, case, task.tested)
+    return case.hands.time_normalise(rollouts, task.tested)

@@ -1,0 +1,219 @@
+"""Table I: its rows, and how they are written for people, spreadsheets and programs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import csv
+from dataclasses import dataclass
+import io
+import math
+from typing import Any
+
+from handover_dmp.evaluation import LEARN, METHODS
+from handover_dmp.evaluation.scores import BANDS, Summary
+from rich import box
+from rich.console import Console, Group
+from rich.table import Table
+from rich.text import Text
+
+PAPER = {
+    'single': {1: 13.3, 2: 50.4, 3: 79.1},
+    'mean': {1: 25.6, 2: 62.2, 3: 90.0},
+}
+"""The summary row of the paper's Table I, percent, on its own recordings."""
+
+TITLES = {
+    'decoupled': 'decoupled DMP',
+    'classical': 'classical DMP',
+    'minimum_jerk': 'minimum jerk',
+    'human': 'people',
+}
+SHORT = {'representative': 'nearest'}
+
+WIDTH = 96
+"""Characters that the table needs."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """
+    One line of the table.
+
+    Attributes:
+        configuration: of the trials; empty in the summary.
+        exchange: `give` or `take`; empty in the summary.
+        learn: one of `LEARN`.
+        method: one of `METHODS`.
+        trials: number of trials.
+        curves: number of curves judged; 0 where there were too few trials for it.
+        figures: the percentages, distances and intervals.
+
+    """
+
+    configuration: str
+    exchange: str
+    learn: str
+    method: str
+    trials: int
+    curves: int
+    figures: Summary
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the row as plain types; figures that do not exist are None."""
+        place = {'configuration': self.configuration, 'exchange': self.exchange}
+        figures = self.figures
+        return {
+            **(place if self.configuration else {}),
+            'learn': self.learn,
+            'method': self.method,
+            'trials': self.trials,
+            'curves': self.curves,
+            'within': {str(k): _number(figures.within[k]) for k in BANDS},
+            'within_interval': {str(k): _numbers(figures.within_interval[k]) for k in BANDS},
+            'rms_m': _number(figures.rms_m),
+            'rms_interval_m': _numbers(figures.rms_interval_m),
+            'final_gap_m': _number(figures.final_gap_m),
+        }
+
+
+def as_csv(rows: Sequence[Row]) -> str:
+    """
+    Write rows as CSV.
+
+    Args:
+        rows: of cases and of the summary; the latter have no configuration.
+
+    Returns:
+        The text, with a header; percentages to a hundredth, distances to a hundredth of a
+        millimetre, nothing where a figure does not exist.
+
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator='\n')
+    header = ['configuration', 'exchange', 'learn', 'method', 'trials', 'curves']
+    for k in BANDS:
+        header += [f'within_{k}_percent', f'within_{k}_low_percent', f'within_{k}_high_percent']
+    writer.writerow([*header, 'rms_m', 'rms_low_m', 'rms_high_m', 'final_gap_m'])
+    for row in rows:
+        line: list[object] = [row.configuration or 'all', row.exchange or 'all']
+        line += [row.learn, row.method, row.trials, row.curves]
+        for k in BANDS:
+            percentages = (row.figures.within[k], *row.figures.within_interval[k])
+            line += [_cell(value, 2) for value in percentages]
+        metres = (row.figures.rms_m, *row.figures.rms_interval_m, row.figures.final_gap_m)
+        writer.writerow(line + [_cell(value, 5) for value in metres])
+    return text.getvalue()
+
+
+def as_text(rows: Sequence[Row], summary: Sequence[Row], *, width: int = WIDTH) -> str:
+    """
+    Write the table for people.
+
+    Args:
+        rows: of the cases.
+        summary: over all cases.
+        width: characters of a line.
+
+    Returns:
+        Plain text.
+
+    """
+    console = Console(file=io.StringIO(), width=width, color_system=None, force_terminal=False)
+    console.print(renderable(rows, summary))
+    assert isinstance(console.file, io.StringIO)
+    lines = console.file.getvalue().splitlines()
+    return '\n'.join(line.rstrip() for line in lines) + '\n'
+
+
+def renderable(rows: Sequence[Row], summary: Sequence[Row]) -> Group:
+    """
+    Lay the table out as the paper has it, with what the paper lacks below.
+
+    Args:
+        rows: of the cases.
+        summary: over all cases.
+
+    Returns:
+        What rich can print.
+
+    """
+    return Group(_paper_table(rows, summary), Text(), _methods_table(summary))
+
+
+def _paper_table(rows: Sequence[Row], summary: Sequence[Row]) -> Table:
+    learns = [learn for learn in LEARN if any(row.learn == learn for row in summary)]
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), title='Table I: curves of the decoupled DMP within kσ of people, %')
+    table.add_column('configuration', no_wrap=True)
+    table.add_column('exchange')
+    table.add_column('n', justify='right')
+    for learn in learns:
+        for k in BANDS:
+            head = SHORT.get(learn, learn) if k == 1 else ''
+            table.add_column(f'{head}\n≤{k}σ', justify='right', no_wrap=True)
+    ours = {
+        (row.configuration, row.exchange, row.learn): row
+        for row in (*rows, *summary)
+        if row.method == 'decoupled'
+    }
+    cases = dict.fromkeys((row.configuration, row.exchange, row.trials) for row in rows)
+    for configuration, exchange, trials in cases:
+        cells = _within(ours, configuration, exchange, learns)
+        table.add_row(configuration, exchange, str(trials), *cells)
+    table.add_section()
+    trials = sum(number for _, _, number in cases)
+    table.add_row('all', '', str(trials), *_within(ours, '', '', learns), style='bold')
+    paper = [f'{PAPER[learn][k]:.1f}' if learn in PAPER else '' for learn in learns for k in BANDS]
+    table.add_row('the paper', '', '30', *paper, style='dim')
+    return table
+
+
+def _within(
+    rows: dict[tuple[str, str, str], Row], configuration: str, exchange: str, learns: list[str]
+) -> list[str]:
+    found = [rows[configuration, exchange, learn] for learn in learns]
+    return [f'{row.figures.within[k]:.1f}' for row in found for k in BANDS]
+
+
+def _methods_table(summary: Sequence[Row]) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), title='All cases, every method; beside each figure its 95 % interval')
+    table.add_column('method', no_wrap=True)
+    table.add_column('learn', no_wrap=True)
+    table.add_column('curves', justify='right')
+    for k in BANDS:
+        table.add_column(f'≤{k}σ, %', justify='right', no_wrap=True)
+    table.add_column('distance, mm', justify='right', no_wrap=True)
+    table.add_column('end, mm', justify='right', no_wrap=True)
+    shown = set()
+    for row in sorted(summary, key=lambda row: METHODS.index(row.method)):
+        learns = row.method in {'decoupled', 'classical'}
+        if not learns and row.method in shown:
+            continue
+        shown.add(row.method)
+        figures = row.figures
+        table.add_row(
+            TITLES[row.method],
+            SHORT.get(row.learn, row.learn) if learns else '–',
+            str(row.curves),
+            *(_with_interval(figures.within[k], figures.within_interval[k]) for k in BANDS),
+            _with_interval(1e3 * figures.rms_m, [1e3 * end for end in figures.rms_interval_m]),
+            '–' if math.isnan(figures.final_gap_m) else f'{1e3 * figures.final_gap_m:.0f}',
+        )
+    return table
+
+
+def _with_interval(value: float, ends: Sequence[float]) -> str:
+    if math.isnan(value):
+        return '–'
+    return f'{value:.1f}  {ends[0]:.0f}–{ends[1]:.0f}'
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _numbers(values: Sequence[float]) -> list[float | None]:
+    return [_number(value) for value in values]
+
+
+def _cell(value: float, digits: int) -> str:
+    return f'{value:.{digits}f}' if math.isfinite(value) else ''

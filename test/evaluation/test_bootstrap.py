@@ -1,0 +1,34 @@
+"""Resampling: seeded, of the right size, with intervals of the right width."""
+
+from __future__ import annotations
+
+from handover_dmp.evaluation.bootstrap import interval, resample
+import numpy as np
+import pytest
+
+
+def test_each_round_draws_as_many_trials_as_there_are():
+    counts = resample(7, np.random.SeedSequence(1), rounds=300)
+    assert counts.shape == (300, 7)
+    assert (counts.sum(axis=1) == 7).all()
+    assert counts.min() == 0 and counts.max() > 1
+
+
+def test_the_seed_decides():
+    first = resample(5, np.random.SeedSequence(1))
+    assert (first == resample(5, np.random.SeedSequence(1))).all()
+    assert not (first == resample(5, np.random.SeedSequence(2))).all()
+
+
+def test_interval_of_a_mean_agrees_with_the_theory():
+    values = np.random.default_rng(8).normal(size=400)
+    counts = resample(400, np.random.SeedSequence(3), rounds=4000)
+    low, high = interval(counts @ values / 400)
+    half_width = 1.96 * values.std() / 20
+    assert low == pytest.approx(values.mean() - half_width, abs=0.08 * half_width)
+    assert high == pytest.approx(values.mean() + half_width, abs=0.08 * half_width)
+
+
+def test_rounds_where_the_statistic_does_not_exist_are_left_out():
+    assert interval(np.array([np.nan, 2.0, np.nan])) == (2.0, 2.0)
+    assert all(np.isnan(interval(np.array([np.nan, np.nan]))))
