@@ -8,10 +8,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from handover_dmp.resources import share_path
 from handover_dmp.robot.errors import RobotDescriptionError
+import yaml
 
 
 @dataclass(frozen=True)
@@ -27,9 +26,11 @@ class ArmEntry:
         velocity: limits along the chain that replace the URDF's, rad/s.
         effort: the same, Nm.
         acceleration: limits along the chain, rad/s²; a URDF cannot hold them.
+        jerk: the same, rad/s³.
         home: the posture to come back to, rad.
         default_acceleration: for joints that `acceleration` does not cover, rad/s².
         default_effort: for joints without one in the URDF, Nm.
+        default_jerk_time_s: from rest to full acceleration, for joints that `jerk` does not cover.
 
     """
 
@@ -40,9 +41,11 @@ class ArmEntry:
     velocity: tuple[float, ...] | None
     effort: tuple[float, ...] | None
     acceleration: tuple[float, ...] | None
+    jerk: tuple[float, ...] | None
     home: tuple[float, ...] | None
     default_acceleration: float
     default_effort: float
+    default_jerk_time_s: float
 
 
 @cache
@@ -163,7 +166,9 @@ def _entry(name: str, entry: dict[str, Any], fallback: dict[str, float]) -> ArmE
         velocity=numbers('velocity'),
         effort=numbers('effort'),
         acceleration=numbers('acceleration'),
+        jerk=numbers('jerk'),
         home=numbers('home'),
         default_acceleration=float(fallback['acceleration']),
         default_effort=float(fallback['effort']),
+        default_jerk_time_s=float(fallback['jerk_time_s']),
     )

@@ -21,6 +21,7 @@ class JointLimits:
         velocity: (n,), rad/s, either way.
         acceleration: (n,), rad/s², either way.
         effort: (n,), Nm, either way.
+        jerk: (n,), rad/s³, either way.
 
     """
 
@@ -29,6 +30,7 @@ class JointLimits:
     velocity: Array
     acceleration: Array
     effort: Array
+    jerk: Array
 
     def inside(self, joint_positions: Array, tolerance: float = 0.0) -> bool:
         """

@@ -8,13 +8,12 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-import numpy as np
-from numpy.typing import NDArray
-import pinocchio as pin
-
 from handover_dmp.robot import descriptions
 from handover_dmp.robot.errors import RobotDescriptionError
 from handover_dmp.robot.limits import JointLimits
+import numpy as np
+from numpy.typing import NDArray
+import pinocchio as pin
 
 Array = NDArray[np.float64]
 
@@ -300,7 +299,7 @@ def _limits(
     chain: tuple[ElementTree.Element, ...], entry: descriptions.ArmEntry, path: Path
 ) -> JointLimits:
     count = len(chain)
-    for key in ('velocity', 'effort', 'acceleration', 'home'):
+    for key in ('velocity', 'effort', 'acceleration', 'jerk', 'home'):
         numbers = getattr(entry, key)
         if numbers is not None and len(numbers) != count:
             raise RobotDescriptionError(
@@ -331,9 +330,10 @@ def _limits(
         if not effort[i] > 0.0:
             effort[i] = entry.default_effort
     acceleration = np.array(entry.acceleration or [entry.default_acceleration] * count)
-    for array in (lower, upper, velocity, acceleration, effort):
+    jerk = np.array(entry.jerk) if entry.jerk else acceleration / entry.default_jerk_time_s
+    for array in (lower, upper, velocity, acceleration, effort, jerk):
         array.flags.writeable = False
-    return JointLimits(lower, upper, velocity, acceleration, effort)
+    return JointLimits(lower, upper, velocity, acceleration, effort, jerk)
 
 
 def _chain_urdf(
@@ -385,9 +385,7 @@ def _add_tool(model: Any, wrist_id: int, tool: tuple[float, float, float]) -> in
     return int(model.addFrame(frame))
 
 
-def _home(
-    entry: descriptions.ArmEntry, limits: JointLimits, model: Any, wrist_id: int
-) -> Array:
+def _home(entry: descriptions.ArmEntry, limits: JointLimits, model: Any, wrist_id: int) -> Array:
     """Take the posture that the entry names, or the one of many that moves the wrist best."""
     if entry.home is not None:
         home = np.array(entry.home)

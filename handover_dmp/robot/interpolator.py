@@ -1,0 +1,101 @@
+"""From a velocity command every few milliseconds to one every millisecond, with limited jerk."""
+
+from __future__ import annotations
+
+from handover_dmp.robot.limits import JointLimits
+import numpy as np
+from numpy.typing import NDArray
+from ruckig import ControlInterface, InputParameter, Result, Ruckig, Synchronization, Trajectory
+
+Array = NDArray[np.float64]
+
+
+class JointInterpolator:
+    """
+    Leads the joint velocities to the last command within the acceleration and jerk limits.
+
+    Plans (with ruckig, velocity interface, each joint as fast as it can) only when the command
+    changes, from the velocity and acceleration of that moment, and samples the plan otherwise.
+    Neither velocity nor acceleration ever jumps: a command of zero, as after the last one was
+    lost, brakes every joint at its acceleration limit.
+    """
+
+    def __init__(self, limits: JointLimits) -> None:
+        """
+        Take the limits; the arm is at rest.
+
+        Args:
+            limits: of the joints; their accelerations and jerks are kept.
+
+        """
+        dof = len(limits.velocity)
+        self._velocity_limit = limits.velocity
+        self._planner = Ruckig(dof)
+        self._plan = Trajectory(dof)
+        self._input = InputParameter(dof)
+        self._input.control_interface = ControlInterface.Velocity
+        self._input.synchronization = Synchronization.No
+        self._input.max_velocity = limits.velocity.tolist()
+        self._input.max_acceleration = limits.acceleration.tolist()
+        self._input.max_jerk = limits.jerk.tolist()
+        self.reset(np.zeros(dof))
+
+    def reset(self, velocity: Array) -> None:
+        """
+        Start anew at a velocity, without acceleration.
+
+        Args:
+            velocity: (n,), rad/s.
+
+        """
+        self._velocity = np.array(velocity, dtype=float)
+        self._acceleration = np.zeros(len(self._velocity))
+        self._command = b''
+        self._time_s = 0.0
+
+    @property
+    def velocity(self) -> Array:
+        """The joint velocities that `step` gave last, (n,), rad/s."""
+        return self._velocity
+
+    @property
+    def acceleration(self) -> Array:
+        """The joint accelerations at that moment, (n,), rad/s²."""
+        return self._acceleration
+
+    def step(self, target_velocity: Array, dt: float) -> Array:
+        """
+        Go on towards a command.
+
+        Args:
+            target_velocity: (n,), rad/s; what is beyond the velocity limits is cut off.
+            dt: how far to go on, s.
+
+        Returns:
+            The joint velocities after `dt`, (n,), rad/s.
+
+        Raises:
+            ValueError: the command is not finite, or is not one number a joint.
+
+        """
+        command = target_velocity.tobytes()
+        if command != self._command:
+            self._replan(target_velocity)
+            self._command = command
+        self._time_s += dt
+        _, velocity, acceleration = self._plan.at_time(self._time_s)
+        self._velocity, self._acceleration = np.array(velocity), np.array(acceleration)
+        return self._velocity
+
+    def _replan(self, target_velocity: Array) -> None:
+        if target_velocity.shape != self._velocity.shape or not np.isfinite(target_velocity).all():
+            raise ValueError(f'{target_velocity} is no joint velocity')
+        limit = self._velocity_limit
+        request = self._input
+        request.current_velocity = self._velocity.tolist()
+        request.current_acceleration = self._acceleration.tolist()
+        request.target_velocity = np.minimum(np.maximum(target_velocity, -limit), limit).tolist()
+        result = self._planner.calculate(request, self._plan)
+        if result not in (Result.Working, Result.Finished):
+            raise ValueError(f'no motion from {request.current_velocity} to {target_velocity}')
+        self._time_s = 0.0
