@@ -1,0 +1,63 @@
+"""`handover_dmp plot`: the figures and the report of a recorded run, from its bag alone."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """
+    Declare the words after `plot`.
+
+    Args:
+        parser: parser of the verb.
+
+    """
+    parser.add_argument(
+        'source',
+        type=Path,
+        metavar='RUN_OR_BAG',
+        help='folder of a run, folder of a bag (also one of rosbag2), or MCAP file',
+    )
+    parser.add_argument(
+        '-o',
+        '--output',
+        type=Path,
+        metavar='DIR',
+        help='where report and figures go; default: the folder of the run, or <bag>_report',
+    )
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write the numbers there, too')
+
+
+def run(options: argparse.Namespace) -> int:
+    """
+    Draw a run and write its report.
+
+    Args:
+        options: what `add_arguments` declared.
+
+    Returns:
+        0.
+
+    Raises:
+        DataError: there is no such bag, or it is not that of a run.
+
+    """
+    import json
+
+    from handover_dmp.files import write_text
+    from handover_dmp.report import write_report
+    from handover_dmp.report.report import report_folder
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = (SpinnerColumn(), TextColumn('{task.description}'), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        bar.add_task('reading and drawing', total=None)
+        report = write_report(options.source, options.output)
+    folder = options.output or report_folder(options.source)
+    Console().print(f'{len(report["figures"])} figures; {folder / "index.html"}', soft_wrap=True)
+    if options.json is not None:
+        write_text(options.json, json.dumps(report, indent=2) + '\n')
+    return 0

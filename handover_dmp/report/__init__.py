@@ -1,0 +1,26 @@
+"""Reports on recorded runs, made from the bag alone: figures, numbers, one page."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any, TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from handover_dmp.report.metrics import measure
+    from handover_dmp.report.report import write_report
+    from handover_dmp.report.run import load_run, RunRecord
+
+_HOMES = {
+    'RunRecord': 'run',
+    'load_run': 'run',
+    'measure': 'metrics',
+    'write_report': 'report',
+}
+
+__all__ = ['RunRecord', 'load_run', 'measure', 'write_report']
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    return getattr(import_module(f'{__name__}.{_HOMES[name]}'), name)

@@ -1,0 +1,379 @@
+"""The figures of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from handover_dmp.files import replacing
+from handover_dmp.report.metrics import FEEDBACK_WEIGHT, goal_at
+from handover_dmp.report.motion import bell_of, velocity
+from handover_dmp.report.run import Array, RunRecord
+from handover_dmp.topics import (
+    HAND_POSE,
+    JOINT_STATES,
+    POSE_COMMAND,
+    WRIST_POSE,
+)
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator, NullLocator
+import numpy as np
+
+Style = dict[str, Any]
+
+# The paper's colours in shades of different lightness, and every line with a stroke of its own,
+# so that nothing hangs on telling red from green.
+HAND: Style = {'color': '#c8372d', 'linewidth': 1.8, 'linestyle': '-'}
+ROBOT: Style = {'color': '#1f4e9c', 'linewidth': 2.2, 'linestyle': '-'}
+HUMAN: Style = {'color': '#4caf72', 'linewidth': 1.8, 'linestyle': (0, (5, 2))}
+COMMAND: Style = {'color': '#111111', 'linewidth': 1.0, 'linestyle': (0, (1, 1.5))}
+LIMIT: Style = {'color': '#8a1c7c', 'linewidth': 1.0, 'linestyle': (0, (6, 2, 1, 2))}
+QUIET: Style = {'color': '#59626d', 'linewidth': 1.5, 'linestyle': '-'}
+EXCHANGE_COLOUR = '#f3d9a4'
+FEEDBACK_COLOUR = '#e3e7ec'
+HAND_NAME, ROBOT_NAME, HUMAN_NAME = "partner's hand (P1)", 'robot wrist', 'human in its place (P2)'
+
+STYLE: Style = {
+    'font.size': 10,
+    'font.family': 'DejaVu Sans',
+    'axes.titlesize': 10.5,
+    'axes.titlelocation': 'left',
+    'axes.labelsize': 10,
+    'axes.grid': True,
+    'axes.axisbelow': True,
+    'axes.spines.top': False,
+    'axes.spines.right': False,
+    'axes.edgecolor': '#59626d',
+    'axes.xmargin': 0.01,
+    'grid.color': '#eceff2',
+    'grid.linewidth': 0.8,
+    'xtick.color': '#39424d',
+    'ytick.color': '#39424d',
+    'legend.frameon': False,
+    'figure.facecolor': 'white',
+}
+DPI = 120
+WIDTH = 9.0
+# before the arm begins to move there is little to see
+BEFORE_S = 0.3
+
+
+@dataclass(frozen=True)
+class Picture:
+    """
+    A figure of a report.
+
+    Attributes:
+        name: of its file, without suffix.
+        caption: what it shows, a sentence or two.
+
+    """
+
+    name: str
+    caption: str
+
+
+def write_figures(run: RunRecord, folder: Path) -> list[Picture]:
+    """
+    Draw everything that the run has data for.
+
+    Args:
+        run: the run.
+        folder: where the PNG files go; made if need be.
+
+    Returns:
+        What was drawn, in the order of a report.
+
+    """
+    drawings: list[tuple[Picture, Callable[[RunRecord], Figure | None]]] = [
+        (
+            Picture(
+                'positions',
+                'Position over time: hand of the partner (red), wrist of the robot (blue), and '
+                'the wrist of the person whose place the robot takes (green, dashed). '
+                'The exchange is shaded.',
+            ),
+            draw_positions,
+        ),
+        (Picture('paths', 'The same paths in space, from above and from the side.'), draw_paths),
+        (
+            Picture(
+                'speeds',
+                'Speeds. The thin line is the minimum-jerk bell of the same distance and '
+                'duration as the reach of the robot.',
+            ),
+            draw_speeds,
+        ),
+        (
+            Picture(
+                'phase',
+                'The movement primitive: its phase s, and the weight of the goal, which takes '
+                'the wrist from the learnt shape over to following the hand.',
+            ),
+            draw_phase,
+        ),
+        (
+            Picture('joints', 'Joint positions and velocities, with their limits.'),
+            draw_joints,
+        ),
+        (
+            Picture(
+                'inverse_kinematics',
+                'Inverse kinematics: share of the speed asked for that was possible, number of '
+                'limits that held, what was left over, and the distance from singularity.',
+            ),
+            draw_inverse_kinematics,
+        ),
+        (
+            Picture(
+                'timing',
+                'Regularity: time between messages by their stamps, and age of the hand when '
+                'it was used.',
+            ),
+            draw_timing,
+        ),
+    ]
+    folder.mkdir(parents=True, exist_ok=True)
+    drawn = []
+    with rc_context(STYLE):  # type: ignore[arg-type]
+        for picture, draw in drawings:
+            figure = draw(run)
+            if figure is not None:
+                with replacing(folder / f'{picture.name}.png') as temporary:
+                    figure.savefig(temporary, dpi=DPI)
+                drawn.append(picture)
+    return drawn
+
+
+def draw_positions(run: RunRecord) -> Figure:
+    """Draw X, Y and Z over time, as Fig. 4 of the paper."""
+    with _panels(3, 2.0, run) as (figure, axes):
+        for axis, name, ax in zip(range(3), 'XYZ', axes, strict=True):
+            if len(run.human_times):
+                ax.plot(run.human_times, run.human_positions[:, axis], **HUMAN, label=HUMAN_NAME)
+            ax.plot(run.hand_times, run.hand_positions[:, axis], **HAND, label=HAND_NAME)
+            ax.plot(run.wrist_times, run.wrist_positions[:, axis], **ROBOT, label=ROBOT_NAME)
+            ax.set_ylabel(f'{name}, m')
+        _legend_above(axes[0])
+    return figure
+
+
+def draw_paths(run: RunRecord) -> Figure:
+    """Draw the paths in space, from above and from the side."""
+    figure = Figure(figsize=(WIDTH, 4.2), layout='constrained')
+    grid = figure.add_gridspec(1, 3, width_ratios=(1.35, 1, 1))
+    space: Any = figure.add_subplot(grid[0], projection='3d')
+    above, side = figure.add_subplot(grid[1]), figure.add_subplot(grid[2])
+    shown = _shown_span(run)
+    tracks = [
+        (run.human_times, run.human_positions, HUMAN, HUMAN_NAME),
+        (run.hand_times, run.hand_positions, HAND, HAND_NAME),
+        (run.wrist_times, run.wrist_positions, ROBOT, ROBOT_NAME),
+    ]
+    met = run.exchange_time_s
+    for times, positions, style, name in tracks:
+        chosen = (times >= shown[0]) & (times <= shown[1])
+        if not chosen.any():
+            continue
+        x, y, z = positions[chosen].T
+        colour = style['color']
+        space.plot(x, y, z, **style, label=name)
+        above.plot(x, y, **style)
+        side.plot(x, z, **style)
+        for ax, ends in ((above, (x, y)), (side, (x, z))):
+            ax.plot(ends[0][0], ends[1][0], 'o', color=colour, markersize=5)
+        if met is not None:
+            place = [float(np.interp(met, times, column)) for column in positions.T]
+            space.plot(*[[one] for one in place], '*', color=colour, markersize=11)
+            for ax, pair in ((above, (0, 1)), (side, (0, 2))):
+                ax.plot(place[pair[0]], place[pair[1]], '*', color=colour, markersize=11)
+    for ax, vertical, title in ((above, 'Y', 'from above'), (side, 'Z', 'from the side')):
+        ax.set(xlabel='X, m', ylabel=f'{vertical}, m', title=title)
+        ax.set_aspect('equal', adjustable='datalim')
+        for scale in (ax.xaxis, ax.yaxis):
+            scale.set_major_locator(MaxNLocator(5))
+    space.set(xlabel='X, m', ylabel='Y, m', zlabel='Z, m')
+    space.view_init(elev=25, azim=-70)
+    space.set_aspect('equal')
+    for scale in (space.xaxis, space.yaxis, space.zaxis):
+        scale.set_major_locator(MaxNLocator(4))
+        scale.set_tick_params(labelsize=8)
+    space.set_title('● start   ★ exchange' if met is not None else '● start')
+    figure.legend(*space.get_legend_handles_labels(), loc='outside lower center', ncols=3)
+    return figure
+
+
+def draw_speeds(run: RunRecord) -> Figure:
+    """Draw the speeds, and the bell of minimum jerk."""
+    with _panels(1, 3.6, run) as (figure, axes):
+        (ax,) = axes
+        for times, positions, style, name in (
+            (run.human_times, run.human_positions, HUMAN, HUMAN_NAME),
+            (run.hand_times, run.hand_positions, HAND, HAND_NAME),
+            (run.wrist_times, run.wrist_positions, ROBOT, ROBOT_NAME),
+        ):
+            even, velocities = velocity(times, positions)
+            if len(even):
+                ax.plot(even, np.linalg.norm(velocities, axis=1), **style, label=name)
+        even, velocities = velocity(run.wrist_times, run.wrist_positions)
+        bell = bell_of(even, np.linalg.norm(velocities, axis=1), run.exchange_time_s)
+        if bell is not None:
+            shown = even[(even >= bell.begin_s) & (even <= bell.begin_s + bell.duration_s)]
+            ax.plot(shown, bell.speed(shown), **{**QUIET, 'linewidth': 1.0}, label='minimum jerk')
+        ax.set_ylabel('speed, m/s')
+        ax.set_ylim(bottom=0)
+        _legend_above(ax, columns=4)
+    return figure
+
+
+def draw_phase(run: RunRecord) -> Figure | None:
+    """Draw phase and goal weight, and the distance that is left to the goal."""
+    if not {'phase', 'goal_weight'} <= set(run.phase):
+        return None
+    with _panels(2, 2.3, run) as (figure, (ax, gap)):
+        weight = run.phase['goal_weight']
+        ax.plot(run.phase_times, run.phase['phase'], **{**QUIET, 'linestyle': (0, (5, 2))},
+                label='phase s')  # fmt: skip
+        ax.plot(run.phase_times, weight, **ROBOT, label='weight of the goal $w_g$')
+        ax.set(ylim=(-0.04, 1.04), ylabel='share')
+        _legend_above(ax)
+        goal = goal_at(run, run.wrist_times)
+        distance = np.linalg.norm(goal - run.wrist_positions, axis=1) * 1e3
+        gap.plot(run.wrist_times, distance, **QUIET)
+        gap.set(ylabel='wrist to goal, mm', yscale='log')
+        following = np.flatnonzero(weight >= FEEDBACK_WEIGHT)
+        if len(following):
+            begin = run.phase_times[following[0]]
+            gap.axvline(begin, color='#59626d', linewidth=0.8, linestyle=':')
+            gap.annotate(' follows the hand', (begin, 0.94), xycoords=('data', 'axes fraction'),
+                         fontsize=9, va='top', color='#39424d')  # fmt: skip
+    return figure
+
+
+def draw_joints(run: RunRecord) -> Figure:
+    """Draw positions and velocities of all joints with their limits."""
+    count = len(run.joint_names)
+    limits = run.joint_limits
+    with _panels(count, 1.15, run, columns=2) as (figure, axes):
+        for index, name in enumerate(run.joint_names):
+            position, speed = axes[2 * index], axes[2 * index + 1]
+            position.plot(run.joint_times, np.degrees(run.joint_positions[:, index]), **ROBOT)
+            speed.plot(run.joint_times, np.degrees(run.joint_velocities[:, index]), **ROBOT)
+            if len(run.joint_commands):
+                commands = np.degrees(run.joint_commands[:, index])
+                speed.plot(run.joint_command_times, commands, **COMMAND)
+            if limits is not None:
+                for bound in (limits.lower[index], limits.upper[index]):
+                    position.axhline(np.degrees(bound), **LIMIT)
+                for sign in (-1, 1):
+                    speed.axhline(sign * np.degrees(limits.velocity[index]), **LIMIT)
+            position.set_ylabel(name.replace('_', ' '), rotation=0, ha='right', va='center')
+            for ax in (position, speed):
+                ax.yaxis.set_major_locator(MaxNLocator(3, symmetric=True))
+        axes[0].set_title('position, °')
+        axes[1].set_title('velocity, °/s')
+        lines = [Line2D([], [], **ROBOT, label='measured')]
+        lines += [Line2D([], [], **COMMAND, label='commanded')] if len(run.joint_commands) else []
+        lines += [Line2D([], [], **LIMIT, label='limit')] if limits is not None else []
+        figure.legend(handles=lines, loc='outside upper center', ncols=3)
+    return figure
+
+
+def draw_inverse_kinematics(run: RunRecord) -> Figure | None:
+    """Draw what the inverse kinematics says of itself."""
+    panels = [
+        ('speed_scale', 'speed kept', 1.0, (-0.04, 1.06)),
+        ('active_limits', 'limits that hold', 1.0, None),
+        ('position_residual', 'position left\nover, mm/s', 1e3, None),
+        ('orientation_residual', 'orientation left\nover, mrad/s', 1e3, None),
+        ('smallest_singular_value', 'smallest singular\nvalue, m', 1.0, None),
+    ]
+    panels = [panel for panel in panels if panel[0] in run.ik]
+    if not panels:
+        return None
+    with _panels(len(panels), 1.35, run) as (figure, axes):
+        for ax, (key, label, factor, span) in zip(axes, panels, strict=True):
+            step: Style = {'drawstyle': 'steps-post'} if key == 'active_limits' else {}
+            ax.plot(run.ik_times, run.ik[key] * factor, **QUIET, **step)
+            ax.set_ylabel(label)
+            if span:
+                ax.set_ylim(span)
+            else:
+                ax.set_ylim(bottom=0)
+                ax.yaxis.set_major_locator(MaxNLocator(3, integer=key == 'active_limits'))
+    return figure
+
+
+def draw_timing(run: RunRecord) -> Figure:
+    """Draw histograms of periods and of the age of the hand."""
+    topics = [
+        topic.name
+        for topic in (HAND_POSE, JOINT_STATES, WRIST_POSE, POSE_COMMAND)
+        if len(run.stamps.get(topic.name, ())) > 2
+    ]
+    age = run.phase.get('hand_age_s')
+    figure = Figure(figsize=(WIDTH, 4.8), layout='constrained')
+    axes = figure.subplots(2, 3).ravel()
+    for ax, topic in zip(axes, topics, strict=False):
+        periods = np.diff(np.sort(run.stamps[topic])) * 1e3
+        _histogram(ax, periods, topic, 'time between messages, ms')
+    rest = axes[len(topics) :]
+    if age is not None and np.isfinite(age).any():
+        begin, end = _shown_span(run)
+        used = (run.phase_times >= begin) & (run.phase_times <= end) & np.isfinite(age)
+        if used.any():
+            _histogram(rest[0], age[used] * 1e3, 'age of the hand', 'age, ms')
+            rest = rest[1:]
+    for ax in rest:
+        ax.set_axis_off()
+    return figure
+
+
+def _histogram(ax: Axes, values_ms: Array, title: str, label: str) -> None:
+    low, high = float(values_ms.min()), float(values_ms.max())
+    room = max(0.25, 0.1 * (high - low))
+    ax.hist(values_ms, bins=40, range=(max(0.0, low - room), high + room), color='#1f4e9c')
+    ax.set(xlabel=label, ylabel='count', yscale='log')
+    ax.set_ylim(bottom=0.7)
+    # a lone outlier is as important as the crowd, so the scale is logarithmic and the tail named
+    ax.yaxis.set_minor_locator(NullLocator())
+    middle, tail = np.percentile(values_ms, (50, 99))
+    ax.set_title(f'{title}\nmedian {middle:.2f} ms, 99 % {tail:.2f} ms', fontsize=9.5)
+
+
+@contextmanager
+def _panels(
+    rows: int, height: float, run: RunRecord, columns: int = 1
+) -> Iterator[tuple[Figure, list[Axes]]]:
+    """Give panels above one another over one time, with the exchange shaded."""
+    figure = Figure(figsize=(WIDTH, 1.0 + rows * height), layout='constrained')
+    grid = figure.subplots(rows, columns, sharex=True, squeeze=False)
+    axes = list(grid.ravel())
+    yield figure, axes
+    span = run.exchange_span_s
+    for ax in axes:
+        ax.set_xlim(*_shown_span(run))
+        if span is not None:
+            ax.axvspan(*span, color=EXCHANGE_COLOUR, alpha=0.55, linewidth=0, zorder=0)
+    if span is not None and columns == 1:
+        axes[0].annotate(
+            'exchange', (sum(span) / 2, 1.0), xycoords=('data', 'axes fraction'),
+            xytext=(0, 3), textcoords='offset points', ha='center', fontsize=9, color='#7a5a12',
+        )  # fmt: skip
+    for ax in grid[-1]:
+        ax.set_xlabel('time, s')
+
+
+def _shown_span(run: RunRecord) -> tuple[float, float]:
+    begin = run.reaching_time_s
+    return (max(0.0, begin - BEFORE_S) if begin is not None else 0.0, run.end_time_s)
+
+
+def _legend_above(ax: Axes, columns: int = 3) -> None:
+    ax.legend(loc='lower left', bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.2)

@@ -1,0 +1,316 @@
+"""The numbers of a run: how near, how fast, how far behind, how regular, within which limits."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from handover_dmp.report.motion import bell_of, RATE_HZ, resample, velocity
+from handover_dmp.report.run import Array, RunRecord
+import numpy as np
+
+# the wrist follows the hand alone where the goal has all the weight
+FEEDBACK_WEIGHT = 0.99
+# below this speed a hand at rest and its noise would be taken for a moving one
+LEAST_HAND_SPEED = 0.05
+LEAST_FEEDBACK_SAMPLES = 20
+# what comes less often is no stream
+LEAST_RATE_SAMPLES = 10
+# of the limits: measured joint states carry the noise of the simulator or of the encoders
+LIMIT_TOLERANCE = 0.01
+
+Numbers = dict[str, Any]
+
+
+def measure(run: RunRecord) -> Numbers:
+    """
+    Measure a run.
+
+    Args:
+        run: the run.
+
+    Returns:
+        Plain types, for JSON; names carry their units; None where something cannot be told.
+
+    """
+    return {
+        'handed_over': run.handed_over,
+        'states': [{'time_s': time_s, 'state': state} for time_s, state in run.states],
+        **_durations(run),
+        **_exchange(run),
+        **_speeds(run),
+        'lag': lag_behind_hand(run),
+        'to_human': _to_human(run),
+        'limits': joint_limits(run),
+        **_hand_age(run),
+        'inverse_kinematics': _inverse_kinematics(run),
+        'topics': topic_rates(run),
+        'nodes': node_status(run),
+    }
+
+
+def goal_at(run: RunRecord, times: Array) -> Array:
+    """
+    Return where the wrist ought to be: at the hand, moved by the offset that was learnt.
+
+    Args:
+        run: the run.
+        times: (n,) s.
+
+    Returns:
+        (n, 3) m.
+
+    """
+    goal: Array = resample(run.hand_times, run.hand_positions, times) + run.goal_offset
+    return goal
+
+
+def lag_behind_hand(run: RunRecord) -> Numbers:
+    """
+    Find how far the wrist runs behind the hand while it follows it.
+
+    With g(t) the goal, x(t) the wrist and L the lag, x(t) = g(t − L), which for the small lags
+    that matter is g − x = L ġ: L is the slope of that regression over all axes and samples of the
+    feedback phase, those where the weight of the goal is at least 0.99 and the hand moves faster
+    than 0.05 m/s, up to the end of the exchange.
+
+    Args:
+        run: the run.
+
+    Returns:
+        `time_ms`, its standard error `error_ms`, `distance_mm` at the mean speed of the hand
+        `hand_speed_m_s`, and the number of `samples`; None where the hand did not move.
+
+    """
+    nothing: Numbers = {
+        'time_ms': None,
+        'error_ms': None,
+        'distance_mm': None,
+        'hand_speed_m_s': None,
+        'samples': 0,
+    }
+    times, speeds = velocity(run.hand_times, run.hand_positions)
+    if 'goal_weight' not in run.phase or not len(times):
+        return nothing
+    weight = np.interp(times, run.phase_times, run.phase['goal_weight'])
+    begin = run.reaching_time_s or 0.0
+    span = run.exchange_span_s
+    end = span[1] if span else run.end_time_s
+    moving = np.linalg.norm(speeds, axis=1) > LEAST_HAND_SPEED
+    chosen = (weight >= FEEDBACK_WEIGHT) & moving & (times >= begin) & (times <= end)
+    if chosen.sum() < LEAST_FEEDBACK_SAMPLES:
+        return nothing
+    times, speeds = times[chosen], speeds[chosen]
+    behind = goal_at(run, times) - resample(run.wrist_times, run.wrist_positions, times)
+    power = float((speeds * speeds).sum())
+    slope = float((behind * speeds).sum()) / power
+    rest = behind - slope * speeds
+    error = float(np.sqrt((rest * rest).sum() / max(1, rest.size - 1) / power))
+    speed = float(np.linalg.norm(speeds, axis=1).mean())
+    return {
+        'time_ms': slope * 1e3,
+        'error_ms': error * 1e3,
+        'distance_mm': slope * speed * 1e3,
+        'hand_speed_m_s': speed,
+        'samples': int(chosen.sum()),
+    }
+
+
+def joint_limits(run: RunRecord) -> Numbers:
+    """
+    Hold the joint states against the limits of the arm.
+
+    Accelerations are differences of successive measured velocities over successive stamps.
+
+    Args:
+        run: the run.
+
+    Returns:
+        For `position`, `velocity` and `acceleration`: the greatest share of the limit that was
+        used (`share`, 1 at the limit), the joint, and whether it was kept (`met`, with 1 %
+        for the noise of measurement); `met` for all; None where the limits are not known.
+
+    """
+    limits = run.joint_limits
+    if limits is None:
+        return {'met': None, 'position': None, 'velocity': None, 'acceleration': None}
+    middle, half = (limits.upper + limits.lower) / 2, (limits.upper - limits.lower) / 2
+    steps = np.diff(run.joint_times)[:, None]
+    accelerations = np.diff(run.joint_velocities, axis=0) / steps
+    quantities = {
+        'position': (np.abs(run.joint_positions - middle), half),
+        'velocity': (np.abs(run.joint_velocities), limits.velocity),
+        'acceleration': (np.abs(accelerations), limits.acceleration),
+    }
+    found: Numbers = {}
+    for name, (values, bound) in quantities.items():
+        found[name] = None
+        if bound is not None and (bound > 0).all():
+            shares = values.max(axis=0) / bound
+            worst = int(np.argmax(shares))
+            found[name] = {
+                'share': float(shares[worst]),
+                'joint': run.joint_names[worst],
+                'met': bool(shares[worst] <= 1.0 + LIMIT_TOLERANCE),
+            }
+    known = [one['met'] for one in found.values() if one is not None]
+    return {'met': all(known) if known else None, **found}
+
+
+def topic_rates(run: RunRecord) -> dict[str, Numbers]:
+    """
+    Find the rate and the regularity of every topic that sends again and again.
+
+    Args:
+        run: the run.
+
+    Returns:
+        Topic to `count`; `rate_hz`; the median period, `period_ms`; how far periods are from the
+        median, `jitter_median_ms`, `jitter_99_ms`; the longest one, `longest_ms`; all by the times
+        that the messages carry, and those of their arrival as `arrival_jitter_99_ms`.
+
+    """
+    found = {}
+    for topic, stamps in sorted(run.stamps.items()):
+        periods = np.diff(np.sort(stamps)) * 1e3
+        if len(stamps) < LEAST_RATE_SAMPLES or periods.sum() <= 0:
+            continue
+        errors = np.abs(periods - np.median(periods))
+        arrivals = np.diff(np.sort(run.arrivals[topic])) * 1e3
+        found[topic] = {
+            'count': len(stamps),
+            'rate_hz': float(len(periods) / periods.sum() * 1e3),
+            'period_ms': float(np.median(periods)),
+            'jitter_median_ms': float(np.median(errors)),
+            'jitter_99_ms': float(np.percentile(errors, 99)),
+            'longest_ms': float(periods.max()),
+            'arrival_jitter_99_ms': float(
+                np.percentile(np.abs(arrivals - np.median(arrivals)), 99)
+            ),
+        }
+    return found
+
+
+def node_status(run: RunRecord) -> dict[str, Numbers]:
+    """
+    Sum up what the nodes said of themselves.
+
+    Args:
+        run: the run.
+
+    Returns:
+        Node to the number of its `reports`, its `faults` in order and its last `values`.
+
+    """
+    found: dict[str, Numbers] = {}
+    for status in run.diagnostics:
+        node = found.setdefault(status.node, {'reports': 0, 'faults': [], 'values': {}})
+        node['reports'] += 1
+        node['values'] = dict(status.values)
+        if status.level and status.message not in node['faults']:
+            node['faults'].append(status.message)
+    return found
+
+
+def _durations(run: RunRecord) -> Numbers:
+    begin, exchange, done = (run.time_of(name) for name in ('reaching', 'exchange', 'done'))
+    reach = exchange - begin if begin is not None and exchange is not None else None
+    handover = done - begin if begin is not None and done is not None else None
+    return {
+        'duration_s': run.end_time_s,
+        'reach_duration_s': reach,
+        'handover_duration_s': handover,
+        'simulated_clock': run.simulated_clock,
+    }
+
+
+def _exchange(run: RunRecord) -> Numbers:
+    span = run.exchange_span_s
+    if span is None:
+        return {'exchange_time_s': None, 'exchange_gap_m': None, 'exchange_gap_least_m': None}
+    times = np.append(span[0], run.wrist_times[(run.wrist_times > span[0])])
+    times = times[times <= max(span)]
+    wrist = resample(run.wrist_times, run.wrist_positions, times)
+    gaps = np.linalg.norm(goal_at(run, times) - wrist, axis=1)
+    return {
+        'exchange_time_s': span[0],
+        'exchange_gap_m': float(gaps[0]),
+        'exchange_gap_least_m': float(gaps.min()),
+    }
+
+
+def _speeds(run: RunRecord) -> Numbers:
+    found: Numbers = {}
+    for name, times, positions in (
+        ('wrist', run.wrist_times, run.wrist_positions),
+        ('hand', run.hand_times, run.hand_positions),
+        ('human', run.human_times, run.human_positions),
+    ):
+        even, velocities = velocity(times, positions)
+        speeds = np.linalg.norm(velocities, axis=1)
+        found[f'{name}_peak_speed_m_s'] = float(speeds.max()) if len(speeds) else None
+        if name == 'wrist':
+            bell = bell_of(even, speeds, until_s=run.exchange_time_s)
+            found['wrist_peak_share_of_minimum_jerk'] = (
+                float(speeds.max() / bell.peak) if bell else None
+            )
+    if len(run.twist_velocities):
+        commanded = np.linalg.norm(run.twist_velocities, axis=1)
+        found['command_peak_speed_m_s'] = float(commanded.max())
+    return found
+
+
+def _to_human(run: RunRecord) -> Numbers:
+    """Compare with the person whose place the robot takes, from reaching to the exchange's end."""
+    begin = run.reaching_time_s or 0.0
+    span = run.exchange_span_s
+    end = span[1] if span else run.end_time_s
+    if len(run.human_times) < 2:
+        return {'rms_m': None, 'largest_m': None, 'at_exchange_m': None}
+    begin = max(begin, run.human_times[0], run.wrist_times[0])
+    end = min(end, run.human_times[-1], run.wrist_times[-1])
+    if end <= begin:
+        return {'rms_m': None, 'largest_m': None, 'at_exchange_m': None}
+    times = np.arange(begin, end, 1 / RATE_HZ)
+
+    def distance(at: Array) -> Array:
+        wrist = resample(run.wrist_times, run.wrist_positions, at)
+        human = resample(run.human_times, run.human_positions, at)
+        apart: Array = np.linalg.norm(wrist - human, axis=1)
+        return apart
+
+    apart = distance(times)
+    return {
+        'rms_m': float(np.sqrt((apart**2).mean())),
+        'largest_m': float(apart.max()),
+        'at_exchange_m': float(distance(np.array([span[0]]))[0]) if span else None,
+    }
+
+
+def _hand_age(run: RunRecord) -> Numbers:
+    """Age of the hand when it was used, from reaching on."""
+    age = run.phase.get('hand_age_s', np.zeros(0))
+    used = np.isfinite(age) & (run.phase_times >= (run.reaching_time_s or 0.0))
+    if not used.any():
+        return {'hand_age_median_ms': None, 'hand_age_99_ms': None}
+    middle, tail = np.percentile(age[used], (50, 99)) * 1e3
+    return {'hand_age_median_ms': float(middle), 'hand_age_99_ms': float(tail)}
+
+
+def _inverse_kinematics(run: RunRecord) -> Numbers:
+    """How well the arm could follow while it reached and handed over."""
+    begin, span = run.reaching_time_s or 0.0, run.exchange_span_s
+    end = span[1] if span else run.end_time_s
+    used = (run.ik_times >= begin) & (run.ik_times <= end)
+    found: Numbers = {
+        'least_speed_share': None,
+        'limited_time_share': None,
+        'largest_position_residual_m_s': None,
+        'smallest_singular_value_m': None,
+    }
+    if used.any() and {'speed_scale', 'active_limits'} <= set(run.ik):
+        found['least_speed_share'] = float(run.ik['speed_scale'][used].min())
+        found['limited_time_share'] = float((run.ik['active_limits'][used] > 0).mean())
+    if used.any() and {'position_residual', 'smallest_singular_value'} <= set(run.ik):
+        found['largest_position_residual_m_s'] = float(run.ik['position_residual'][used].max())
+        found['smallest_singular_value_m'] = float(run.ik['smallest_singular_value'][used].min())
+    return found

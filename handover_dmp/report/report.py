@@ -1,0 +1,264 @@
+"""The report of a run: `report.json` for machines, `report.md` and `index.html` for people."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+from handover_dmp.errors import DataError
+from handover_dmp.files import write_text
+from handover_dmp.recording import bag_information
+from handover_dmp.report.figures import Picture, write_figures
+from handover_dmp.report.metrics import measure, Numbers
+from handover_dmp.report.page import as_html, as_markdown, Page, Section, Table
+from handover_dmp.report.run import load_run, RunRecord
+
+SCENES = {
+    'scene_start': 'The scene when the arm begins to move',
+    'scene_middle': 'half way',
+    'scene_exchange': 'and at the exchange.',
+}
+
+
+def write_report(source: Path | str, output: Path | str | None = None) -> Numbers:
+    """
+    Read the bag of a run, measure it, draw it and write its report.
+
+    Args:
+        source: the folder of a run, the folder of its bag, or its MCAP file.
+        output: where `report.json`, `report.md`, `index.html` and `figures/` go; if left out the
+            folder of the run, or `<bag>_report` beside a bag that stands alone.
+
+    Returns:
+        What `report.json` says, in plain types.
+
+    Raises:
+        DataError: there is no such bag, it is damaged or not that of a run; or the report cannot
+            be written.
+
+    """
+    source = Path(source)
+    run = load_run(source)
+    folder = Path(output) if output is not None else report_folder(source)
+    bag = bag_information(source)
+    try:
+        pictures = write_figures(run, folder / 'figures')
+        scenes = [name for name in SCENES if (folder / 'figures' / f'{name}.png').is_file()]
+        report: Numbers = _plain(
+            {
+                **measure(run),
+                'run': run.info,
+                'bag': {
+                    'source': str(source),
+                    'files': [file.name for file in bag.files],
+                    'size': bag.size,
+                    'complete': bag.complete,
+                    'messages': bag.message_count,
+                    'topics': {
+                        name: {'type': topic.type_name, 'messages': topic.count}
+                        for name, topic in sorted(bag.topics.items())
+                    },
+                },
+                'figures': [picture.name for picture in pictures] + scenes,
+            }
+        )
+        page = _page(run, report, pictures, scenes)
+        write_text(folder / 'report.json', json.dumps(report, indent=2, allow_nan=False) + '\n')
+        write_text(folder / 'report.md', as_markdown(page))
+        write_text(folder / 'index.html', as_html(page, folder))
+    except OSError as error:
+        raise DataError(f'{folder}: cannot be written: {error.strerror}') from error
+    return report
+
+
+def report_folder(source: Path) -> Path:
+    """Return where the report of a run or of a bag goes if nothing else is asked for."""
+    if (source / 'bag').is_dir():
+        return source
+    return source.parent / f'{source.stem if source.is_file() else source.name}_report'
+
+
+def _page(run: RunRecord, report: Numbers, pictures: list[Picture], scenes: list[str]) -> Page:
+    about = report['run']
+    title = ' '.join(str(about[key]) for key in ('exchange', 'configuration') if key in about)
+    outcome = {True: 'The object changed hands.', False: 'The object did not change hands.'}
+    sections = [Section('In numbers', tables=(_summary(report),))]
+    if scenes:
+        captions = ', '.join(SCENES[name] for name in scenes)
+        images = tuple(f'figures/{name}.png' for name in scenes)
+        sections.append(Section('Scene', text=captions, images=images))
+    sections.append(
+        Section(
+            'Figures',
+            figures=tuple((f'figures/{one.name}.png', one.caption) for one in pictures),
+        )
+    )
+    if about:
+        sections.append(Section('What was run', tables=(_about(about),)))
+    if about.get('command'):
+        sections.append(Section('Again', text='The same once more:', code=str(about['command'])))
+    sections.append(Section('Regularity', text=_clock(run), tables=_timing(report)))
+    sections.append(Section('What was recorded', text=_bag_text(report), tables=(_bag(report),)))
+    return Page(f'Handover: {title}' if title else 'Handover', outcome[run.handed_over],
+                run.handed_over, tuple(sections))  # fmt: skip
+
+
+def _summary(report: Numbers) -> Table:
+    lag, human, limits = report['lag'], report['to_human'], report['limits']
+    kinematics = report['inverse_kinematics']
+    rows = [
+        (
+            'gap between wrist and goal when the exchange began',
+            _number(report['exchange_gap_m'], 1e3, 'mm', 1),
+            f'{_number(report["exchange_gap_least_m"], 1e3, "mm", 1)} at the least during it',
+        ),
+        (
+            'lag behind the moving hand',
+            _number(lag['time_ms'], 1, 'ms', 1),
+            'the hand was still while the wrist followed it'
+            if lag['time_ms'] is None
+            else f'± {lag["error_ms"]:.1f} ms; {lag["distance_mm"]:.2f} mm at '
+            f'{lag["hand_speed_m_s"]:.2f} m/s',
+        ),
+        _fact('from the start of the reach to the exchange', report['reach_duration_s'], 's'),
+        _fact('from the start of the reach to the end', report['handover_duration_s'], 's'),
+        (
+            'peak speed of the wrist',
+            _number(report['wrist_peak_speed_m_s'], 1, 'm/s', 2),
+            _share(report['wrist_peak_share_of_minimum_jerk'], 'of a minimum-jerk reach'),
+        ),
+        _fact('peak speed of the person in its place', report['human_peak_speed_m_s'], 'm/s'),
+        _fact('peak speed of the hand', report['hand_peak_speed_m_s'], 'm/s'),
+        (
+            'distance to the person in its place, RMS',
+            _number(human['rms_m'], 1e3, 'mm', 0),
+            f'{_number(human["largest_m"], 1e3, "mm", 0)} at the most, '
+            f'{_number(human["at_exchange_m"], 1e3, "mm", 0)} at the exchange',
+        ),
+        ('limits of the joints', _yes(limits['met'], 'kept', 'NOT KEPT'), _limits_note(limits)),
+        (
+            'speed kept by the inverse kinematics, least',
+            _share(kinematics['least_speed_share']),
+            _share(kinematics['limited_time_share'], 'of the time a limit held'),
+        ),
+        (
+            'age of the hand when used, median',
+            _number(report['hand_age_median_ms'], 1, 'ms', 1),
+            f'{_number(report["hand_age_99_ms"], 1, "ms", 1)} at 99 %',
+        ),
+    ]
+    return Table((), tuple(rows))
+
+
+def _limits_note(limits: Numbers) -> str:
+    names = [name for name in ('position', 'velocity', 'acceleration') if limits[name] is not None]
+    if not names:
+        return 'not known'
+    parts = [f'{name} {limits[name]["share"]:.0%} ({limits[name]["joint"]})' for name in names]
+    return 'used at the most: ' + ', '.join(parts)
+
+
+def _about(about: Numbers) -> Table:
+    known = {
+        'trial': 'trial',
+        'trial_source': 'read from',
+        'configuration': 'configuration',
+        'exchange': 'exchange',
+        'number': 'number',
+        'learnt_from': 'learnt from',
+        'goal_offset_m': 'goal minus hand, m',
+        'seed': 'seed',
+        'scale': 'scale of the motion',
+        'robot': 'robot',
+        'base_position_m': 'base at, m',
+        'base_yaw_rad': 'base turned by, rad',
+        'machine': 'machine',
+    }
+    rows = [(label, _text(about[key])) for key, label in known.items() if key in about]
+    versions = about.get('versions')
+    if isinstance(versions, dict):
+        rows.append(('versions', ', '.join(f'{name} {one}' for name, one in versions.items())))
+    return Table((), tuple(rows))
+
+
+def _clock(run: RunRecord) -> str:
+    if run.simulated_clock:
+        return (
+            'The graph ran on simulated time (/clock): periods below are those of simulated time, '
+            'the figures that nodes give of themselves are by the clock of the machine.'
+        )
+    return 'The graph ran on the clock of the machine.'
+
+
+def _timing(report: Numbers) -> tuple[Table, ...]:
+    topics = Table(
+        ('topic', 'messages', 'rate, Hz', 'jitter median, ms', 'jitter 99 %, ms', 'longest, ms'),
+        tuple(
+            (
+                name,
+                str(topic['count']),
+                f'{topic["rate_hz"]:.1f}',
+                f'{topic["jitter_median_ms"]:.2f}',
+                f'{topic["jitter_99_ms"]:.2f}',
+                f'{topic["longest_ms"]:.1f}',
+            )
+            for name, topic in report['topics'].items()
+        ),
+    )
+    nodes = report['nodes']
+    if not nodes:
+        return (topics,)
+    rows = []
+    for name, node in nodes.items():
+        values = ', '.join(f'{key} {value}' for key, value in node['values'].items())
+        rows.append((name, '; '.join(node['faults']) or 'none', values))
+    return topics, Table(('node', 'faults', 'last second'), tuple(rows))
+
+
+def _bag_text(report: Numbers) -> str:
+    bag = report['bag']
+    text = f'{bag["messages"]} messages in {", ".join(bag["files"])}, {bag["size"] / 1e6:.2f} MB.'
+    if not bag['complete']:
+        text += f' Its recorder did not close it: handover_dmp bag repair {bag["source"]}'
+    return text
+
+
+def _bag(report: Numbers) -> Table:
+    topics = report['bag']['topics']
+    rows = [(name, topic['type'], str(topic['messages'])) for name, topic in topics.items()]
+    return Table(('topic', 'type', 'messages'), tuple(rows))
+
+
+def _fact(name: str, value: float | None, unit: str) -> tuple[str, str, str]:
+    return name, _number(value, 1, unit, 2), ''
+
+
+def _number(value: float | None, factor: float, unit: str, digits: int) -> str:
+    return '–' if value is None else f'{value * factor:.{digits}f} {unit}'
+
+
+def _share(value: float | None, what: str = '') -> str:
+    return '' if value is None else f'{value:.0%} {what}'.strip()
+
+
+def _yes(value: bool | None, yes: str, no: str) -> str:
+    return '–' if value is None else (yes if value else no)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, list):
+        return ', '.join(_text(one) for one in value)
+    return f'{value:.4g}' if isinstance(value, float) else str(value)
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as JSON has it, where there are no infinities."""
+    if isinstance(value, dict):
+        return {str(key): _plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
