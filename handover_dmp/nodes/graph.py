@@ -54,6 +54,13 @@ class GraphError(HandoverError):
     """The graph did not start, broke off or did not end as it should; names the node."""
 
 
+class _WithoutAliases(yaml.SafeDumper):
+    """Writes what stands twice twice, since the parser of ROS 2 knows no aliases."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
 class Graph:
     """
     The five nodes, and a look at their topics.
@@ -101,9 +108,9 @@ class Graph:
         """Start the nodes and wait until they hear each other."""
         isolate()
         (self._folder / 'logs').mkdir(parents=True, exist_ok=True)
-        file = self._folder / 'parameters.yaml'
         tree = {name: {'ros__parameters': values} for name, values in self._parameters.items()}
-        file.write_text(yaml.safe_dump(tree), encoding='utf-8')
+        text = yaml.dump(tree, Dumper=_WithoutAliases)
+        (self._folder / 'parameters.yaml').write_text(text, encoding='utf-8')
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         try:
             self._watch()

@@ -84,7 +84,7 @@ class RobotSim(HandoverNode):
         Diagnostics(self, self._periods, self._condition)
 
     def _connect(self, model: RobotModel) -> None:
-        self._clock = self.advertise(CLOCK) if self.lockstep else None
+        self._time_publisher = self.advertise(CLOCK) if self.lockstep else None
         self._states = self.advertise(JOINT_STATES)
         self._message = JointState(name=list(model.joint_names))
         self._description = self.advertise(ROBOT_DESCRIPTION)
@@ -141,9 +141,9 @@ class RobotSim(HandoverNode):
 
     def _publish(self) -> None:
         self._asked_s = monotonic()
-        if self._clock is not None:
+        if self._time_publisher is not None:
             time = stamp(self._tick_ns)
-            self._clock.publish(Clock(clock=time))
+            self._time_publisher.publish(Clock(clock=time))
         else:
             time = self.get_clock().now().to_msg()
         self._message.header.stamp = time
