@@ -114,8 +114,8 @@ def rollout_against(
         raise DataError(f'the model has {model.dimensions} dimensions; a hand has 3')
     count = int(trial.duration_s * rate_hz + 1e-6) + 1
     times = trial.times[0] + np.arange(count) / rate_hz
-    goals, velocities = hand_goal(trial, model, times)
-    return model.rollout(times, goals, velocities, start=trial.p2[0], deviation=deviation)
+    goals, _ = hand_goal(trial, model, times)
+    return model.rollout(times, goals, start=trial.p2[0], deviation=deviation)
 
 
 def reproduction_error(model: Primitive, trial: HandoverTrial) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import exp, log
 
+from handover_dmp.dmp.basis import TABLE_RATE
 from handover_dmp.dmp.primitive import Primitive
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +37,7 @@ class ClassicalDmp(Primitive):
         return weight
 
     def _weight_pair(self, first: float, second: float) -> tuple[float, float]:
-        alpha = self.parameters.alpha
+        alpha = self.parameters.alpha / TABLE_RATE
         return 1.0 - exp(-alpha * first), 1.0 - exp(-alpha * second)
 
     @property

@@ -14,107 +14,187 @@ from scipy.linalg.lapack import dtbtrs
 
 Array = NDArray[np.float64]
 
-BLOCK = 8  # intervals that one matrix product of a batch covers
+BLOCK = 8  # intervals of a batch that one matrix product covers
+COLUMNS = 1024  # of one product: too few to be worth threads, few enough for the cache
+NOTHING = 1e-18  # a goal that weighs less than this, relative to the heaviest, is not seen
 
 
 @dataclass(frozen=True, eq=False)
 class Intervals:
     """
-    The recursion over m intervals.
+    The recursion over m intervals; index 0 of the first axis is for x, index 1 for ẋ.
 
     Attributes:
-        carry: A, (m, 2, 2).
-        goal: G, (m, 2).
-        goal_velocity: D, (m, 2).
+        carry: A, (2, 2, m).
+        goal: G, (2, m).
+        goal_velocity: D, (2, m).
+        forcing: F, (2, m, e): e is the number of dimensions, or of shapes looked at singly.
 
     """
 
     carry: Array
     goal: Array
     goal_velocity: Array
+    forcing: Array
 
-    def merged(self, counts: NDArray[np.int64], forcing: Array) -> tuple[Intervals, Array]:
+    def merged(self, counts: NDArray[np.int64]) -> Intervals:
         """
         Join the parts that samples far from each other were divided into.
 
         Args:
             counts: parts of each interval between samples, (n,), m in sum.
-            forcing: F of the parts, (m, 2, d).
 
         Returns:
-            The recursion over n intervals, and its F, (n, 2, d).
+            The recursion over n intervals.
 
         """
-        inputs = np.concatenate(
-            [self.goal[:, :, None], self.goal_velocity[:, :, None], forcing], axis=2
+        parts = np.concatenate(
+            [
+                self.carry.transpose(2, 0, 1),
+                self.goal.T[:, :, None],
+                self.goal_velocity.T[:, :, None],
+                self.forcing.transpose(1, 0, 2),
+            ],
+            axis=2,
         )
-        part = 0
-        carries, pushes = [], []
-        for count in counts:
-            carry, push = self.carry[part], inputs[part]
-            for later in range(part + 1, part + count):
-                carry = self.carry[later] @ carry
-                push = self.carry[later] @ push + inputs[later]
-            carries.append(carry)
-            pushes.append(push)
-            part += count
-        push = np.array(pushes)
-        return Intervals(np.array(carries), push[:, :, 0], push[:, :, 1]), push[:, :, 2:]
+        ends = np.cumsum(counts)
+        joined = parts[ends - counts]
+        for later in range(1, int(counts.max(initial=1))):
+            longer = np.flatnonzero(counts > later)
+            part = parts[(ends - counts)[longer] + later]
+            push = part[:, :, :2] @ joined[longer]
+            push[:, :, 2:] += part[:, :, 2:]
+            joined[longer] = push
+        columns = joined.transpose(1, 2, 0)
+        return Intervals(
+            columns[:, :2], columns[:, 2], columns[:, 3], columns[:, 4:].transpose(0, 2, 1)
+        )
 
-    def run(self, first: Array, inputs: Array) -> Array:
+    def run(self, inputs: Array, velocity: Array | None = None) -> Array:
         """
-        Solve the recursion z_{k+1} = A_k z_k + c_k.
+        Solve the recursion z_{k+1} = A_k z_k + c_k from x = x0.
 
         Args:
-            first: z_0, (2, d).
-            inputs: c, (m, 2, d).
+            inputs: c, (2, m, e).
+            velocity: ẋ at the start, (e,); at rest if left out.
 
         Returns:
-            z, (m + 1, 2, d).
+            z, (e, m + 1, 2).
 
         """
-        count, _, dimensions = inputs.shape
-        right = np.empty((dimensions, count + 1, 2))
-        right[:, 0] = first.T
-        right[:, 1:] = inputs.transpose(2, 0, 1)
+        _, count, width = inputs.shape
+        right = np.zeros((width, count + 1, 2))
+        if velocity is not None:
+            right[:, 0, 1] = velocity
+        right[:, 1:] = inputs.transpose(2, 1, 0)
+        # rows 2k and 2k + 1 of a unit lower triangular system of bandwidth 3
         band = np.zeros((count + 1, 2, 4))
-        band[:-1, 0, 2] = -self.carry[:, 0, 0]
-        band[:-1, 0, 3] = -self.carry[:, 1, 0]
-        band[:-1, 1, 1] = -self.carry[:, 0, 1]
-        band[:-1, 1, 2] = -self.carry[:, 1, 1]
+        np.negative(self.carry[0, 0], out=band[:-1, 0, 2])
+        np.negative(self.carry[1, 0], out=band[:-1, 0, 3])
+        np.negative(self.carry[0, 1], out=band[:-1, 1, 1])
+        np.negative(self.carry[1, 1], out=band[:-1, 1, 2])
         solution, _ = dtbtrs(
             band.reshape(-1, 4).T,
-            right.reshape(dimensions, -1).T,
+            right.reshape(width, -1).T,
             uplo='L',
             diag='U',
             overwrite_b=True,
         )
-        return np.asarray(solution.T.reshape(dimensions, count + 1, 2).transpose(1, 2, 0))
+        path: Array = solution.T.reshape(right.shape)
+        return path
 
     def run_batch(
-        self, forcing: Array, goals: Array, goal_velocities: Array, starts: Array
+        self, goals: Array, goal_velocities: Array, starts: Array
     ) -> tuple[Array, Array]:
         """
         Solve the recursion from rest for many goals.
 
+        Blocks of intervals become one matrix product each, and where the goal has no weight yet
+        all motions are one.
+
         Args:
-            forcing: F, (m, 2, d).
             goals: g, m, (b, m + 1, d).
             goal_velocities: ġ, m/s, (b, m + 1, d).
             starts: x0, m, (b, d).
 
         Returns:
-            x, m, and ẋ, m/s, (b, m + 1, d) each, with time first in memory.
+            x, m, and ẋ, m/s, (b, m + 1, d) each, with time first in memory and b last.
 
         """
         batch, samples, dimensions = goals.shape
-        state = np.zeros((2, batch, dimensions))
-        positions = np.empty((samples, batch, dimensions))
-        velocities = np.empty((samples, batch, dimensions))
-        positions[0], velocities[0] = starts, 0.0
-        for k in range(samples - 1):
-            state = np.einsum('ij,jbd->ibd', self.carry[k], state) + forcing[k][:, None, :]
-            state += self.goal[k][:, None, None] * (goals[:, k] - starts)
-            state += self.goal_velocity[k][:, None, None] * goal_velocities[:, k]
-            positions[k + 1], velocities[k + 1] = state[0] + starts, state[1]
-        return positions.transpose(1, 0, 2), velocities.transpose(1, 0, 2)
+        count = samples - 1
+        positions = np.empty((samples, dimensions, batch))
+        velocities = np.empty((samples, dimensions, batch))
+        seen = np.abs(np.concatenate([self.goal, self.goal_velocity])).max(axis=0, initial=0.0)
+        first = int(np.argmax(np.append(seen > NOTHING * seen.max(initial=0.0), True)))
+        common = self.run(self.forcing)
+        np.add(common[:, : first + 1, 0].T[:, :, None], starts.T, out=positions[: first + 1])
+        velocities[: first + 1] = common[:, : first + 1, 1].T[:, :, None]
+
+        targets = _time_first(goals[:, first:count])
+        rates = _time_first(goal_velocities[:, first:count])
+        flat_positions = positions.reshape(samples, -1)
+        flat_velocities = velocities.reshape(samples, -1)
+        columns = [
+            slice(column, column + COLUMNS)
+            for column in range(0, flat_positions.shape[1], COLUMNS)
+        ]
+        whole = count - (count - first) % BLOCK
+        for begin, end, length in ((first, whole, BLOCK), (whole, count, count - whole)):
+            if begin == end:
+                continue
+            known = np.zeros((3 + dimensions + 2 * length, dimensions, batch))
+            known[2] = starts.T
+            known[3 + np.arange(dimensions), np.arange(dimensions)] = 1.0
+            rows = known.reshape(len(known), -1)
+            for k, matrix in zip(
+                range(begin, end, length), self._blocks(begin, end, length), strict=True
+            ):
+                rows[0], rows[1] = flat_positions[k], flat_velocities[k]
+                rows[-2 * length : -length] = targets[k - first : k - first + length]
+                rows[-length:] = rates[k - first : k - first + length]
+                for part in columns:
+                    out = slice(k + 1, k + 1 + length)
+                    np.matmul(matrix[:length], rows[:, part], out=flat_positions[out, part])
+                    np.matmul(matrix[length:], rows[:, part], out=flat_velocities[out, part])
+        return positions.transpose(2, 0, 1), velocities.transpose(2, 0, 1)
+
+    def _blocks(self, begin: int, end: int, length: int) -> Array:
+        """
+        Chain intervals in groups.
+
+        Args:
+            begin: first interval.
+            end: the one after the last.
+            length: intervals of a group.
+
+        Returns:
+            From x, ẋ, x0, one column a dimension for F, and g and ġ of each interval, to x and
+            then ẋ at the ends of the intervals, (groups, 2·length, 3 + d + 2·length).
+
+        """
+        dimensions = self.forcing.shape[2]
+        groups = (end - begin) // length
+        chain = np.zeros((groups, 2, 3 + dimensions + 2 * length))
+        chain[:, 0, 0] = chain[:, 1, 1] = 1.0
+        matrices = np.empty((groups, 2, length, chain.shape[2]))
+        goal_column = 3 + dimensions
+        for each in range(length):
+            at = slice(begin + each, end, length)
+            carry = self.carry[:, :, at].transpose(2, 0, 1)
+            chain = carry @ chain
+            # x0 pushes by what the recursion leaves of it when everything else is 0
+            chain[:, :, 2] -= carry[:, :, 0] + self.goal[:, at].T
+            chain[:, 0, 2] += 1.0
+            chain[:, :, 3:goal_column] += self.forcing[:, at].transpose(1, 0, 2)
+            chain[:, :, goal_column + each] += self.goal[:, at].T
+            chain[:, :, goal_column + length + each] += self.goal_velocity[:, at].T
+            matrices[:, :, each] = chain
+        return matrices.reshape(groups, 2 * length, -1)
+
+
+def _time_first(values: Array) -> Array:
+    """Bring (b, n, d) to (n, d·b) in memory."""
+    batch, samples, dimensions = values.shape
+    flat = np.ascontiguousarray(values.reshape(batch, samples * dimensions).T)
+    return flat.reshape(samples, dimensions * batch)

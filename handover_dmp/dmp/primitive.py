@@ -9,7 +9,7 @@ they agree to rounding.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import ceil, exp, inf, log, nan
@@ -32,7 +32,47 @@ LONGEST_DURATION_S = 3600.0
 SMALLEST_PHASE = 1e-300
 # A step that is longer than this part of τ while the stiffness changes is divided.
 LONGEST_VARYING = 0.05
+GAUSS_POINTS = np.array([[GAUSS_A], [GAUSS_B]])
+_UNIT = np.array([[1.0], [0.0]])
 _OPTIONAL = ('goal_offset', 'start_velocity')
+
+
+class Step(NamedTuple):
+    """
+    What steps of one length have in common, and what they need of the primitive.
+
+    Attributes:
+        dt: length, s.
+        phase_rate: how fast the phase runs.
+        advance: what makes the step; None where it has to be divided.
+        h: length, in units of τ.
+        decay: factor on the phase.
+        later_a: nodes of the table from the start of the step to its first Gauss point.
+        later_b: nodes to the second.
+        push_a: factor on the goal's velocity at the first Gauss point.
+        push_b: factor at the second.
+        numbers: of `transition`, for ẋ instead of v.
+        rows: value and slope of the forcing term in each cell of the table.
+        scale: nodes of the table for −1 of ln s.
+        shape_stiffness: K_s.
+        stiffness: K.
+
+    """
+
+    dt: float
+    phase_rate: float
+    advance: Callable[[Any, DmpState, Vector, Vector, Step], DmpState] | None = None
+    h: float = nan
+    decay: float = nan
+    later_a: float = nan
+    later_b: float = nan
+    push_a: float = nan
+    push_b: float = nan
+    numbers: Transition = (nan, nan, nan, nan, nan, nan)
+    rows: Sequence[tuple[Vector, Vector]] = ()
+    scale: float = nan
+    shape_stiffness: float = nan
+    stiffness: float = nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +109,7 @@ class Primitive(ABC):
     start_velocity: Array = field(default_factory=lambda: np.zeros(0))
     covariance: tuple[WeightPosterior, ...] | None = None
     source: str = ''
-    _memo: _Step = field(init=False, repr=False)
+    _memo: Step = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Check the shapes and make the arrays read-only."""
@@ -97,7 +137,7 @@ class Primitive(ABC):
                 raise DataError(f'{name} holds a number that is not finite')
             array.setflags(write=False)
             object.__setattr__(self, name, array)
-        object.__setattr__(self, '_memo', _Step(nan, nan))
+        object.__setattr__(self, '_memo', Step(nan, nan))
 
     @property
     def dimensions(self) -> int:
@@ -175,7 +215,7 @@ class Primitive(ABC):
 
     @abstractmethod
     def _weight_pair(self, first: float, second: float) -> tuple[float, float]:
-        """Give the goal weight at two times in units of τ."""
+        """Give the goal weight at two times in units of τ / TABLE_RATE."""
 
     @property
     def shape_stiffness(self) -> float:
@@ -209,7 +249,7 @@ class Primitive(ABC):
 
         """
         u = -log(max(phase, SMALLEST_PHASE)) / self.parameters.alpha
-        return self._weight_pair(u, u)[0]
+        return self._weight_pair(u * TABLE_RATE, u * TABLE_RATE)[0]
 
     def initial_state(
         self, position: Sequence[float] | None = None, velocity: Sequence[float] | None = None
@@ -259,14 +299,14 @@ class Primitive(ABC):
 
         """
         memo = self._memo
-        if dt != memo.dt or phase_rate != memo.phase_rate:
+        if dt != memo[0] or phase_rate != memo[1]:
             memo = self._remember(dt, phase_rate)
-        if memo.whole:
-            return self._move(state, goal, goal_velocity, memo)
+        if memo[2]:
+            return memo[2](self, state, goal, goal_velocity, memo)
         done = 0.0
         for part in self._divide(self._time(state.phase), dt / self.duration_s, phase_rate):
             moved = tuple(g + done * v for g, v in zip(goal, goal_velocity, strict=True))
-            state = self._move(state, moved, goal_velocity, self._measure(part, phase_rate))
+            state = self._advance_any(state, moved, goal_velocity, self._measure(part, phase_rate))
             done += part * self.duration_s
         return state
 
@@ -286,8 +326,8 @@ class Primitive(ABC):
         Args:
             times: s, (n,), rising, spaced as one likes; the phase is 1 at the first.
             goals: g at these times, m, (n, d), or one goal for all, (d,).
-            goal_velocities: ġ at these times, m/s, (n, d); central differences of the goals if
-                left out.
+            goal_velocities: ġ from each of these times to the next, m/s, (n, d); what leads
+                from goal to goal if left out, which is exact to second order.
             start: x0, m, (d,); that of the demonstration if left out.
             velocity: ẋ at the start, m/s, (d,); at rest if left out.
             deviation: whether to work out the standard deviation that the posterior implies.
@@ -304,18 +344,18 @@ class Primitive(ABC):
         stamps = _checked_times(times)
         targets, target_velocities = self._checked_goals(stamps, goals, goal_velocities)
         x0 = self.start if start is None else self._vector('start', start)
-        first = np.zeros((2, self.dimensions))
-        if velocity is not None:
-            first[1] = self._vector('velocity', velocity)
         u = (stamps - stamps[0]) / self.duration_s
-        intervals, forcing = self._intervals(u, self._rows_of_weights)
-        inputs = forcing + intervals.goal[:, :, None] * (targets[:-1] - x0)[:, None, :]
-        inputs += intervals.goal_velocity[:, :, None] * target_velocities[:-1, None, :]
-        path = intervals.run(first, inputs)
+        intervals = self._intervals(u, self._table)
+        inputs = intervals.goal[:, :, None] * (targets[:-1] - x0)
+        inputs += intervals.forcing
+        inputs += intervals.goal_velocity[:, :, None] * target_velocities[:-1]
+        path = intervals.run(
+            inputs, None if velocity is None else self._vector('velocity', velocity)
+        )
         return Rollout(
             stamps,
-            path[:, 0] + x0,
-            path[:, 1],
+            path[:, :, 0].T + x0,
+            path[:, :, 1].T,
             self.weights_in_time(u),
             np.exp(-self.parameters.alpha * u),
             self._deviation(u) if deviation else None,
@@ -334,7 +374,8 @@ class Primitive(ABC):
         Args:
             times: s, (n,), rising, the same for all.
             goals: g, m, (b, n, d).
-            goal_velocities: ġ, m/s, (b, n, d); central differences of the goals if left out.
+            goal_velocities: ġ from each of these times to the next, m/s, (b, n, d); what leads
+                from goal to goal if left out.
             starts: x0, m, (b, d); that of the demonstration if left out.
 
         Returns:
@@ -353,7 +394,7 @@ class Primitive(ABC):
                 f'goals have the shape {targets.shape} instead of (b, {count}, {self.dimensions})'
             )
         if goal_velocities is None:
-            target_velocities = np.gradient(targets, stamps, axis=1)
+            target_velocities = _chords(stamps[:, None], targets, axis=1)
         else:
             target_velocities = np.asarray(goal_velocities, dtype=float)
         x0 = np.broadcast_to(self.start, (len(targets), self.dimensions))
@@ -362,34 +403,31 @@ class Primitive(ABC):
         if target_velocities.shape != targets.shape or x0.shape != targets[:, 0].shape:
             raise DataError('goals, goal velocities and starts do not fit each other')
         u = (stamps - stamps[0]) / self.duration_s
-        intervals, forcing = self._intervals(u, self._rows_of_weights)
-        return intervals.run_batch(forcing, targets, target_velocities, x0)
+        return self._intervals(u, self._table).run_batch(targets, target_velocities, x0)
 
     @cached_property
-    def _rows_of_weights(self) -> Array:
-        """Give the forcing term f_w at the nodes of the basis' table, (nodes, d)."""
-        return self.basis.table(self.parameters.alpha) @ self.weights
+    def _table(self) -> Array:
+        """Give value and slope of the forcing term in the cells of the basis' table."""
+        return _with_slopes(self.basis.table(self.parameters.alpha) @ self.weights)
 
     @cached_property
     def _rows(self) -> list[tuple[Vector, Vector]]:
-        """Give value and slope of the forcing term for each cell of the table."""
-        values = self._rows_of_weights
-        slopes = np.zeros_like(values)
-        slopes[:-1] = np.diff(values, axis=0)
-        return [
-            (tuple(value), tuple(slope))
-            for value, slope in zip(values.tolist(), slopes.tolist(), strict=True)
-        ]
+        """Give `_table` as plain floats."""
+        return [(tuple(value), tuple(slope)) for value, slope in self._table.tolist()]
 
     @cached_property
-    def _constants(self) -> tuple[list[tuple[Vector, Vector]], float, float, float, bool]:
+    def _constants(self) -> tuple[list[tuple[Vector, Vector]], float, float, float]:
         return (
             self._rows,
             -TABLE_RATE / self.parameters.alpha,
             self.shape_stiffness,
             self.parameters.stiffness,
-            self._varies,
         )
+
+    @cached_property
+    def _damping(self) -> float:
+        """D."""
+        return self.parameters.effective_damping
 
     @cached_property
     def _varies(self) -> bool:
@@ -418,85 +456,94 @@ class Primitive(ABC):
             return [h]
         return [smooth / count] * count + ([rest] if rest > 0.0 else [])
 
-    def _remember(self, dt: float, phase_rate: float) -> _Step:
+    def _remember(self, dt: float, phase_rate: float) -> Step:
+        """Prepare for steps of this length, and for more of them."""
         if not (0.0 <= dt < inf and 0.0 <= phase_rate < inf):
             raise DataError(f'a step of {dt} s at a phase rate of {phase_rate} cannot be made')
-        step = self._measure(dt / self.duration_s, phase_rate)
-        step = step._replace(
-            dt=dt,
-            whole=len(self._divide(0.0, dt / self.duration_s, phase_rate)) == 1,
-        )
+        h = dt / self.duration_s
+        step = self._measure(h, phase_rate)._replace(dt=dt)
+        if len(self._divide(0.0, h, phase_rate)) > 1:
+            step = step._replace(advance=None)
         object.__setattr__(self, '_memo', step)
         return step
 
-    def _measure(self, h: float, phase_rate: float) -> _Step:
-        """Work out what a step of this length needs, whatever the state."""
-        stiffness, damping = self.parameters.stiffness, self.parameters.effective_damping
-        return _Step(
-            h * self.duration_s,
+    def _measure(self, h: float, phase_rate: float) -> Step:
+        """Work out what steps of this length have in common."""
+        stiffness, tau = self.parameters.stiffness, self.duration_s
+        numbers = _in_seconds(steady(stiffness, self._damping, h), tau)
+        return Step(
+            h * tau,
             phase_rate,
-            True,
+            self._advance,
             h,
             exp(-self.parameters.alpha * h * phase_rate),
             GAUSS_A * h * phase_rate * TABLE_RATE,
             GAUSS_B * h * phase_rate * TABLE_RATE,
-            stiffness * self.duration_s * GAUSS_A * h + self._goal_velocity_gain,
-            stiffness * self.duration_s * GAUSS_B * h + self._goal_velocity_gain,
-            *_in_seconds(steady(stiffness, damping, h), self.duration_s),
+            stiffness * tau * GAUSS_A * h + self._goal_velocity_gain,
+            stiffness * tau * GAUSS_B * h + self._goal_velocity_gain,
+            numbers,
+            *self._constants,
         )
 
-    def _move(self, state: DmpState, goal: Vector, goal_velocity: Vector, step: _Step) -> DmpState:
-        """Move on by a step over which goal weight and shape are smooth."""
+    @property
+    def _advance(self) -> Callable[[Any, DmpState, Vector, Vector, Step], DmpState]:
+        """What moves on by a step over which goal weight and shape are smooth."""
+        return type(self)._advance_any
+
+    def _advance_any(
+        self, state: DmpState, goal: Vector, goal_velocity: Vector, step: Step
+    ) -> DmpState:
+        """Move on, whatever the number of dimensions and the formulation."""
         position, velocity, phase, start = state
-        (_, _, _, h, decay, later_a, later_b, push_a, push_b, carry, keep, xa, xb, va, vb) = step
-        rows, scale, shape_stiffness, stiffness, varies = self._constants
+        (_, _, _, h, decay, later_a, later_b, push_a, push_b, numbers) = step[:10]
+        rows, scale, shape_stiffness, stiffness = step[10:14]
         node = log(phase) * scale
-        node_a = node + later_a
-        node_b = node + later_b
-        weight_a, weight_b = self._weight_pair(node_a / TABLE_RATE, node_b / TABLE_RATE)
-        index_a = int(node_a) if node_a < LAST_NODE else LAST_NODE
-        index_b = int(node_b) if node_b < LAST_NODE else LAST_NODE
-        rest_a = node_a - index_a
-        rest_b = node_b - index_b
-        free_a = (1.0 - weight_a) * shape_stiffness
-        free_b = (1.0 - weight_b) * shape_stiffness
-        pull_a = weight_a * stiffness
-        pull_b = weight_b * stiffness
-        push_a *= weight_a
-        push_b *= weight_b
-        if varies:
-            damping = self.parameters.effective_damping
-            carry, keep, xa, xb, va, vb = _in_seconds(
-                varying(free_a + pull_a, free_b + pull_b, damping, h), self.duration_s
+        node_a, node_b = node + later_a, node + later_b
+        weight_a, weight_b = self._weight_pair(node_a, node_b)
+        free_a, free_b = (1.0 - weight_a) * shape_stiffness, (1.0 - weight_b) * shape_stiffness
+        pull_a, pull_b = weight_a * stiffness, weight_b * stiffness
+        if self._varies:
+            numbers = _in_seconds(
+                varying(free_a + pull_a, free_b + pull_b, self._damping, h), self.duration_s
             )
-        value_a, slope_a = rows[index_a]
-        value_b, slope_b = rows[index_b]
+        carry, keep, xa, xb, va, vb = numbers
+        index_a, index_b = min(int(node_a), LAST_NODE), min(int(node_b), LAST_NODE)
+        rest_a, rest_b = node_a - index_a, node_b - index_b
         moved, moving = [], []
-        for x, v, x0, g, g_dot, f_a, df_a, f_b, df_b in zip(  # noqa: B905 (strict takes time; shapes are checked at the start)
-            position, velocity, start, goal, goal_velocity, value_a, slope_a, value_b, slope_b
+        for x, v, x0, g, g_dot, f_a, df_a, f_b, df_b in zip(
+            position,
+            velocity,
+            start,
+            goal,
+            goal_velocity,
+            *rows[index_a],
+            *rows[index_b],
+            strict=True,
         ):
-            shape = x0 - x
-            reach = g - x
-            input_a = free_a * (shape + f_a + rest_a * df_a) + pull_a * reach + push_a * g_dot
-            input_b = free_b * (shape + f_b + rest_b * df_b) + pull_b * reach + push_b * g_dot
+            shape, reach = x0 - x, g - x
+            input_a = free_a * (shape + f_a + rest_a * df_a) + pull_a * reach
+            input_a += weight_a * push_a * g_dot
+            input_b = free_b * (shape + f_b + rest_b * df_b) + pull_b * reach
+            input_b += weight_b * push_b * g_dot
             moved.append(x + carry * v + xa * input_a + xb * input_b)
             moving.append(keep * v + va * input_a + vb * input_b)
         return DmpState(tuple(moved), tuple(moving), phase * decay or SMALLEST_PHASE, start)
 
-    def _intervals(self, u: Array, table: Array) -> tuple[Intervals, Array]:
+    def _intervals(self, u: Array, table: Array) -> Intervals:
         """
         Make the recursion between samples.
 
         Args:
             u: times from the start, in units of τ, (n,).
-            table: shapes at the nodes of the basis' table, (nodes, e).
+            table: values and slopes of shapes in the cells of the basis' table, (nodes, 2, e).
 
         Returns:
-            The recursion over n − 1 intervals, and what each shape adds to it, (n − 1, 2, e).
+            The recursion over n − 1 intervals.
 
         """
         lengths = np.diff(u)
-        begins, offsets, counts = u[:-1], np.zeros(lengths.size), None
+        begins, counts = u[:-1], None
+        offsets = np.zeros(1)
         if lengths.size and lengths.max() > self._longest * (1.0 + 1e-6):
             parts = [self._divide(b, h, 1.0) for b, h in zip(begins, lengths, strict=True)]
             counts = np.array([len(each) for each in parts])
@@ -504,40 +551,54 @@ class Primitive(ABC):
             begins = np.repeat(begins, counts) + offsets
             lengths = np.concatenate([np.array(each) for each in parts])
         k, tau = self.parameters.stiffness, self.duration_s
-        points = np.stack([GAUSS_A * lengths, GAUSS_B * lengths])
-        weight = self.weights_in_time(begins + points)
-        free, pull = (1.0 - weight) * self.shape_stiffness, weight * k
-        push = weight * (k * tau * (points + offsets) + self._goal_velocity_gain)
-        numbers = self._transitions(free + pull, lengths)
-        carry, keep = numbers[:2] * np.array([[tau], [1.0]])
-        gains = numbers[2:].reshape(2, 2, -1) * np.array([1.0, 1.0 / tau])[:, None, None]
-        back = (gains * (free + pull)).sum(axis=1)
-        matrices = np.empty((lengths.size, 2, 2))
-        matrices[:, 0, 0] = 1.0 - back[0]
-        matrices[:, 0, 1] = carry
-        matrices[:, 1, 0] = -back[1]
-        matrices[:, 1, 1] = keep
-        nodes = np.minimum((begins + points) * TABLE_RATE, LAST_NODE)
-        index = np.minimum(nodes.astype(int), LAST_NODE - 1)
-        shape = table[index]
-        shape += (nodes - index)[:, :, None] * (table[index + 1] - shape)
-        forcing = np.einsum('xpn,pn,pne->nxe', gains, free, shape)
-        intervals = Intervals(matrices, (gains * pull).sum(axis=1).T, (gains * push).sum(axis=1).T)
-        return (intervals, forcing) if counts is None else intervals.merged(counts, forcing)
+        points = GAUSS_POINTS * lengths
+        at = begins + points
+        weight = self.weights_in_time(at)
+        at *= TABLE_RATE
+        np.minimum(at, LAST_NODE, out=at)
+        index = at.astype(np.intp)
+        at -= index
+        cells = table[index]
+        shape = cells[:, :, 1] * at[:, :, None]
+        shape += cells[:, :, 0]
+
+        free = (1.0 - weight) * self.shape_stiffness
+        # columns: what the state, the goal, its velocity and the shapes put in at the two points
+        puts = np.empty((2, lengths.size, 3 + shape.shape[2]))
+        pull = np.multiply(weight, k, out=puts[:, :, 1])
+        np.add(free, pull, out=puts[:, :, 0])
+        points += offsets
+        points *= k * tau
+        points += self._goal_velocity_gain
+        np.multiply(weight, points, out=puts[:, :, 2])
+        np.multiply(shape, free[:, :, None], out=puts[:, :, 3:])
+        numbers = self._transitions(puts[:, :, 0], lengths)
+        gains = numbers[2:].reshape(2, 2, -1)
+        if gains.shape[2] == 1:
+            flat = gains[:, :, 0] @ puts.reshape(2, -1)
+            sums = flat.reshape(2, lengths.size, -1)
+        else:
+            sums = np.einsum('xpn,pnc->xnc', gains, puts)
+        carry = np.empty((2, 2, lengths.size))
+        np.subtract(_UNIT, sums[:, :, 0], out=carry[:, 0])
+        carry[:, 1] = numbers[:2]
+        intervals = Intervals(carry, sums[:, :, 1], sums[:, :, 2], sums[:, :, 3:])
+        return intervals if counts is None else intervals.merged(counts)
 
     def _transitions(self, stiffness: Array, lengths: Array) -> Array:
-        """Give the six numbers of `transition` for every interval, (6, n)."""
-        k, damping = self.parameters.stiffness, self.parameters.effective_damping
+        """Give the six numbers of `transition` for every interval, or once if all are alike."""
+        k, damping, tau = self.parameters.stiffness, self._damping, self.duration_s
         if self._varies:
             numbers = [
                 varying(a, b, damping, h)
                 for a, b, h in zip(*stiffness.tolist(), lengths.tolist(), strict=True)
             ]
-        elif np.ptp(lengths) <= 1e-12 * lengths[0]:
+        elif lengths.size and lengths.max() - lengths.min() <= 1e-12 * lengths[0]:
             numbers = [steady(k, damping, float(lengths.mean()))]
         else:
             numbers = [steady(k, damping, h) for h in lengths.tolist()]
-        return np.broadcast_to(np.array(numbers).T, (6, lengths.size))
+        table: Array = np.array([_in_seconds(each, tau) for each in numbers]).reshape(-1, 6).T
+        return table
 
     def _deviation(self, u: Array) -> Array:
         """Carry the posterior of the weights through the recursion, (n, d) m."""
@@ -546,8 +607,8 @@ class Primitive(ABC):
         deviation = np.zeros((u.size, self.dimensions))
         activations = self.basis.table(self.parameters.alpha)
         for dimension, posterior in enumerate(self.covariance):
-            intervals, forcing = self._intervals(u, activations[:, posterior.active])
-            response = intervals.run(np.zeros(forcing.shape[1:]), forcing)[:, 0]
+            intervals = self._intervals(u, _with_slopes(activations[:, posterior.active]))
+            response = intervals.run(intervals.forcing)[:, :, 0].T
             variance = ((response @ posterior.matrix) * response).sum(axis=1)
             deviation[:, dimension] = np.sqrt(np.maximum(variance, 0.0))
         return deviation
@@ -565,10 +626,8 @@ class Primitive(ABC):
             if moving.shape not in (shape, shape[1:]):
                 raise DataError(f'goal velocities have the shape {moving.shape}, not {shape}')
             moving = np.broadcast_to(moving, shape)
-        elif fixed or times.size < 2:
-            moving = np.zeros(shape)
         else:
-            moving = np.gradient(targets, times, axis=0)
+            moving = np.zeros(shape) if fixed else _chords(times[:, None], targets, axis=0)
         return np.broadcast_to(targets, shape), moving
 
     def _vector(self, name: str, values: ArrayLike) -> Array:
@@ -578,24 +637,20 @@ class Primitive(ABC):
         return vector
 
 
-class _Step(NamedTuple):
-    """What steps of one length have in common; in units of τ only where it says so."""
+def _chords(times: Array, values: Array, axis: int) -> Array:
+    """Give the velocities that lead from each value to the next; zero after the last."""
+    end = values.take([-1], axis=axis)
+    velocities: Array = np.diff(values, axis=axis, append=end)
+    velocities /= np.diff(times, axis=0, append=times[-1:] + 1.0)
+    return velocities
 
-    dt: float
-    phase_rate: float
-    whole: bool = True
-    h: float = nan
-    decay: float = nan
-    later_a: float = nan
-    later_b: float = nan
-    push_a: float = nan
-    push_b: float = nan
-    carry: float = nan
-    keep: float = nan
-    xa: float = nan
-    xb: float = nan
-    va: float = nan
-    vb: float = nan
+
+def _with_slopes(values: Array) -> Array:
+    """Put beside values at the nodes the slopes of the cells that follow, (nodes, 2, e)."""
+    table = np.zeros((len(values), 2, values.shape[1]))
+    table[:, 0] = values
+    np.subtract(values[1:], values[:-1], out=table[:-1, 1])
+    return table
 
 
 def _in_seconds(transition: Transition, duration_s: float) -> Transition:
