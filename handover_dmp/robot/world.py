@@ -92,7 +92,7 @@ class World:
         pybullet.setGravity(0, 0, self.options.gravity, physicsClientId=self.client)
         pybullet.setPhysicsEngineParameter(
             numSolverIterations=self.options.solver_iterations,
-            solverResidualThreshold=1e-9,
+            solverResidualThreshold=1e-12,
             physicsClientId=self.client,
         )
         self.robot = load_robot(self.model, self.client, use_file_inertia=use_file_inertia)
