@@ -9,24 +9,28 @@ from setuptools import find_packages, setup
 PACKAGE = 'handover_dmp'
 NODES = ('robot_sim', 'hand_tracker', 'dmp', 'priority_ik', 'recorder')
 
-# Lower bounds are what Ubuntu 24.04, the home of ROS 2 Jazzy, has, or the first release with the
-# calls that are used here. Nothing is bound from above.
+# Lower bounds are what Ubuntu 24.04, the home of ROS 2 Jazzy, has, or the first release whose wheels
+# work with those of the others. Nothing is bound from above.
 REQUIREMENTS = [
-    'coal>=3.0',
+    'c3d>=0.6',
+    'coal>=3.0.3',
     'daqp>=0.8',
+    'eigenpy>=3.13',
     'example-robot-data>=4.2',
     'joblib>=1.3',
+    'lz4>=4.3',
     'matplotlib>=3.7',
     'mcap>=1.2',
     'mcap-ros2-support>=0.5.5',
     'numpy>=1.26',
     'pillow>=10.2',
-    'pin>=3.7',
-    'pybullet>=3.2.6',
+    'pin>=4.0',
+    'pybullet>=3.2.7',
     'PyYAML>=6.0.1',
     'rich>=13.7',
     'ruckig>=0.12.2',
     'scipy>=1.11',
+    'zstandard>=0.22',
 ]
 
 EXTRAS = {
