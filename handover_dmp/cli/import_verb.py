@@ -259,6 +259,8 @@ def _report(output: Path, new: list[HandoverTrial], segmented: list[SegmentedMot
         cells = [f'{number:.2f}' for number in numbers]
         table.add_row(file_name(trial), trial.source, cells[0], f'{trial.rate_hz:.4g}', *cells[1:])
     console = Console(soft_wrap=True)
+    if not console.is_terminal:
+        console = Console(soft_wrap=True, width=160)
     console.print(table, markup=False)
     for part in segmented:
         for at_s, reason in part.passages:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 P1_TOPIC = '/hand/pose'
-P2_TOPIC = '/wrist/pose'
+P2_TOPIC = '/human/pose'
 _LEAST_POSES = 4
 _MOST_POSES = 2_000_000
 

@@ -20,8 +20,7 @@ from handover_dmp.hand.markers import MarkerRecording, METRES
 from handover_dmp.hand.tables import LARGEST_RECORDING_BYTES, quote, read_bytes
 import numpy as np
 
-_MOST_FRAMES = 5_000_000
-_MOST_VALUES = 20_000_000
+_MOST_POINTS = 5_000_000
 # Sign of the last word of a point that was not seen.
 _RESIDUAL = 3
 
@@ -61,11 +60,11 @@ def _read(reader: c3d.Reader, path: Path, markers: Sequence[str] | None) -> Mark
     names = [label.strip() for label in reader.point_labels][: reader.point_used]
     count = reader.last_frame - reader.first_frame + 1
     rate = float(reader.point_rate)
-    if not (names and 0 < count <= _MOST_FRAMES and 0.0 < rate <= 1e5):
+    if not (names and 0 < count <= _MOST_POINTS and 0.0 < rate <= 1e5):
         raise DataError(f'{path}: {len(names)} markers, {count} frames at {rate:g} Hz')
     chosen = [name for name in (names if markers is None else markers) if name in names]
     columns = [names.index(name) for name in chosen]
-    if count * max(len(columns), 1) > _MOST_VALUES:
+    if count * max(len(columns), 1) > _MOST_POINTS:
         raise DataError(
             f'{path}: {count} frames of {len(columns)} markers are more than can be held'
         )

@@ -119,6 +119,8 @@ class WristMotion:
             DataError: too few samples, or some that make no sense.
 
         """
+        if len(self.times) < 2:
+            raise DataError(f'{self.source}: the two wrists are never seen together')
         for first, end in self.spans():
             part = slice(first, end)
             both = np.hstack([self.p1[part], self.p2[part]])
@@ -126,8 +128,6 @@ class WristMotion:
             if fault:
                 at = f'{self.times[first + (fault.row or 0)]:.3f} s: '
                 raise DataError(f'{self.source}: {at}{fault.what}')
-        if len(self.times) < 2:
-            raise DataError(f'{self.source}: the two wrists are never seen together')
         return self
 
     def spans(self) -> list[tuple[int, int]]:

@@ -27,7 +27,8 @@ class TrackedHand:
 
         Args:
             replay: the hand, for any time.
-            sensor: rate, noise, delay, drop-outs and outliers.
+            sensor: rate, noise, delay, drop-outs and outliers; jitter and duplicates are for
+                `SensorModel.observe` alone.
 
         """
         self._replay = replay

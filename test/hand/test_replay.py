@@ -29,6 +29,11 @@ def test_a_trial_starts_at_zero_and_holds_at_its_ends(trial):
     assert replay.is_over(trial.duration_s + 0.01)
 
 
+def test_any_motion(trial):
+    replay = Replay.from_motion(trial.times, trial.p2)
+    np.testing.assert_allclose(replay.newest(0.5).position, trial.p2[100], atol=1e-9)
+
+
 def test_between_the_samples_it_is_smooth():
     """A 24 Hz trial, played at 200 Hz, gives no staircase of speeds."""
     slow = synthesize(trials=1, rate_hz=24.0, noise_m=0.0)[1]

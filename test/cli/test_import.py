@@ -1,0 +1,158 @@
+"""`handover_dmp import`, as a user calls it."""
+
+from __future__ import annotations
+
+import json
+
+from handover_dmp.cli.main import main
+from handover_dmp.hand import read_data_set, synthesize
+import numpy as np
+import pytest
+
+REST_S = 0.6
+
+
+@pytest.fixture(scope='module')
+def trials():
+    return synthesize(seed=3, trials=2, configurations=['engine_bay'])
+
+
+def tsv(path, trials, rate_hz=100.0):
+    """Write trials as one Qualisys session: reach, hold, back again, rest."""
+    pieces = []
+    for trial in trials:
+        both = np.hstack([trial.p1, trial.p2])
+        times = np.arange(0.0, trial.duration_s, 1.0 / rate_hz)
+        reach = np.column_stack([np.interp(times, trial.times, column) for column in both.T])
+        rest = np.tile(reach[0], (round(REST_S * rate_hz), 1))
+        hold = np.tile(reach[-1], (round(REST_S * rate_hz), 1))
+        pieces += [rest, reach, hold, reach[::-1]]
+        if len(trials) == 1:
+            pieces = [reach]
+    for k in range(3, len(pieces) - 1, 4):
+        # To where the next one starts.
+        share = np.linspace(0.0, 1.0, 50)[:, None]
+        way = pieces[k][-1] + share * (pieces[k + 1][0] - pieces[k][-1])
+        pieces[k] = np.vstack([pieces[k], way])
+    table = 1000.0 * np.vstack(pieces)
+    lines = [
+        f'NO_OF_FRAMES\t{len(table)}',
+        f'FREQUENCY\t{rate_hz:g}',
+        'DATA_INCLUDED\t3D',
+        'MARKER_NAMES\tmechanic\tassistant',
+        *('\t'.join(f'{value:.3f}' for value in row) for row in table),
+    ]
+    path.write_text('\n'.join(lines) + '\n')
+    return path
+
+
+MARKERS = ['--p1', 'mechanic', '--p2', 'assistant']
+
+
+def test_whole_files_by_their_names(tmp_path, trials, capsys):
+    sources = [
+        str(tsv(tmp_path / f'bay_{trial.exchange}_{trial.number}.tsv', [trial]))
+        for trial in trials
+    ]
+    output = tmp_path / 'set'
+    assert main(['import', 'qualisys', *sources, '-o', str(output), *MARKERS]) == 0
+    assert '4 trials written' in capsys.readouterr().out
+    made = read_data_set(output)
+    assert [trial.label for trial in made] == [
+        'bay give 1',
+        'bay give 2',
+        'bay take 1',
+        'bay take 2',
+    ]
+    for new, old in zip(made, trials, strict=True):
+        assert new.rate_hz == pytest.approx(100.0)
+        np.testing.assert_allclose(new.p2[0], old.p2[0], atol=1e-6)
+        np.testing.assert_allclose(new.p1[-1], old.p1[-1], atol=1e-3)
+
+
+def test_a_long_recording_is_cut_and_shown(tmp_path, trials, capsys):
+    source = tsv(tmp_path / 'session.tsv', trials)
+    output, report, figure = (tmp_path / name for name in ('set', 'cut.json', 'cut.png'))
+    words = ['import', 'qualisys', str(source), '-o', str(output), *MARKERS, '--segment']
+    words += ['--configuration', 'engine_bay', '--giver', 'p2', '--json', str(report)]
+    assert main([*words, '--figure', str(figure)]) == 0
+    assert 'engine_bay_give_4.csv' in capsys.readouterr().out
+    assert figure.read_bytes().startswith(b'\x89PNG')
+    found = json.loads(report.read_text())
+    assert [row['trial'] for row in found['trials']] == [1, 2, 3, 4]
+    assert found['left_out'] == []
+    for new, old in zip(read_data_set(output), trials, strict=True):
+        np.testing.assert_allclose(new.p2[-1], old.p2[-1], atol=0.01)
+
+
+def test_append_takes_the_next_numbers(tmp_path, trials):
+    source = str(tsv(tmp_path / 'bay_give_1.tsv', trials[:1]))
+    output = tmp_path / 'set'
+    for more in ([], ['--append'], ['--append']):
+        assert main(['import', 'qualisys', source, '-o', str(output), *MARKERS, *more]) == 0
+    assert [trial.number for trial in read_data_set(output)] == [1, 2, 3]
+    assert main(['import', 'qualisys', source, source, '-o', str(output), *MARKERS]) == 0
+    assert [trial.number for trial in read_data_set(output)] == [1, 2]
+
+
+def test_c3d_with_y_up(tmp_path, trials):
+    ezc3d = pytest.importorskip('ezc3d')
+    trial = trials[2]
+    points = np.ones((4, 2, len(trial.times)))
+    for k, path in enumerate((trial.p1, trial.p2)):
+        points[:3, k] = 1000.0 * np.array([path[:, 0], path[:, 2], -path[:, 1]])
+    file = ezc3d.c3d()
+    file['parameters']['POINT']['RATE']['value'] = [200.0]
+    file['parameters']['POINT']['LABELS']['value'] = ['mechanic', 'assistant']
+    file['parameters']['POINT']['UNITS']['value'] = ['mm']
+    file['data']['points'] = points
+    file.write(str(tmp_path / 'lift_take_7.c3d'))
+    words = ['import', 'c3d', str(tmp_path / 'lift_take_7.c3d'), '-o', str(tmp_path / 'set')]
+    assert main([*words, *MARKERS, '--up', 'y']) == 0
+    made = read_data_set(tmp_path / 'set')[0]
+    assert made.label == 'lift take 7'
+    np.testing.assert_allclose(made.p1, trial.p1, atol=1e-6)
+    np.testing.assert_allclose(made.p2, trial.p2, atol=1e-6)
+
+
+def test_wrong_usage_is_one_line(tmp_path, trials, capsys):
+    source = str(tsv(tmp_path / 'session.tsv', trials[:1]))
+    cases = [
+        (['--p1', 'mechanic'], 2, 'session.tsv has mechanic, assistant'),
+        ([*MARKERS, '--giver', 'p1'], 2, '--giver needs --segment'),
+        ([*MARKERS, '--figure', 'x.png'], 2, '--figure shows how'),
+        ([*MARKERS, '--segment', '--exchange', 'give'], 2, 'use --giver'),
+        ([*MARKERS, '--segment', '--near', '9'], 2, 'near_m 9.0 and apart_m'),
+        (['--p1', 'mechanic', '--p2', 'robot'], 1, "no marker 'robot'; there are mechanic"),
+        ([*MARKERS, '--unit', 'm'], 1, 'are these millimetres?'),
+        ([*MARKERS, '--segment', '--near', '0.1'], 1, 'no handover found'),
+        ([*MARKERS, '--append'], 1, 'no such folder'),
+    ]
+    output = tmp_path / 'set'
+    for words, code, message in cases:
+        assert main(['import', 'qualisys', source, '-o', str(output), *words]) == code, words
+        error = capsys.readouterr().err
+        assert error.startswith('handover_dmp import: ')
+        assert message in error
+        assert error.count('\n') == 1
+        assert not output.exists()
+    for words in (['--unit', 'm'], ['--up', 'y'], ['--p1', '/a', '--p1', '/b']):
+        assert main(['import', 'bag', source, '-o', str(output), *words]) == 2
+        assert 'bag' in capsys.readouterr().err
+    assert main(['import', 'c3d', str(tmp_path / 'none'), '-o', str(output), *MARKERS]) == 1
+    assert 'none: no such file' in capsys.readouterr().err
+
+
+def test_a_bag_of_this_package(tmp_path, trials):
+    """What `handover_dmp bag` writes comes back as trials."""
+    pytest.importorskip('mcap')
+    from handover_dmp.hand import write_data_set
+
+    write_data_set(trials[2:3], tmp_path / 'old')
+    assert main(['bag', str(tmp_path / 'old'), '-o', str(tmp_path / 'bags')]) == 0
+    bag = next(path.parent for path in (tmp_path / 'bags').rglob('metadata.yaml'))
+    words = ['import', 'bag', str(bag), '-o', str(tmp_path / 'new')]
+    assert main([*words, '--configuration', 'engine_bay', '--exchange', 'take']) == 0
+    made = read_data_set(tmp_path / 'new')[0]
+    np.testing.assert_allclose(made.p1[0], trials[2].p1[0], atol=5e-3)
+    np.testing.assert_allclose(made.p1[-1], trials[2].p1[-1], atol=5e-3)
