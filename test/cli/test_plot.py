@@ -1,0 +1,42 @@
+from __future__ import annotations
+
+import importlib.util
+import json
+from pathlib import Path
+from types import ModuleType
+
+from handover_dmp.cli.main import main
+import pytest
+
+
+@pytest.fixture(scope='module')
+def runs() -> ModuleType:
+    """Give the maker of runs of the tests of reports."""
+    path = Path(__file__).parents[1] / 'report' / 'conftest.py'
+    spec = importlib.util.spec_from_file_location('report_runs', path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_a_run_is_drawn(runs: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    runs.write_run(tmp_path / 'run' / 'bag', leave_out=('/handover/phase', '/wrist/ik_status'))
+    numbers = tmp_path / 'numbers.json'
+    assert main(['plot', str(tmp_path / 'run'), '--json', str(numbers)]) == 0
+    assert json.loads(numbers.read_text()) == json.loads(
+        (tmp_path / 'run' / 'report.json').read_text()
+    )
+    assert str(tmp_path / 'run' / 'index.html') in capsys.readouterr().out
+    assert (tmp_path / 'run' / 'figures' / 'positions.png').is_file()
+
+
+def test_what_cannot_be_drawn(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    (tmp_path / 'text.mcap').write_text('no bag')
+    for path, fault in ((tmp_path / 'absent', 'no such bag'), (tmp_path / 'text.mcap', 'MCAP')):
+        assert main(['plot', str(path), '-o', str(tmp_path / 'report')]) == 1
+        error = capsys.readouterr().err
+        assert fault in error
+        assert len(error.strip().splitlines()) == 1
+    assert not (tmp_path / 'report').exists()

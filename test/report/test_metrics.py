@@ -1,0 +1,131 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+import json
+from pathlib import Path
+from typing import Any
+
+from handover_dmp.report import load_run, measure
+import numpy as np
+import pytest
+
+
+@pytest.mark.parametrize('lag_s', [0.0, 0.002, 0.02])
+def test_lag_behind_a_moving_hand(
+    make_run: Callable[..., Path], make_motion: Callable[..., Any], tmp_path: Path, lag_s: float
+) -> None:
+    run = load_run(make_run(tmp_path / 'run', make_motion(lag_s=lag_s, hand_speed=0.2)))
+    lag = measure(run)['lag']
+    assert lag['time_ms'] == pytest.approx(lag_s * 1e3, abs=0.3)
+    assert lag['distance_mm'] == pytest.approx(0.2 * lag_s * 1e3, abs=0.06)
+    assert lag['hand_speed_m_s'] == pytest.approx(0.2, rel=0.01)
+    assert lag['samples'] > 20
+
+
+def test_lag_of_a_noisy_tracker(
+    make_run: Callable[..., Path], make_motion: Callable[..., Any], tmp_path: Path
+) -> None:
+    run = load_run(make_run(tmp_path / 'run', make_motion(lag_s=0.01, hand_speed=0.2)))
+    noise = np.random.default_rng(1).normal(0.0, 1e-4, run.hand_positions.shape)
+    lag = measure(replace(run, hand_positions=run.hand_positions + noise))['lag']
+    assert lag['time_ms'] == pytest.approx(10.0, abs=4 * lag['error_ms'])
+    assert 0 < lag['error_ms'] < 0.5
+
+
+def test_no_lag_behind_a_hand_that_is_still(run_bag: Path) -> None:
+    assert measure(load_run(run_bag))['lag']['time_ms'] is None
+
+
+def test_gap_and_distances(
+    make_run: Callable[..., Path], make_motion: Callable[..., Any], tmp_path: Path
+) -> None:
+    motion = make_motion(lag_s=0.02, hand_speed=0.2)
+    numbers = measure(load_run(make_run(tmp_path / 'run', motion)))
+    assert numbers['exchange_time_s'] == pytest.approx(1.9)
+    assert numbers['exchange_gap_m'] == pytest.approx(0.2 * 0.02, abs=1e-6)
+    assert numbers['reach_duration_s'] == pytest.approx(1.4)
+    assert numbers['handover_duration_s'] == pytest.approx(1.8)
+    times = np.arange(0.5, 2.3, 0.005)
+    apart = np.linalg.norm(motion.wrist(times) - motion.human(times), axis=1)
+    assert numbers['to_human']['rms_m'] == pytest.approx(np.sqrt((apart**2).mean()), rel=5e-3)
+    assert numbers['to_human']['largest_m'] == pytest.approx(apart.max(), rel=1e-3)
+
+
+def test_peak_speeds(run_bag: Path, make_motion: Callable[..., Any]) -> None:
+    motion = make_motion()
+    numbers = measure(load_run(run_bag))
+    times = np.arange(0.0, 2.5, 1e-4)
+    for name in ('wrist', 'hand', 'human'):
+        speeds = np.linalg.norm(np.gradient(getattr(motion, name)(times), 1e-4, axis=0), axis=1)
+        assert numbers[f'{name}_peak_speed_m_s'] == pytest.approx(speeds.max(), rel=0.01)
+    # it is a minimum-jerk reach but for the hand that moves meanwhile
+    assert numbers['wrist_peak_share_of_minimum_jerk'] == pytest.approx(1.0, abs=0.05)
+
+
+def test_limits_that_are_kept(run_bag: Path, make_motion: Callable[..., Any]) -> None:
+    limits = measure(load_run(run_bag))['limits']
+    assert limits['met']
+    # 1.875 d/T of the first joint and 5.77 d/T² of a minimum-jerk motion of 0.9 rad in 1.2 s
+    assert limits['velocity']['share'] == pytest.approx(1.875 * 0.9 / 1.2 / 1.74, rel=1e-3)
+    assert limits['acceleration']['share'] == pytest.approx(5.7735 * 0.9 / 1.44 / 8.0, rel=0.01)
+
+
+@pytest.mark.parametrize('quantity', ['position', 'velocity', 'acceleration'])
+def test_limits_that_are_broken(run_bag: Path, quantity: str) -> None:
+    run = load_run(run_bag)
+    positions, velocities = run.joint_positions.copy(), run.joint_velocities.copy()
+    if quantity == 'position':
+        positions[200, 3] = -2.2
+    elif quantity == 'velocity':
+        # slowly up and down again, so that no acceleration is wrong
+        velocities[:, 3] = 2.1 * np.sin(np.pi * np.linspace(0.0, 1.0, len(velocities)))
+    else:
+        velocities[200, 3] += 0.05
+    broken = replace(run, joint_positions=positions, joint_velocities=velocities)
+    limits = measure(broken)['limits']
+    assert not limits['met']
+    assert limits[quantity]['joint'] == 'joint_4'
+    others = {'position', 'velocity', 'acceleration'} - {quantity}
+    assert all(limits[other]['met'] for other in others)
+
+
+def test_rates_of_topics(run_bag: Path) -> None:
+    run = load_run(run_bag)
+    stamps = run.stamps['/hand/pose'].copy()
+    stamps[250:] += 0.1
+    late = replace(run, stamps={**run.stamps, '/hand/pose': stamps})
+    hand = measure(late)['topics']['/hand/pose']
+    assert hand['longest_ms'] == pytest.approx(105.0)
+    assert hand['period_ms'] == pytest.approx(5.0)
+    assert hand['rate_hz'] == pytest.approx(499 / 2.595, rel=1e-3)
+    assert hand['jitter_median_ms'] == pytest.approx(0.0, abs=1e-5)
+    assert '/handover/state' not in measure(run)['topics']
+
+
+def test_nodes(run_bag: Path) -> None:
+    node = measure(load_run(run_bag))['nodes']['dmp']
+    assert node == {'reports': 3, 'faults': ['hand too old'], 'values': {'rate (Hz)': '200.0'}}
+
+
+def test_inverse_kinematics_and_age(run_bag: Path) -> None:
+    numbers = measure(load_run(run_bag))
+    assert numbers['inverse_kinematics']['least_speed_share'] == pytest.approx(0.8)
+    assert numbers['inverse_kinematics']['limited_time_share'] == pytest.approx(
+        0.1 / 1.8, abs=0.01
+    )
+    assert 3.0 <= numbers['hand_age_median_ms'] <= 5.0
+
+
+def test_a_bare_run_has_gaps_and_no_errors(make_run: Callable[..., Path], tmp_path: Path) -> None:
+    absent = (
+        '/clock', '/human/pose', '/wrist/pose_command', '/wrist/twist_command', '/handover/state',
+        '/joint_velocity_controller/commands', '/handover/phase', '/wrist/ik_status',
+        '/diagnostics', '/handover/info', '/robot_description',
+    )  # fmt: skip
+    numbers = measure(load_run(make_run(tmp_path / 'run', leave_out=absent)))
+    assert numbers['handed_over'] is False
+    assert numbers['exchange_gap_m'] is None
+    assert numbers['to_human']['rms_m'] is None
+    assert numbers['limits']['met'] is None
+    json.dumps(numbers, allow_nan=False)

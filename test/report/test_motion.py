@@ -1,0 +1,55 @@
+from __future__ import annotations
+
+from handover_dmp.report.motion import Bell, bell_of, velocity
+import numpy as np
+import pytest
+
+
+def test_velocity_of_a_polynomial_is_exact() -> None:
+    times = np.arange(0.0, 1.0, 0.005)
+    positions = np.stack([times**2, 3 * times, times**3], axis=1)
+    even, found = velocity(times, positions)
+    expected = np.stack([2 * even, np.full_like(even, 3.0), 3 * even**2], axis=1)
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+def test_velocity_of_uneven_and_noisy_samples() -> None:
+    noise = np.random.default_rng(0)
+    times = np.sort(noise.uniform(0.0, 2.0, 500))
+    positions = np.sin(2 * times)[:, None] + noise.normal(0.0, 1e-4, (500, 1))
+    even, found = velocity(times, positions)
+    errors = np.abs(found[:, 0] - 2 * np.cos(2 * even))[20:-20]
+    assert np.sqrt((errors**2).mean()) < 0.01
+
+
+def test_too_little_has_no_velocity() -> None:
+    assert len(velocity(np.array([0.0, 0.01]), np.zeros((2, 3)))[0]) == 0
+    assert len(velocity(np.zeros(0), np.zeros((0, 3)))[0]) == 0
+
+
+@pytest.mark.parametrize(('begin', 'duration', 'distance'), [(0.3, 1.2, 0.7), (1.0, 0.5, 0.1)])
+def test_the_bell_of_a_bell_is_itself(begin: float, duration: float, distance: float) -> None:
+    bell = Bell(begin, duration, distance)
+    times = np.arange(0.0, 3.0, 0.005)
+    speeds = bell.speed(times)
+    assert speeds.max() == pytest.approx(bell.peak, rel=1e-3)
+    assert np.trapezoid(speeds, times) == pytest.approx(distance, rel=1e-4)
+    found = bell_of(times, speeds)
+    assert found is not None
+    assert found.begin_s == pytest.approx(begin, abs=0.01)
+    assert found.duration_s == pytest.approx(duration, abs=0.02)
+    assert found.distance == pytest.approx(distance, rel=0.02)
+
+
+def test_the_bell_ends_when_the_reach_does() -> None:
+    bell = Bell(0.3, 1.2, 0.7)
+    times = np.arange(0.0, 4.0, 0.005)
+    speeds = np.maximum(bell.speed(times), np.where(times > 1.2, 0.2, 0.0))
+    found = bell_of(times, speeds, until_s=1.6)
+    assert found is not None
+    assert found.duration_s == pytest.approx(1.35, abs=0.1)
+
+
+def test_nothing_moves() -> None:
+    assert bell_of(np.arange(10.0), np.zeros(10)) is None
+    assert bell_of(np.zeros(0), np.zeros(0), until_s=1.0) is None
