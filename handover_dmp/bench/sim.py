@@ -146,7 +146,7 @@ def _figure_ratio(model: RobotModel) -> float:
 
 def _image_s() -> float:
     model = RobotModel.load('lwr4', base=BasePlacement((0.0, 0.0, 0.6), 0.0))
-    times = PERIOD_S * np.arange(PERIODS)
+    times: Array = PERIOD_S * np.arange(PERIODS, dtype=np.float64)
     joints = np.tile(model.home, (PERIODS, 1))
     with Scene(model, times, joints, _hand_path()) as scene:
         return time_call(lambda: scene.image(0.8, 640, 480), rounds=7)

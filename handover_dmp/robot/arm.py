@@ -147,7 +147,7 @@ class SimulatedArm:
         if np.any(home < limits.lower - 1e-9) or np.any(home > limits.upper + 1e-9):
             raise UsageError(f'the posture is beyond the joint limits of {self.model.name}')
         self.world.reset(home)
-        self._reference = np.array(home)
+        self._reference: Array = np.array(home)
         self._velocity = np.zeros(self.model.dof)
         self._target = np.zeros(self.model.dof)
         self._interpolator.reset(self._velocity)
@@ -224,13 +224,13 @@ class SimulatedArm:
             return self._refuse('a command that is not a row of numbers')
         if wanted.shape != (self.model.dof,):
             return self._refuse(f'a command of shape {wanted.shape} for {self.model.dof} joints')
-        if not np.isfinite(wanted).all():
+        share = np.abs(wanted) / self.model.limits.velocity
+        worst = int(share.argmax())  # that of a number that is none, if there is one
+        if not isfinite(share[worst]):
             return self._refuse('a command with numbers that are not finite')
         if self._state is ArmState.STOPPED:
             return CommandOutcome.IGNORED
         self._deadline_s = self.time_s + self.options.command_timeout_s
-        share = np.abs(wanted) / self.model.limits.velocity
-        worst = int(np.argmax(share))
         if share[worst] <= 1.0 + 1e-9:
             self._target = wanted
             return CommandOutcome.ACCEPTED

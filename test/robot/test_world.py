@@ -55,9 +55,9 @@ def test_motors_make_the_velocity_they_are_told(share):
             world.drive((wanted * k / 300).tolist())
             world.step()
         positions, velocities = world.read()
-    assert velocities == pytest.approx(wanted, abs=1e-5)
+    assert velocities == pytest.approx(wanted, abs=1e-9)
     expected = model.home + wanted * 1e-3 * sum(range(1, 301)) / 300
-    assert positions == pytest.approx(expected, abs=1e-5)
+    assert positions == pytest.approx(expected, abs=1e-9)
 
 
 def test_worlds_side_by_side_do_not_know_of_each_other():
