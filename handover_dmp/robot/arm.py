@@ -180,7 +180,7 @@ class SimulatedArm:
     @property
     def reference_positions(self) -> Array:
         """What the motors follow: the integral of the interpolated commands, (n,), rad."""
-        return self._reference.copy()
+        return np.array(self._reference)
 
     @property
     def moving(self) -> bool:

@@ -87,9 +87,9 @@ class World:
     def _fill(self, figure: HumanFigure | None, use_file_inertia: bool) -> None:
         pybullet.setTimeStep(self.options.time_step_s, physicsClientId=self.client)
         pybullet.setGravity(0, 0, self.options.gravity, physicsClientId=self.client)
-        # The motors are equations that hang together, more so the nearer joints come to coaxial.
-        # PyBullet's own iterative solver stops up to 1e-3 rad/s beside them; this one is exact, and
-        # faster.
+        # The motors are equations that hang together, more so the nearer joints are to coaxial.
+        # PyBullet's default solver, which iterates, stops up to 1e-3 rad/s beside them; this one is
+        # exact, and faster.
         with silenced():
             pybullet.setPhysicsEngineParameter(
                 constraintSolverType=pybullet.CONSTRAINT_SOLVER_LCP_DANTZIG,
