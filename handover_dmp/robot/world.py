@@ -88,8 +88,8 @@ class World:
         pybullet.setTimeStep(self.options.time_step_s, physicsClientId=self.client)
         pybullet.setGravity(0, 0, self.options.gravity, physicsClientId=self.client)
         # The motors are equations that hang together, more so the nearer joints are to coaxial.
-        # PyBullet's default solver, which iterates, stops up to 1e-3 rad/s beside them; this one is
-        # exact, and faster.
+        # PyBullet's default solver, which iterates, stops up to 1e-3 rad/s beside them; this one
+        # is exact, and faster.
         with silenced():
             pybullet.setPhysicsEngineParameter(
                 constraintSolverType=pybullet.CONSTRAINT_SOLVER_LCP_DANTZIG,
