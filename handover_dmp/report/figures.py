@@ -21,7 +21,7 @@ from handover_dmp.topics import (
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, NullLocator
 import numpy as np
 
@@ -105,8 +105,8 @@ def write_figures(run: RunRecord, folder: Path) -> list[Picture]:
         (
             Picture(
                 'speeds',
-                'Speeds. The thin line is the minimum-jerk bell of the same distance and '
-                'duration as the reach of the robot.',
+                'Speeds. The thin line is the minimum-jerk bell nearest to the reach of the '
+                'robot.',
             ),
             draw_speeds,
         ),
@@ -160,14 +160,14 @@ def draw_positions(run: RunRecord) -> Figure:
             ax.plot(run.hand_times, run.hand_positions[:, axis], **HAND, label=HAND_NAME)
             ax.plot(run.wrist_times, run.wrist_positions[:, axis], **ROBOT, label=ROBOT_NAME)
             ax.set_ylabel(f'{name}, m')
-        _legend_above(axes[0])
     return figure
 
 
 def draw_paths(run: RunRecord) -> Figure:
     """Draw the paths in space, from above and from the side."""
-    figure = Figure(figsize=(WIDTH, 4.2), layout='constrained')
+    figure = Figure(figsize=(WIDTH, 4.2))
     grid = figure.add_gridspec(1, 3, width_ratios=(1.35, 1, 1))
+    _margins(figure, left=0.0, right=0.15, top=0.35, bottom=0.95, wspace=0.3)
     space: Any = figure.add_subplot(grid[0], projection='3d')
     above, side = figure.add_subplot(grid[1]), figure.add_subplot(grid[2])
     shown = _shown_span(run)
@@ -205,7 +205,7 @@ def draw_paths(run: RunRecord) -> Figure:
         scale.set_major_locator(MaxNLocator(4))
         scale.set_tick_params(labelsize=8)
     space.set_title('● start   ★ exchange' if met is not None else '● start')
-    figure.legend(*space.get_legend_handles_labels(), loc='outside lower center', ncols=3)
+    figure.legend(*space.get_legend_handles_labels(), loc='lower center', ncols=3)
     return figure
 
 
@@ -228,7 +228,6 @@ def draw_speeds(run: RunRecord) -> Figure:
             ax.plot(shown, bell.speed(shown), **{**QUIET, 'linewidth': 1.0}, label='minimum jerk')
         ax.set_ylabel('speed, m/s')
         ax.set_ylim(bottom=0)
-        _legend_above(ax, columns=4)
     return figure
 
 
@@ -242,7 +241,6 @@ def draw_phase(run: RunRecord) -> Figure | None:
                 label='phase s')  # fmt: skip
         ax.plot(run.phase_times, weight, **ROBOT, label='weight of the goal $w_g$')
         ax.set(ylim=(-0.04, 1.04), ylabel='share')
-        _legend_above(ax)
         goal = goal_at(run, run.wrist_times)
         distance = np.linalg.norm(goal - run.wrist_positions, axis=1) * 1e3
         gap.plot(run.wrist_times, distance, **QUIET)
@@ -278,10 +276,11 @@ def draw_joints(run: RunRecord) -> Figure:
                 ax.yaxis.set_major_locator(MaxNLocator(3, symmetric=True))
         axes[0].set_title('position, °')
         axes[1].set_title('velocity, °/s')
-        lines = [Line2D([], [], **ROBOT, label='measured')]
-        lines += [Line2D([], [], **COMMAND, label='commanded')] if len(run.joint_commands) else []
-        lines += [Line2D([], [], **LIMIT, label='limit')] if limits is not None else []
-        figure.legend(handles=lines, loc='outside upper center', ncols=3)
+        axes[0].plot([], [], **ROBOT, label='measured')
+        if len(run.joint_commands):
+            axes[0].plot([], [], **COMMAND, label='commanded')
+        if limits is not None:
+            axes[0].plot([], [], **LIMIT, label='limit')
     return figure
 
 
@@ -318,8 +317,9 @@ def draw_timing(run: RunRecord) -> Figure:
         if len(run.stamps.get(topic.name, ())) > 2
     ]
     age = run.phase.get('hand_age_s')
-    figure = Figure(figsize=(WIDTH, 4.8), layout='constrained')
+    figure = Figure(figsize=(WIDTH, 4.8))
     axes = figure.subplots(2, 3).ravel()
+    _margins(figure, left=0.6, right=0.15, top=0.5, bottom=0.5, hspace=0.62, wspace=0.3)
     for ax, topic in zip(axes, topics, strict=False):
         periods = np.diff(np.sort(run.stamps[topic])) * 1e3
         _histogram(ax, periods, topic, 'time between messages, ms')
@@ -352,8 +352,9 @@ def _panels(
     rows: int, height: float, run: RunRecord, columns: int = 1
 ) -> Iterator[tuple[Figure, list[Axes]]]:
     """Give panels above one another over one time, with the exchange shaded."""
-    figure = Figure(figsize=(WIDTH, 1.0 + rows * height), layout='constrained')
+    figure = Figure(figsize=(WIDTH, 1.0 + rows * height))
     grid = figure.subplots(rows, columns, sharex=True, squeeze=False)
+    _margins(figure, left=0.85, right=0.15, top=0.4 if columns == 1 else 0.65, bottom=0.55)
     axes = list(grid.ravel())
     yield figure, axes
     span = run.exchange_span_s
@@ -361,19 +362,29 @@ def _panels(
         ax.set_xlim(*_shown_span(run))
         if span is not None:
             ax.axvspan(*span, color=EXCHANGE_COLOUR, alpha=0.55, linewidth=0, zorder=0)
-    if span is not None and columns == 1:
-        axes[0].annotate(
-            'exchange', (sum(span) / 2, 1.0), xycoords=('data', 'axes fraction'),
-            xytext=(0, 3), textcoords='offset points', ha='center', fontsize=9, color='#7a5a12',
-        )  # fmt: skip
     for ax in grid[-1]:
         ax.set_xlabel('time, s')
+    lines = axes[0].get_legend_handles_labels()[0]
+    if span is not None:
+        lines = [*lines, Patch(color=EXCHANGE_COLOUR, alpha=0.55, label='exchange')]
+    figure.legend(
+        handles=lines, loc='upper left', ncols=len(lines) or 1, borderaxespad=0.3,
+        bbox_to_anchor=(0.85 / WIDTH - 0.01, 1.0), columnspacing=1.6,
+    )  # fmt: skip
+    figure.align_ylabels(axes)
+
+
+def _margins(
+    figure: Figure, *, left: float, right: float, top: float, bottom: float, **gaps: float
+) -> None:
+    """Set the margins in inches; matplotlib's own layouts take as long as all the drawing."""
+    width, height = figure.get_size_inches()
+    figure.subplots_adjust(
+        left=left / width, right=1 - right / width, top=1 - top / height, bottom=bottom / height,
+        **{'hspace': 0.13, 'wspace': 0.2, **gaps},
+    )  # fmt: skip
 
 
 def _shown_span(run: RunRecord) -> tuple[float, float]:
     begin = run.reaching_time_s
     return (max(0.0, begin - BEFORE_S) if begin is not None else 0.0, run.end_time_s)
-
-
-def _legend_above(ax: Axes, columns: int = 3) -> None:
-    ax.legend(loc='lower left', bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.2)

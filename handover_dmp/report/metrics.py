@@ -249,14 +249,21 @@ def _speeds(run: RunRecord) -> Numbers:
         speeds = np.linalg.norm(velocities, axis=1)
         found[f'{name}_peak_speed_m_s'] = float(speeds.max()) if len(speeds) else None
         if name == 'wrist':
-            bell = bell_of(even, speeds, until_s=run.exchange_time_s)
-            found['wrist_peak_share_of_minimum_jerk'] = (
-                float(speeds.max() / bell.peak) if bell else None
-            )
+            found['wrist_from_minimum_jerk_share'] = _from_bell(run, even, speeds)
     if len(run.twist_velocities):
         commanded = np.linalg.norm(run.twist_velocities, axis=1)
         found['command_peak_speed_m_s'] = float(commanded.max())
     return found
+
+
+def _from_bell(run: RunRecord, times: Array, speeds: Array) -> float | None:
+    """RMS difference of the reach's speed from the nearest bell, as a share of the bell's peak."""
+    bell = bell_of(times, speeds, run.exchange_time_s)
+    if bell is None:
+        return None
+    reach = (times >= bell.begin_s) & (times <= bell.begin_s + bell.duration_s)
+    miss = speeds[reach] - bell.speed(times[reach])
+    return float(np.sqrt((miss**2).mean()) / bell.peak) if reach.any() else None
 
 
 def _to_human(run: RunRecord) -> Numbers:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import trapezoid
+from scipy.optimize import least_squares
 from scipy.signal import savgol_filter
 
 Array = NDArray[np.float64]
@@ -15,8 +15,10 @@ RATE_HZ = 200.0
 # long enough for the noise of a tracker (0.1 mm) to stay below 5 mm/s, short against a reach
 WINDOW_S = 0.1
 ORDER = 3
-# where the speed passes this share of its peak, a reach begins and ends
+# where the speed passes this share of its peak, a reach begins
 ONSET = 0.05
+LEAST_SAMPLES = 10
+LEAST_SPEED = 1e-3
 
 
 def resample(times: Array, values: Array, at: Array) -> Array:
@@ -88,10 +90,7 @@ class Bell:
 
 def bell_of(times: Array, speeds: Array, until_s: float | None = None) -> Bell | None:
     """
-    Find the minimum-jerk reach that takes as long and goes as far.
-
-    It begins and ends where the speed around its peak passes 5 % of it; where the bell itself does
-    that, 6.8 % of its duration from either end, is accounted for.
+    Find the minimum-jerk reach whose speed is nearest to a measured one, by least squares.
 
     Args:
         times: (n,) s.
@@ -105,17 +104,17 @@ def bell_of(times: Array, speeds: Array, until_s: float | None = None) -> Bell |
     """
     if until_s is not None:
         times, speeds = times[times <= until_s], speeds[times <= until_s]
-    if len(speeds) < 3 or speeds.max() < 1e-3:
+    if len(speeds) < LEAST_SAMPLES or speeds.max() < LEAST_SPEED:
         return None
     top = int(np.argmax(speeds))
-    slow = speeds < ONSET * speeds[top]
-    first = int(np.flatnonzero(slow[:top])[-1]) if slow[:top].any() else 0
-    after = np.flatnonzero(slow[top:])
-    last = top + int(after[0]) if len(after) else len(speeds) - 1
-    distance = float(trapezoid(speeds[first : last + 1], times[first : last + 1]))
-    u = np.linspace(0.0, 0.5, 5001)
-    margin = float(np.interp(ONSET * 1.875, 30 * u**2 * (1 - u) ** 2, u))
-    duration = (times[last] - times[first]) / (1 - 2 * margin)
-    if duration <= 0 or distance <= 0:
-        return None
-    return Bell(float(times[first] - margin * duration), float(duration), distance)
+    slow = np.flatnonzero(speeds[:top] < ONSET * speeds[top])
+    half_s = float(times[top] - times[slow[-1] if len(slow) else 0]) or 1.0 / RATE_HZ
+    first = (times[top] - half_s, 2 * half_s, speeds[top] * 2 * half_s / 1.875)
+
+    def miss(parameters: Array) -> Array:
+        return Bell(*parameters).speed(times) - speeds
+
+    found = least_squares(
+        miss, first, bounds=([-np.inf, 1.0 / RATE_HZ, 0.0], np.inf), x_scale=np.abs(first) + 0.1
+    )
+    return Bell(*(float(one) for one in found.x))

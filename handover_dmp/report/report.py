@@ -127,7 +127,9 @@ def _summary(report: Numbers) -> Table:
         (
             'peak speed of the wrist',
             _number(report['wrist_peak_speed_m_s'], 1, 'm/s', 2),
-            _share(report['wrist_peak_share_of_minimum_jerk'], 'of a minimum-jerk reach'),
+            _share(
+                report['wrist_from_minimum_jerk_share'], 'RMS from the nearest minimum-jerk bell'
+            ),
         ),
         _fact('peak speed of the person in its place', report['human_peak_speed_m_s'], 'm/s'),
         _fact('peak speed of the hand', report['hand_peak_speed_m_s'], 'm/s'),

@@ -60,7 +60,7 @@ def test_peak_speeds(run_bag: Path, make_motion: Callable[..., Any]) -> None:
         speeds = np.linalg.norm(np.gradient(getattr(motion, name)(times), 1e-4, axis=0), axis=1)
         assert numbers[f'{name}_peak_speed_m_s'] == pytest.approx(speeds.max(), rel=0.01)
     # it is a minimum-jerk reach but for the hand that moves meanwhile
-    assert numbers['wrist_peak_share_of_minimum_jerk'] == pytest.approx(1.0, abs=0.05)
+    assert numbers['wrist_from_minimum_jerk_share'] < 0.03
 
 
 def test_limits_that_are_kept(run_bag: Path, make_motion: Callable[..., Any]) -> None:

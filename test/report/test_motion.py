@@ -33,12 +33,12 @@ def test_the_bell_of_a_bell_is_itself(begin: float, duration: float, distance: f
     times = np.arange(0.0, 3.0, 0.005)
     speeds = bell.speed(times)
     assert speeds.max() == pytest.approx(bell.peak, rel=1e-3)
-    assert np.trapezoid(speeds, times) == pytest.approx(distance, rel=1e-4)
+    assert speeds.sum() * 0.005 == pytest.approx(distance, rel=1e-4)
     found = bell_of(times, speeds)
     assert found is not None
-    assert found.begin_s == pytest.approx(begin, abs=0.01)
-    assert found.duration_s == pytest.approx(duration, abs=0.02)
-    assert found.distance == pytest.approx(distance, rel=0.02)
+    assert found.begin_s == pytest.approx(begin, abs=1e-4)
+    assert found.duration_s == pytest.approx(duration, abs=1e-4)
+    assert found.distance == pytest.approx(distance, rel=1e-4)
 
 
 def test_the_bell_ends_when_the_reach_does() -> None:
@@ -47,7 +47,7 @@ def test_the_bell_ends_when_the_reach_does() -> None:
     speeds = np.maximum(bell.speed(times), np.where(times > 1.2, 0.2, 0.0))
     found = bell_of(times, speeds, until_s=1.6)
     assert found is not None
-    assert found.duration_s == pytest.approx(1.35, abs=0.1)
+    assert found.duration_s == pytest.approx(1.2, abs=0.1)
 
 
 def test_nothing_moves() -> None:
