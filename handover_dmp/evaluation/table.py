@@ -142,7 +142,11 @@ def renderable(rows: Sequence[Row], summary: Sequence[Row]) -> Group:
 
 def _paper_table(rows: Sequence[Row], summary: Sequence[Row]) -> Table:
     learns = [learn for learn in LEARN if any(row.learn == learn for row in summary)]
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), title='Table I: curves of the decoupled DMP within kσ of people, %')
+    table = Table(
+        box=box.SIMPLE_HEAD,
+        padding=(0, 0, 0, 1),
+        title='Table I: curves of the decoupled DMP within kσ of people, %',
+    )
     table.add_column('configuration', no_wrap=True)
     table.add_column('exchange')
     table.add_column('n', justify='right')
@@ -175,7 +179,11 @@ def _within(
 
 
 def _methods_table(summary: Sequence[Row]) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), title='All cases, every method; beside each figure its 95 % interval')
+    table = Table(
+        box=box.SIMPLE_HEAD,
+        padding=(0, 0, 0, 1),
+        title='All cases, every method; beside each figure its 95 % interval',
+    )
     table.add_column('method', no_wrap=True)
     table.add_column('learn', no_wrap=True)
     table.add_column('curves', justify='right')
