@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -93,24 +92,29 @@ class Basis:
 
 
 @lru_cache(maxsize=16)
-def equally_spaced(count: int, alpha: float, widths: Sequence[float] = (1.0,)) -> Basis:
+def equally_spaced(count: int, alpha: float, widths: tuple[float, ...] = ()) -> Basis:
     """
     Spread Gaussians so that their centres are equally spaced in time.
 
+    Of several widths, each gets two thirds of the number of the one before.
+
     Args:
-        count: number of centres, at least 2; the first is at the start, the last at τ.
+        count: number of basis functions, at least 2 for each width.
         alpha: decay rate of the phase (4).
-        widths: the Gaussians that each centre gets, in units of the usual width, at which
-            neighbours of one width meet at exp(−1/4).
+        widths: where the Gaussians of a kind have fallen to 1/e, in units of τ; at least the
+            distance of the centres, and just that if left out.
 
     Returns:
-        A basis of `count`·len(`widths`) functions.
+        The basis functions; of each width, the first is at the start and the last at τ.
 
     """
-    centres = np.exp(-alpha * np.linspace(0.0, 1.0, count))
-    distances = -np.diff(centres)
-    sharpness = 1.0 / np.append(distances, distances[-1]) ** 2
-    return Basis(
-        np.tile(centres, len(widths)),
-        np.concatenate([sharpness / width**2 for width in widths]),
-    )
+    kinds = widths or (0.0,)
+    shares = (2.0 / 3.0) ** np.arange(len(kinds))
+    sizes = np.maximum(np.round(count * shares / shares.sum()).astype(int), 2)
+    sizes[0] = count - sizes[1:].sum()
+    centres = [np.exp(-alpha * np.linspace(0.0, 1.0, size)) for size in sizes]
+    reach = [
+        np.maximum(-np.diff(each, append=each[-1] ** 2 / each[-2]), alpha * width * each)
+        for each, width in zip(centres, kinds, strict=True)
+    ]
+    return Basis(np.concatenate(centres), 1.0 / np.concatenate(reach) ** 2)

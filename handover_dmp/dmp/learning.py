@@ -22,8 +22,9 @@ AnyPrimitive = TypeVar('AnyPrimitive', bound=Primitive)
 REGRESSIONS = ('rvm', 'ridge')
 DEFAULT_BASIS = 100
 MOST_BASIS = 2000
+WIDTHS: dict[str, tuple[float, ...]] = {'rvm': (0.045, 0.15), 'ridge': ()}
 ROWS = 301  # rows of the regression for each demonstration, more if it has more samples
-RIDGE = 1e-10  # relative to the mean square of a column
+RIDGE = 1e-13  # relative to the mean square of a column
 
 
 def learn(
@@ -33,7 +34,7 @@ def learn(
     *,
     regression: str = 'rvm',
     basis: int = DEFAULT_BASIS,
-    widths: Sequence[float] = (1.0,),
+    widths: Sequence[float] | None = None,
     source: str = '',
     primitive: type[AnyPrimitive] = DecoupledDmp,  # type: ignore[assignment]
 ) -> AnyPrimitive:
@@ -49,8 +50,10 @@ def learn(
         positions: m, (n, d).
         parameters: of the primitive; the defaults of `config/handover.yaml` if left out.
         regression: `rvm`, sparse Bayesian, or `ridge`.
-        basis: number of centres, 2 to 2000.
-        widths: the Gaussians each centre gets, in units of the usual width.
+        basis: number of basis functions, 2 to 2000.
+        widths: where their Gaussians have fallen to 1/e, in units of τ, at least the distance of
+            their centres. If left out: that distance for ridge, and 0.045 and 0.15 for rvm, which
+            picks those it needs.
         source: what it is learnt from, in words.
         primitive: `DecoupledDmp` or `ClassicalDmp`.
 
@@ -79,7 +82,7 @@ def learn_mean(
     *,
     regression: str = 'rvm',
     basis: int = DEFAULT_BASIS,
-    widths: Sequence[float] = (1.0,),
+    widths: Sequence[float] | None = None,
     source: str = '',
     primitive: type[AnyPrimitive] = DecoupledDmp,  # type: ignore[assignment]
 ) -> AnyPrimitive:
@@ -123,7 +126,7 @@ def learn_jointly(
     *,
     regression: str = 'rvm',
     basis: int = DEFAULT_BASIS,
-    widths: Sequence[float] = (1.0,),
+    widths: Sequence[float] | None = None,
     source: str = '',
     primitive: type[AnyPrimitive] = DecoupledDmp,  # type: ignore[assignment]
 ) -> AnyPrimitive:
@@ -149,8 +152,13 @@ def learn_jointly(
     """
     if regression not in REGRESSIONS:
         raise UsageError(f'regression is {regression!r}; known: {", ".join(REGRESSIONS)}')
-    if not 2 <= basis * len(widths) <= MOST_BASIS or basis < 2 or min(widths) <= 0.0:
-        raise UsageError(f'{basis} basis functions; there must be 2 to {MOST_BASIS}')
+    kinds = WIDTHS[regression] if widths is None else tuple(widths)
+    if not max(2, 2 * len(kinds)) <= basis <= MOST_BASIS:
+        raise UsageError(
+            f'{basis} basis functions; there must be 2 a width and up to {MOST_BASIS}'
+        )
+    if not all(0.0 < width <= 10.0 for width in kinds):
+        raise UsageError(f'widths are {kinds}; they must be above 0 and up to 10')
     if not demonstrations:
         raise DataError('no demonstration to learn from')
     parameters = parameters or DmpParameters()
@@ -160,7 +168,7 @@ def learn_jointly(
     ]
     if len({motion.position.shape[1] for motion in motions}) != 1:
         raise DataError('the demonstrations have different numbers of dimensions')
-    pool = equally_spaced(basis, parameters.alpha, tuple(widths))
+    pool = equally_spaced(basis, parameters.alpha, kinds)
     blank = primitive(
         parameters,
         float(np.mean([motion.duration_s for motion in motions])),

@@ -2,7 +2,8 @@
 Sparse Bayesian regression, the relevance vector machine, over any set of candidates.
 
 M. E. Tipping, A. C. Faul, "Fast Marginal Likelihood Maximisation for Sparse Bayesian Models",
-AISTATS 2003. The names s, q, S, Q are theirs, (22) to (32) there; β is the precision of the noise.
+AISTATS 2003. The names s, q, S, Q and the numbers of equations are theirs; β is the precision of
+the noise.
 """
 
 from __future__ import annotations
@@ -15,10 +16,11 @@ from scipy.linalg.lapack import dpotrf, dpotri
 
 Array = NDArray[np.float64]
 
-LEAST_GAIN = 1e-3  # in the logarithm of the evidence; smaller steps end the search
+LEAST_GAIN = 1e-2  # in the logarithm of the evidence; smaller steps end the search
 LEAST_CHANGE = 1e-2  # of ln β
-MOST_STEPS = 2000
-LEAST_NOISE = 1e-10  # variance of the noise relative to the mean square of the target
+MOST_STEPS = 1000
+LEAST_NOISE = 1e-9  # variance of the noise relative to the mean square of the target
+ROUNDING = 1e-12
 LEAST_NORM = 1e-6  # of a candidate's column, relative to the largest
 
 
@@ -58,108 +60,90 @@ def sparse_bayes(design: Array, target: Array, *, information: float = 1.0) -> S
         Weights, their covariance, and the noise.
 
     """
-    power = float(target @ target) / target.size
-    norms = np.sqrt(np.einsum('ij,ij->j', design, design))
+    power = information * float(target @ target)
+    norms = np.sqrt(np.einsum('ij,ij->j', design, design) * information)
     usable = np.flatnonzero(norms > LEAST_NORM * norms.max(initial=0.0))
     if power == 0.0 or usable.size == 0:
         return SparseWeights(np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 0)), 0.0)
-    unit = design[:, usable] / norms[usable]
-    gram = information * (unit.T @ unit)
-    projection = information * (unit.T @ target)
-    search = _Search(
-        gram, projection, information * target.size, information * power * target.size
-    )
-    while search.steps < MOST_STEPS and search.improve():
-        pass
+    scale = 1.0 / norms[usable]
+    columns = design[:, usable]
+    gram = (columns.T @ columns) * np.outer(scale, scale) * information
+    projection = (target @ columns) * scale * information
+    search = _Search(gram, projection, information * target.size, power)
+    for _ in range(MOST_STEPS):
+        if not search.improve():
+            break
     order = np.argsort(search.active)
-    scale = 1.0 / norms[usable[search.active][order]]
+    active = search.active[order]
     return SparseWeights(
-        usable[search.active][order],
-        search.mean[order] * scale,
-        search.covariance[np.ix_(order, order)] * np.outer(scale, scale),
+        usable[active],
+        search.mean[order] * scale[active],
+        search.covariance[np.ix_(order, order)] * np.outer(scale[active], scale[active]),
         search.beta**-0.5,
     )
 
 
 class _Search:
-    """The set of active candidates, their α, and β; candidates' columns have norm 1."""
+    """The active candidates, their 1/α_i, and β; all columns have norm 1."""
 
     def __init__(self, gram: Array, projection: Array, samples: float, power: float) -> None:
         self.gram, self.projection = gram, projection
         self.samples, self.power = samples, power
-        self.least_variance = LEAST_NOISE * power / samples
-        self.diagonal = gram.diagonal().copy()
-        self.alpha = np.full(projection.size, np.inf)
+        self.spread = np.zeros(projection.size)  # 1/α, 0 where not active
         self.beta = 10.0 * samples / power
-        self.steps = 0
-        first = int(np.argmax(projection**2 / self.diagonal))
-        explained = projection[first] ** 2 / self.diagonal[first]
-        self.alpha[first] = self.diagonal[first] / max(
-            explained - 1.0 / self.beta, 1e-3 * explained
-        )
+        first = int(np.argmax(np.abs(projection)))
+        self.spread[first] = projection[first] ** 2
         self.active = np.array([first])
         self._solve()
 
     def improve(self) -> bool:
         """Take the step that gains most; tell whether another one is worth while."""
-        self.steps += 1
-        alpha, beta, active = self.alpha, self.beta, self.active
-        columns = self.gram[:, active]
-        weighted = beta * (columns @ self.covariance)
-        sparsity = beta * (self.diagonal - np.einsum('ij,ij->i', weighted, columns))
-        quality = beta * (self.projection - columns @ self.mean)
-        squared = quality * quality
-        small_s, small_q = sparsity.copy(), quality.copy()
-        factor = alpha[active] / (alpha[active] - sparsity[active])
-        small_s[active] *= factor
-        small_q[active] *= factor
-        theta = small_q * small_q - small_s
-
-        gain = np.full(alpha.size, -np.inf)
-        new = np.isinf(alpha) & (theta > 0.0)
-        ratio = squared[new] / sparsity[new]
-        gain[new] = ratio - 1.0 - np.log(ratio)
-        better = active[theta[active] > 0.0]
-        change = theta[better] / small_s[better] ** 2 - 1.0 / alpha[better]
-        # (32): change is 1/α_new − 1/α
-        gain[better] = squared[better] * change / (1.0 + sparsity[better] * change) - np.log1p(
-            sparsity[better] * change
-        )
-        worse = active[theta[active] <= 0.0]
-        if active.size > 1 and worse.size:
-            left = sparsity[worse] - alpha[worse]
-            gain[worse] = squared[worse] / left - np.log1p(-sparsity[worse] / alpha[worse])
+        spread, beta = self.spread, self.beta
+        rows = self.gram[self.active]
+        sparsity = beta - beta * beta * np.einsum('ij,ij->j', self.covariance @ rows, rows)
+        quality = beta * (self.projection - self.mean @ rows)
+        # (23): s and q from S and Q, without the candidate itself where it is active
+        factor = 1.0 / np.maximum(1.0 - spread * sparsity, ROUNDING)
+        small_s = sparsity * factor
+        theta = (quality * factor) ** 2 - small_s
+        # (20), and 0 where the evidence is greater without it
+        better = np.where(theta > 0.0, theta / (small_s * small_s), 0.0)
+        # (32), which is (27) where the candidate was not active and (37) where it goes
+        change = better - spread
+        growth = np.maximum(sparsity * change, ROUNDING - 1.0)
+        gain = quality * quality * change / (1.0 + growth) - np.log1p(growth)
+        if self.active.size == 1 and better[self.active[0]] == 0.0:
+            gain[self.active[0]] = 0.0
         best = int(np.argmax(gain))
-        if gain[best] > LEAST_GAIN:
-            held = np.isfinite(alpha[best])
-            if theta[best] > 0.0:
-                alpha[best] = small_s[best] ** 2 / theta[best]
-                if not held:
-                    self.active = np.append(active, best)
-            else:
-                alpha[best] = np.inf
-                self.active = active[active != best]
-        self._solve()
+        gained = gain[best] > LEAST_GAIN
+        if gained:
+            if spread[best] == 0.0:
+                self.active = np.append(self.active, best)
+            elif better[best] == 0.0:
+                self.active = self.active[self.active != best]
+            spread[best] = better[best]
+            self._solve()
         self.beta = self._noise_precision()
-        settled = abs(np.log(self.beta / beta)) < LEAST_CHANGE
         self._solve()
-        return bool(gain[best] > LEAST_GAIN or not settled)
+        return bool(gained) or abs(np.log(self.beta / beta)) > LEAST_CHANGE
 
     def _noise_precision(self) -> float:
         """Re-estimate β: samples less well determined weights, over the squared residual."""
         active, mean = self.active, self.mean
-        residual = self.power - 2.0 * mean @ self.projection[active]
-        residual += mean @ self.gram[np.ix_(active, active)] @ mean
-        determined = active.size - self.alpha[active] @ self.covariance.diagonal()
+        determined = active.size - self.covariance.diagonal() @ (1.0 / self.spread[active])
+        # (βG + 1/spread)·mean = β·projection saves the product with G
+        fitted = self.projection[active] - mean / (self.beta * self.spread[active])
+        residual = self.power + mean @ (fitted - 2.0 * self.projection[active])
         variance = residual / max(self.samples - determined, 1.0)
-        return 1.0 / max(float(variance), self.least_variance)
+        return 1.0 / max(float(variance), LEAST_NOISE * self.power / self.samples)
 
     def _solve(self) -> None:
-        """Work out mean and covariance of the active weights."""
+        """Work out mean and covariance of the active weights, (22)."""
         active = self.active
-        precision = self.beta * self.gram[np.ix_(active, active)]
-        precision[np.diag_indices_from(precision)] += self.alpha[active]
-        factor, _ = dpotrf(precision, lower=1)
-        inverse, _ = dpotri(factor, lower=1)
-        self.covariance = np.tril(inverse) + np.tril(inverse, -1).T
+        precision = self.gram[active[:, None], active]
+        precision *= self.beta
+        precision.flat[:: active.size + 1] += 1.0 / self.spread[active]
+        inverse, _ = dpotri(dpotrf(precision, lower=1)[0], lower=1)
+        self.covariance = inverse + inverse.T
+        self.covariance.flat[:: active.size + 1] *= 0.5
         self.mean = self.beta * (self.covariance @ self.projection[active])
