@@ -13,7 +13,7 @@ from typing import Any
 
 from handover_dmp import __version__
 from handover_dmp.dmp import save_model
-from handover_dmp.errors import DataError, HandoverError
+from handover_dmp.errors import DataError
 from handover_dmp.files import write_text
 from handover_dmp.hand import HandoverTrial, write_trial
 from handover_dmp.report import load_run, write_report
@@ -24,10 +24,6 @@ from PIL import Image
 
 LIBRARIES = ('numpy', 'scipy', 'pin', 'daqp', 'ruckig', 'pybullet', 'mcap')
 PICTURES = ('start', 'middle', 'exchange')
-
-
-class NotHandedOverError(HandoverError):
-    """The run went through, but the object did not change hands."""
 
 
 def new_run_folder(output: Path | None, trial: HandoverTrial) -> Path:
@@ -122,9 +118,6 @@ def finish(folder: Path, scenario: Scenario) -> dict[str, Any]:
 
     Returns:
         The report, plain types.
-
-    Raises:
-        NotHandedOverError: the object did not change hands; the report is there all the same.
 
     """
     record = load_run(folder)

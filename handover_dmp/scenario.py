@@ -50,11 +50,12 @@ def example_trials(seed: int = 0) -> tuple[HandoverTrial, HandoverTrial]:
         seed: of the synthetic data set.
 
     Returns:
-        One to learn from and one to run against.
+        One to learn from, and of the others the one whose partner moves farthest to run against.
 
     """
     trials = [t for t in synthesize(seed) if (t.configuration, t.exchange) == EXAMPLE]
-    return trials[0], trials[1]
+    taught, *others = trials
+    return taught, max(others, key=lambda t: float(np.linalg.norm(t.p1[-1] - t.p1[0])))
 
 
 def example_model(seed: int = 0) -> DecoupledDmp:

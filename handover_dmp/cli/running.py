@@ -77,11 +77,40 @@ def run_and_report(
 
 
 def _show(report: dict[str, Any], folder: Path) -> int:
+    """Say how it went, in a few lines."""
     from rich.console import Console
     from rich.table import Table
 
-    console = Console()
-    console.print(report)
-    _ = Table
-    console.print(folder)
-    return 0
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    lag, limits = report['lag'], report['limits']
+    moving = (
+        '' if lag['time_ms'] is None else f'{lag["time_ms"]:.1f} ms, {lag["distance_mm"]:.1f} mm'
+    )
+    held = ', '.join(
+        f'{name} {limits[name]["share"]:.0%}'
+        for name in ('position', 'velocity', 'acceleration')
+        if limits.get(name)
+    )
+    for name, value in (
+        ('reach', _quantity(report['reach_duration_s'], 's')),
+        ('gap when the exchange began', _quantity(report['exchange_gap_m'], 'mm', 1e3)),
+        ('gap at the least', _quantity(report['exchange_gap_least_m'], 'mm', 1e3)),
+        ('lag behind the moving hand', moving or 'the hand was still'),
+        ('peak speed of the wrist', _quantity(report['wrist_peak_speed_m_s'], 'm/s')),
+        ('distance to the person (RMS)', _quantity(report['to_human']['rms_m'], 'mm', 1e3)),
+        ('joint limits', f'{"kept" if limits["met"] else "NOT KEPT"} (used: {held})'),
+    ):
+        table.add_row(name, value)
+    console = Console(soft_wrap=True)
+    handed_over = bool(report['handed_over'])
+    console.print(
+        '[bold green]handed over[/]' if handed_over else '[bold red]not handed over[/]',
+        'on the ROS 2 graph' if report['nodes'] else 'in lockstep, without ROS',
+    )
+    console.print(table)
+    console.print(f'report: {folder / "index.html"}', highlight=False)
+    return 0 if handed_over else 1
+
+
+def _quantity(value: float | None, unit: str, factor: float = 1.0) -> str:
+    return '–' if value is None else f'{factor * value:.3g} {unit}'

@@ -16,9 +16,10 @@ from time import monotonic
 from types import TracebackType
 from typing import Any
 
+from geometry_msgs.msg import PoseStamped
 from handover_dmp.errors import HandoverError
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
-from handover_dmp.nodes.qos import qos_profile
+from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.nodes.spinning import PARENT_VARIABLE
 from handover_dmp.resources import share_path
 from handover_dmp.topics import (
@@ -31,6 +32,7 @@ from handover_dmp.topics import (
     PHASE,
     POSE_COMMAND,
     STATE,
+    Topic,
     TWIST_COMMAND,
     WRIST_POSE,
 )
@@ -103,6 +105,7 @@ class Graph:
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
         self.state = ''
         self.time_s = 0.0
+        self._commanded = False
 
     def __enter__(self) -> Graph:
         """Start the nodes and wait until they hear each other."""
@@ -117,6 +120,10 @@ class Graph:
             for name in self._nodes:
                 self.start(name)
             self._wait_for(self._complete, START_TIMEOUT_S, 'the nodes do not find each other')
+            if not self._lockstep and 'dmp' in self._nodes:
+                self._wait_for(
+                    lambda: self._commanded, START_TIMEOUT_S, 'dmp does not command the wrist'
+                )
         except BaseException:
             self._end()
             raise
@@ -237,13 +244,19 @@ class Graph:
         self._node = rclpy.create_node('handover_dmp_watch', use_global_arguments=False)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
-        self._node.create_subscription(
-            String, STATE.name, self._on_state, qos_profile(STATE.quality)
-        )
+        self._listen(STATE, self._on_state)
         if self._lockstep:
-            self._node.create_subscription(
-                Clock, CLOCK.name, self._on_clock, qos_profile(CLOCK.quality)
-            )
+            self._listen(CLOCK, self._on_clock)
+        else:
+            self._listen(POSE_COMMAND, self._on_command)
+
+    def _listen(self, topic: Topic, callback: Callable[[Any], None]) -> None:
+        self._node.create_subscription(
+            message_class(topic.type_name), topic.name, callback, qos_profile(topic.quality)
+        )
+
+    def _on_command(self, _message: PoseStamped) -> None:
+        self._commanded = True
 
     def _on_state(self, message: String) -> None:
         self.state = message.data

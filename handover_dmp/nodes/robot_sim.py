@@ -151,6 +151,11 @@ class RobotSim(HandoverNode):
         self._message.velocity = self._arm.joint_velocities.tolist()
         self._states.publish(self._message)
 
+    def destroy_node(self) -> None:
+        """Let go of the simulated world, then end."""
+        self._arm.close()
+        super().destroy_node()
+
     # Services, parameters, condition
 
     def _pause(self) -> str:

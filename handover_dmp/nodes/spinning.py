@@ -60,7 +60,12 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
         executor.shutdown()
         node.destroy_node()
         rclpy.try_shutdown()
-    return int(getattr(node, 'exit_code', 0))
+    exit_code = int(getattr(node, 'exit_code', 0))
+    # Extension modules complain at exit of what is still there.
+    del node, executor
+    gc.unfreeze()
+    gc.collect()
+    return exit_code
 
 
 def _executor(node: Node) -> Executor:

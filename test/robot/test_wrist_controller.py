@@ -1,0 +1,118 @@
+"""What the arm is told when inputs are incomplete, permuted, late or wrong."""
+
+from __future__ import annotations
+
+from handover_dmp.robot.model import RobotModel
+from handover_dmp.robot.priority_ik import PriorityIk, WristTarget
+from handover_dmp.robot.wrist_controller import WristController, WristControllerOptions
+import numpy as np
+import pytest
+
+PERIOD_S = 0.005
+
+
+@pytest.fixture(scope='module')
+def robot() -> RobotModel:
+    return RobotModel.load('lwr4')
+
+
+@pytest.fixture
+def controller(robot: RobotModel) -> WristController:
+    return WristController(robot, PriorityIk(robot), WristControllerOptions(0.05, 0.05, 0.1))
+
+
+def target_beside(robot: RobotModel) -> WristTarget:
+    place, _ = robot.wrist_pose(robot.home)
+    return WristTarget(place + [0.0, 0.1, 0.0], np.zeros(3))
+
+
+def test_joint_states_may_come_in_any_order_and_with_others(
+    robot: RobotModel, controller: WristController
+) -> None:
+    controller.set_target(target_beside(robot), 0.0)
+    names, home = list(robot.joint_names), list(robot.home)
+    assert controller.set_joint_state(names, home, [0.0] * robot.dof, 0.0)
+    plain = controller.update(0.0, PERIOD_S).velocities
+    controller.reset()
+    controller.set_target(target_beside(robot), 0.0)
+    order = np.random.default_rng(1).permutation(robot.dof + 1)
+    mixed_names = np.array([*names, 'finger'])[order].tolist()
+    mixed = np.array([*home, 99.0])[order]
+    assert controller.set_joint_state(mixed_names, mixed, np.zeros(robot.dof + 1), 0.0)
+    assert np.array_equal(controller.update(0.0, PERIOD_S).velocities, plain)
+    assert np.abs(plain).max() > 0.0
+
+
+@pytest.mark.parametrize(
+    ('change', 'reason'),
+    [
+        (lambda names, q, v: (names[1:], q[1:], v[1:]), 'lack'),
+        (lambda names, q, v: (names[:-1] + ['unknown'], q, v), 'lack'),
+        (lambda names, q, v: ([names[1], *names], [0.0, *q], [0.0, *v]), 'twice'),
+        (lambda names, q, v: (names, q[1:], v), 'positions'),
+        (lambda names, q, v: (names, q, v[1:]), 'names'),
+        (lambda names, q, v: (names, [float('nan'), *q[1:]], v), 'not finite'),
+        (lambda names, q, v: (names, q, [float('inf'), *v[1:]]), 'not finite'),
+        (lambda names, q, v: ([], [], []), 'lack'),
+    ],
+)
+def test_wrong_joint_states_stop_the_commands_and_say_why(
+    robot: RobotModel, controller: WristController, change: object, reason: str
+) -> None:
+    names, home, still = list(robot.joint_names), list(robot.home), [0.0] * robot.dof
+    controller.set_joint_state(names, home, still, 0.0)
+    controller.set_target(target_beside(robot), 0.0)
+    assert controller.update(0.0, PERIOD_S).velocities is not None
+    wrong = change(names, home, still)  # type: ignore[operator]
+    assert not controller.set_joint_state(*wrong, 0.005)
+    answer = controller.update(0.005, PERIOD_S)
+    assert answer.velocities is None
+    assert reason in answer.reason
+    assert controller.set_joint_state(names, home, still, 0.01)
+    assert controller.update(0.01, PERIOD_S).velocities is not None
+
+
+def test_stale_joint_states_stop_the_commands(
+    robot: RobotModel, controller: WristController
+) -> None:
+    controller.set_joint_state(list(robot.joint_names), robot.home, np.zeros(robot.dof), 0.0)
+    controller.set_target(target_beside(robot), 0.06)
+    assert controller.update(0.049, PERIOD_S).velocities is not None
+    answer = controller.update(0.06, PERIOD_S)
+    assert answer.velocities is None
+    assert 'old' in answer.reason
+
+
+def test_a_stale_command_brakes_within_the_acceleration_limit(
+    robot: RobotModel, controller: WristController
+) -> None:
+    q = robot.home.copy()
+    previous = np.zeros(robot.dof)
+    place, _ = robot.wrist_pose(q)
+    fastest = 0.0
+    for k in range(200):
+        now = k * PERIOD_S
+        controller.set_joint_state(list(robot.joint_names), q, previous, now)
+        if k < 60:
+            moved = place + [0.0, 0.3 * now, 0.0]
+            controller.set_target(WristTarget(moved, np.array([0.0, 0.3, 0.0])), now)
+        answer = controller.update(now, PERIOD_S)
+        assert answer.velocities is not None
+        change = np.abs(answer.velocities - previous) / PERIOD_S
+        assert np.all(change <= robot.limits.acceleration * (1 + 1e-9))
+        fastest = max(fastest, float(np.abs(answer.velocities).max()))
+        previous = answer.velocities
+        q = q + previous * PERIOD_S
+        if k == 71:
+            assert 'old' in answer.reason
+    assert fastest > 0.1
+    assert np.abs(previous).max() == 0.0
+
+
+@pytest.mark.parametrize('bad', [float('nan'), float('inf')])
+def test_a_target_that_is_not_finite_is_refused(
+    robot: RobotModel, controller: WristController, bad: float
+) -> None:
+    assert not controller.set_target(WristTarget(np.array([bad, 0.0, 0.0])), 0.0)
+    assert not controller.set_target(WristTarget(np.zeros(3), np.array([bad, 0.0, 0.0])), 0.0)
+    assert not controller.set_target(WristTarget(np.zeros(3), rotation=bad * np.eye(3)), 0.0)
