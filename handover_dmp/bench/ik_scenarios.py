@@ -1,0 +1,195 @@
+"""Tasks that show how good an inverse kinematics is; the same for ours and for its peers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handover_dmp.robot.errors import UnreachableError
+from handover_dmp.robot.model import RobotModel
+
+Array = NDArray[np.float64]
+
+PERIOD_S = 0.005
+
+Follower = Callable[[Array, Array, Array, Array], tuple[Array, float]]
+"""(joint positions, last joint velocity, wrist position, wrist velocity) to (joint velocity, s)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """
+    What an arm did.
+
+    Attributes:
+        joints: (m + 1, n), rad, at the start of each period and at the end.
+        velocities: (m, n), rad/s, of each period.
+        wrist: (m + 1, 3), m.
+        targets: (m + 1, 3), m, asked for at the same instants.
+        scales: (m,), the speed scale of each period.
+        failed: periods without an answer.
+
+    """
+
+    joints: Array
+    velocities: Array
+    wrist: Array
+    targets: Array
+    scales: Array
+    failed: int
+
+    @property
+    def errors(self) -> Array:
+        """Distances of the wrist from its target, (m + 1,), m."""
+        return np.asarray(np.linalg.norm(self.wrist - self.targets, axis=1))
+
+    def rms_jerk(self, last_s: float) -> float:
+        """Give the root mean square of all joints' jerk during the last seconds, rad/s³."""
+        jerk = np.diff(self.velocities, n=2, axis=0) / PERIOD_S**2
+        return float(np.sqrt(np.mean(jerk[-round(last_s / PERIOD_S) :] ** 2)))
+
+    def excess(self, model: RobotModel) -> dict[str, float]:
+        """Give the largest use of each limit, 1 being the limit; of position, rad beyond it."""
+        limits = model.limits
+        changes = np.diff(self.velocities, axis=0, prepend=0.0) / PERIOD_S
+        beyond = np.maximum(self.joints - limits.upper, limits.lower - self.joints)
+        return {
+            'position': float(beyond.max()),
+            'velocity': float((np.abs(self.velocities) / limits.velocity).max()),
+            'acceleration': float((np.abs(changes) / limits.acceleration).max()),
+        }
+
+
+def follow(
+    model: RobotModel,
+    follower: Follower,
+    start: Array,
+    path: Callable[[float], tuple[Array, Array]],
+    duration_s: float,
+    *,
+    phase_stopping: bool = False,
+) -> Run:
+    """
+    Let an ideal arm, one that does what it is told, follow a moving target.
+
+    Args:
+        model: the arm.
+        follower: the inverse kinematics.
+        start: (n,), rad, at rest.
+        path: gives position and velocity of the target at a time.
+        duration_s: of the run.
+        phase_stopping: whether the target's clock runs at the rate of the speed scale.
+
+    Returns:
+        What happened.
+
+    """
+    posture, velocity, clock, rate = start.copy(), np.zeros(model.dof), 0.0, 1.0
+    joints, velocities, scales, targets = [posture], [], [], [path(0.0)[0]]
+    failed = 0
+    for _ in range(round(duration_s / PERIOD_S)):
+        position, speed = path(clock)
+        try:
+            velocity, rate = follower(posture, velocity, position, speed)
+        except RuntimeError:
+            failed += 1
+            velocity = np.zeros(model.dof)
+        posture = posture + velocity * PERIOD_S
+        clock += (rate if phase_stopping else 1.0) * PERIOD_S
+        joints.append(posture)
+        velocities.append(velocity)
+        scales.append(rate)
+        targets.append(path(clock)[0])
+    wrist = np.array([model.wrist_pose(posture)[0] for posture in joints])
+    return Run(
+        np.array(joints), np.array(velocities), wrist, np.array(targets), np.array(scales), failed
+    )
+
+
+def minimum_jerk(
+    start: Array, end: Array, duration_s: float, bulge: Array | None = None
+) -> Callable[[float], tuple[Array, Array]]:
+    """
+    Make a point-to-point path with bell-shaped speed, straight or bulged like an arc.
+
+    Args:
+        start: (3,), m.
+        end: (3,), m.
+        duration_s: of the motion; it rests at the end.
+        bulge: (3,), m, offset of its middle from the straight line.
+
+    Returns:
+        Position and velocity at a time.
+
+    """
+    side = np.zeros(3) if bulge is None else bulge
+
+    def path(time_s: float) -> tuple[Array, Array]:
+        u = min(max(time_s / duration_s, 0.0), 1.0)
+        share = u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
+        rate = 30.0 * u * u * (1.0 - u) ** 2 / duration_s
+        position = start + share * (end - start) + 4.0 * share * (1.0 - share) * side
+        velocity = rate * ((end - start) + 4.0 * (1.0 - 2.0 * share) * side)
+        return position, velocity
+
+    return path
+
+
+def limit_drives(
+    model: RobotModel, distance: float = 0.25, duration_s: float = 2.0
+) -> list[tuple[Array, Callable[[float], tuple[Array, Array]], str]]:
+    """
+    Make motions that would drive one joint after the other into a position limit.
+
+    Each starts with the joint a little before a limit and moves the wrist where that joint alone
+    would move it, further than the limit lets it. Kept are those with a posture for every point
+    of the path, so that the whole error is the inverse kinematics' own.
+
+    Args:
+        model: the arm.
+        distance: of the motion, m.
+        duration_s: of the motion.
+
+    Returns:
+        Start posture, path and name of each.
+
+    """
+    drives = []
+    for joint in range(model.dof):
+        for side, limit in ((1.0, model.limits.upper[joint]), (-1.0, model.limits.lower[joint])):
+            if not np.isfinite(limit):
+                continue
+            start = model.home.copy()
+            start[joint] = limit - 0.1 * side
+            towards = side * model.wrist_jacobian(start)[:3, joint]
+            if np.linalg.norm(towards) < 0.1:
+                continue
+            origin, _ = model.wrist_pose(start)
+            end = origin + distance * towards / np.linalg.norm(towards)
+            path = minimum_jerk(origin, end, duration_s)
+            if _passable(model, start, path, duration_s):
+                drives.append((start, path, f'{model.joint_names[joint]} {limit:+.2f} rad'))
+    return drives
+
+
+def _passable(
+    model: RobotModel,
+    start: Array,
+    path: Callable[[float], tuple[Array, Array]],
+    duration_s: float,
+) -> bool:
+    """Say whether postures exist along a path, each near the one before and all well bent."""
+    posture = start
+    for time_s in np.linspace(0.0, duration_s, 41)[1:]:
+        try:
+            found = model.inverse(path(time_s)[0], q0=posture)
+        except UnreachableError:
+            return False
+        agility = np.linalg.svd(model.wrist_jacobian(found)[:3], compute_uv=False)[-1]
+        if np.abs(found - posture).max() > 0.5 or agility < 0.2:
+            return False
+        posture = found
+    return True

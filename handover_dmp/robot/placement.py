@@ -1,0 +1,232 @@
+"""Where to put the arm so that the way of the wrist lies well inside its reach."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import itertools
+
+from handover_dmp.robot.errors import UnreachableError
+from handover_dmp.robot.model import BasePlacement, RobotModel
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+SAMPLES = 16
+"""Points of the way that are looked at, equally spaced along it."""
+TRIED = 24
+"""Placements that are tried with the joints, of those that suit the distances best."""
+REFINEMENTS = 2
+"""How often the neighbourhood of the best one is searched, at half the spacing each time."""
+
+BEHIND = np.array([-0.2, 0.0, 0.15, 0.3, 0.45, 0.6, 0.75])
+"""Shoulder behind the middle of the way, in units of reach."""
+ASIDE = np.array([-0.45, -0.3, -0.15, 0.0, 0.15, 0.3, 0.45])
+"""Shoulder to the left of it, in units of reach."""
+ABOVE = np.array([-0.3, -0.15, 0.0, 0.15, 0.3])
+"""Shoulder above it, in units of reach."""
+
+EASY_SPEED = 1.5
+"""A wrist speed that is fast for a handover, m/s."""
+LEAST_HASTE = 0.3
+"""The arm can move at this share at least of what it must be able to where the way is fastest."""
+EASY_MARGIN = 0.4
+"""A good distance of a joint from its limits, rad."""
+EASY_AGILITY = 0.25
+"""A good smallest singular value, m."""
+BEHIND_START = 0.15
+"""How far behind the start of the way the base stands at least, if it can, m."""
+
+
+@dataclass(frozen=True)
+class _Way:
+    """The way, seen from where the arm may stand."""
+
+    points: Array
+    haste: Array
+    forwards: Array
+    leftwards: Array
+
+
+def place_base(path: Array, model: RobotModel, *, partner: Array | None = None) -> BasePlacement:
+    """
+    Find where the arm stands best for a way of its wrist.
+
+    Placements about the middle of the way, behind its start as the partner sees it, are ranked by
+    how well the distances from the shoulder suit the arm; the best of them are tried with the
+    joints, following the way point by point, and the one is taken whose worst point is best in
+    wrist speed that the joints allow, distance from the position limits and distance from
+    singular postures. The height is free: the arm stands on a pedestal. No chance is involved.
+
+    Args:
+        path: (n, 3), m, the way of the wrist in `world`; samples at equal times, if it matters to
+            the placement where on the way the wrist is fast.
+        model: the arm; where it stands now does not matter.
+        partner: (3,), m, the partner's hand or body, towards which the arm looks; the end of the
+            way if left out.
+
+    Returns:
+        Position of the root link and yaw.
+
+    Raises:
+        UnreachableError: the way cannot be followed from any placement.
+
+    """
+    way = _way(np.asarray(path, dtype=float), partner)
+    reach = model.reach_m
+    middle = (way.points.min(axis=0) + way.points.max(axis=0)) / 2.0
+    offsets = np.array(list(itertools.product(BEHIND, ASIDE, ABOVE))) * reach
+    ranked = sorted(
+        (_distance_cost(way, _shoulder(way, middle, offset), reach), tuple(offset))
+        for offset in offsets
+    )
+    best = _Trial(-np.inf, np.zeros(3), np.inf)
+    for _, offset in ranked[:TRIED]:
+        best = max(best, _tried(model, way, middle, np.array(offset)), key=_Trial.key)
+    spacing = 0.075 * reach
+    for _ in range(REFINEMENTS):
+        centre = best.offset
+        for axis, side in itertools.product(range(3), (-1.0, 1.0)):
+            offset = centre.copy()
+            offset[axis] += side * spacing
+            best = max(best, _tried(model, way, middle, offset), key=_Trial.key)
+        spacing /= 2.0
+    if best.missing_m > 0.0:
+        length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+        raise UnreachableError(
+            f'{model.name} cannot follow this way of {length:.2f} m from any place: '
+            f'{best.missing_m:.3f} m are missing to its farthest point',
+            best.missing_m,
+        )
+    return _placement(model, way, middle, best.offset)
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """How well a placement does; `missing_m` is 0 if the whole way can be followed."""
+
+    score: float
+    offset: Array
+    missing_m: float
+
+    def key(self) -> tuple[float, float]:
+        return -self.missing_m, self.score
+
+
+def _way(path: Array, partner: Array | None) -> _Way:
+    steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    if along[-1] > 0.0:
+        share = np.linspace(0.0, along[-1], SAMPLES)
+        points = np.column_stack([np.interp(share, along, path[:, i]) for i in range(3)])
+        at = np.arange(len(path))
+        fraction = np.linspace(0.0, len(path) - 1.0, 8 * SAMPLES)
+        rates = np.diff(np.interp(fraction, at, along))
+        rate = np.interp(share, np.interp(fraction[1:], at, along), rates)
+        haste = np.maximum(rate / rate.max(), LEAST_HASTE)
+    else:
+        points, haste = path[:1], np.ones(1)
+    towards = points[-1] if partner is None else np.asarray(partner, dtype=float)
+    ahead = (towards - points[0]) * [1.0, 1.0, 0.0]
+    length = float(np.linalg.norm(ahead))
+    forwards = ahead / length if length > 1e-6 else np.array([1.0, 0.0, 0.0])
+    return _Way(points, haste, forwards, np.array([-forwards[1], forwards[0], 0.0]))
+
+
+def _shoulder(way: _Way, middle: Array, offset: Array) -> Array:
+    behind, aside, above = offset
+    up = np.array([0.0, 0.0, 1.0])
+    return np.asarray(middle - behind * way.forwards + aside * way.leftwards + above * up)
+
+
+def _distance_cost(way: _Way, shoulder: Array, reach: float) -> float:
+    """Say how badly the distances of the way from a shoulder suit an arm: cheap, and rough."""
+    distances = np.linalg.norm(way.points - shoulder, axis=1) / reach
+    far = float(np.maximum(distances - 0.85, 0.0).max())
+    near = float(np.maximum(0.45 - distances, 0.0).max())
+    level = float(np.linalg.norm((way.points - shoulder)[:, :2], axis=1).min()) / reach
+    missing = max(0.0, BEHIND_START - _behind_start(way, shoulder))
+    return (
+        20.0 * far
+        + 10.0 * near
+        + float(np.mean(np.abs(distances - 0.65)))
+        + max(0.0, 0.3 - level)
+        + 5.0 * missing
+    )
+
+
+def _behind_start(way: _Way, shoulder: Array) -> float:
+    return float((way.points[0] - shoulder) @ way.forwards)
+
+
+def _placement(model: RobotModel, way: _Way, middle: Array, offset: Array) -> BasePlacement:
+    """Put the shoulder there, and turn the arm so that its home posture looks at the way."""
+    shoulder = _shoulder(way, middle, offset)
+    own = model.base.rotation.T @ (model.shoulder - np.array(model.base.position))
+    wrist, _ = model.wrist_pose(model.home)
+    home = model.base.rotation.T @ (wrist - np.array(model.base.position))
+    looking = middle - shoulder
+    if np.linalg.norm(looking[:2]) < 1e-3 * model.reach_m:
+        looking = way.forwards
+    home_bearing = np.arctan2(home[1] - own[1], home[0] - own[0])
+    yaw = float(np.arctan2(looking[1], looking[0]) - home_bearing)
+    yaw = float(np.arctan2(np.sin(yaw), np.cos(yaw)))
+    position = shoulder - BasePlacement(yaw=yaw).rotation @ own
+    return BasePlacement((float(position[0]), float(position[1]), float(position[2])), yaw)
+
+
+def _tried(model: RobotModel, way: _Way, middle: Array, offset: Array) -> _Trial:
+    """Follow the way with the joints from one placement."""
+    base = _placement(model, way, middle, offset)
+    # the model stays where it is, and the way moves instead
+    points = (way.points - np.array(base.position)) @ base.rotation
+    points = points @ model.base.rotation.T + np.array(model.base.position)
+    farthest = float(np.linalg.norm(points - model.shoulder, axis=1).max()) - model.reach_m
+    try:
+        posture = model.inverse(points[0])
+    except UnreachableError as error:
+        return _Trial(-np.inf, offset, max(error.missing_m, farthest, 1e-9))
+    ease = []
+    for i, point in enumerate(points):
+        posture, missing = _moved(model, posture, point)
+        if missing > 1e-3:
+            return _Trial(-np.inf, offset, max(missing, farthest))
+        direction = points[min(i + 1, len(points) - 1)] - points[max(i - 1, 0)]
+        ease.append(_ease(model, posture, direction, way.haste[i]))
+    short = max(0.0, BEHIND_START - _behind_start(way, _shoulder(way, middle, offset)))
+    score = min(ease) + 0.1 * float(np.mean(ease)) - 3.0 * short
+    return _Trial(score, offset, 0.0)
+
+
+def _moved(model: RobotModel, posture: Array, point: Array) -> tuple[Array, float]:
+    """Move the wrist to a point nearby, the free joints a little towards home."""
+    limits = model.limits
+    error = point - model.wrist_pose(posture)[0]
+    for attempt in range(6):
+        jacobian = model.wrist_jacobian(posture)[:3]
+        back = np.linalg.pinv(jacobian, rcond=0.02)
+        step = back @ error
+        if attempt == 0:
+            home = 0.2 * (model.home - posture)
+            step += home - back @ (jacobian @ home)
+        posture = np.clip(posture + step, limits.lower, limits.upper)
+        error = point - model.wrist_pose(posture)[0]
+        if attempt and error @ error < 1e-8:
+            break
+    return posture, float(np.linalg.norm(error))
+
+
+def _ease(model: RobotModel, posture: Array, direction: Array, haste: float) -> float:
+    """Say how well the arm moves on from a posture, 1 being easy."""
+    limits = model.limits
+    margin = float(np.minimum(limits.upper - posture, posture - limits.lower).min())
+    jacobian = model.wrist_jacobian(posture)[:3]
+    left, values, right = np.linalg.svd(jacobian, full_matrices=False)
+    length = float(np.linalg.norm(direction))
+    speed = EASY_SPEED
+    if length > 0.0:
+        joints = right.T @ ((left.T @ direction) / (length * np.maximum(values, 1e-3)))
+        speed = 1.0 / float((np.abs(joints) / limits.velocity).max())
+    return min(
+        speed / (EASY_SPEED * haste), margin / EASY_MARGIN, float(values[-1]) / EASY_AGILITY, 1.2
+    )
