@@ -1,9 +1,9 @@
 """
 Finding the handovers in a long recording of two wrists, by distance and speed.
 
-An exchange is where the wrists have come near each other and have stopped relative to each other.
-From there the search goes back to where P2's hand, and P1's if it moves too, left its rest.
-Between two exchanges the wrists must have parted.
+An exchange is where the wrists have come near each other and have stopped relative to each other
+(where they never do, where they are nearest). From there the search goes back to where P2's hand,
+and P1's if it moves too, left its rest. Between two exchanges the wrists must have parted.
 
 Who gives cannot be seen from wrists for certain. As a rule the giver starts: whose hand leaves its
 rest first is taken for the giver, and a P1 who waits with his hand out for the receiver. Where the

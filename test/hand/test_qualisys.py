@@ -87,6 +87,8 @@ def test_markers_out_of_sight(tmp_path, frame_and_time):
     empty[3:6, 2] = np.nan
     empty[4, 0] = np.nan
     zero[np.isnan(empty)] = 0.0
+    # Two coordinates of 0 are a place like any other.
+    empty[8, 1, :2] = zero[8, 1, :2] = 0.0
     one = read(tmp_path, qtm(table=empty, frame_and_time=frame_and_time))
     other = read(tmp_path, qtm(table=zero, frame_and_time=frame_and_time))
     for k, name in enumerate(NAMES):
@@ -140,7 +142,7 @@ def test_faulty_lines_are_named(tmp_path):
 
 
 @given(st.data())
-@settings(max_examples=200, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
 def test_damaged_files_are_read_or_a_data_error(tmp_path, data):
     content = bytearray(qtm().encode())
     for _ in range(data.draw(st.integers(1, 4))):

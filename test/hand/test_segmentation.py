@@ -66,6 +66,35 @@ def test_partners_exchanged_are_gives_for_takes(play_session):
     assert gives.count('give') >= 11
 
 
+def reach(times, onset_s, duration_s, start, goal):
+    u = np.clip((times - onset_s) / duration_s, 0.0, 1.0)[:, None]
+    share = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
+    return np.array(start) + share * (np.array(goal) - np.array(start))
+
+
+@pytest.mark.parametrize('giver', ['p1', 'p2'])
+def test_who_starts_counts_and_not_who_is_faster(giver):
+    times = np.arange(0.0, 6.0, 0.01)
+    slow = reach(times, 1.0, 2.4, (-0.5, 0.0, 1.0), (-0.15, 0.0, 1.0))
+    fast = reach(times, 1.6, 1.0, (0.5, 0.0, 1.0), (0.15, 0.0, 1.0))
+    pair = (slow, fast) if giver == 'p1' else (fast, slow)
+    found = segment(WristMotion(times, *pair, 'two'))
+    assert [part.exchange for part in found.segments] == ['take' if giver == 'p1' else 'give']
+    assert 0.85 < found.segments[0].start_s < 1.35
+
+
+def test_a_hand_that_never_rests():
+    """A reach begins at the earliest when the wrists have parted after the one before."""
+    times = np.arange(0.0, 20.0, 0.01)
+    turn = 2.0 * np.pi * times / 4.0
+    circle = np.column_stack([0.4 * np.cos(turn), 0.4 * np.sin(turn), 1.0 + 0.0 * times])
+    still = np.tile([0.7, 0.0, 1.0], (len(times), 1))
+    found = segment(WristMotion(times, still, circle, 'circle'), Segmentation(giver='p2'))
+    assert [round(part.exchange_s) for part in found.segments] == [4, 8, 12, 16, 20]
+    for before, after in zip(found.segments[:-1], found.segments[1:], strict=True):
+        assert before.exchange_s < after.start_s < after.exchange_s
+
+
 def test_an_hour_without_handovers_and_gaps(play_session, trials):
     motion, spans = play_session(trials[:3])
     # Both wrists out of sight while they go back after the first; the rest stays usable.

@@ -205,7 +205,7 @@ def test_real_people(kth_folder):
 @given(st.binary(max_size=400))
 @example(b'\x00')
 @example(','.join(HEADER).encode() + b'\n' + b'1,2,3,4,5,6,7\n' * 20)
-@settings(max_examples=300, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=120, deadline=None, suppress_health_check=list(HealthCheck))
 def test_any_bytes_are_a_trial_or_a_data_error(tmp_path_factory, content):
     check_hostile(tmp_path_factory.mktemp('bytes') / 'x.csv', content)
 
@@ -216,7 +216,7 @@ CELLS = st.sampled_from(
 
 
 @given(st.lists(st.lists(CELLS, min_size=6, max_size=8), min_size=8, max_size=14))
-@settings(max_examples=300, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=120, deadline=None, suppress_health_check=list(HealthCheck))
 def test_any_table_is_a_trial_or_a_data_error(tmp_path_factory, rows):
     text = '\n'.join([','.join(HEADER), *(','.join(row) for row in rows)])
     check_hostile(tmp_path_factory.mktemp('table') / 'x.csv', text.encode())
