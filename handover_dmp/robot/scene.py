@@ -7,6 +7,7 @@ background are flat and the camera stands still, so they are computed apart and 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -37,6 +38,7 @@ SKY_HORIZON = np.array([0.97, 0.98, 0.99])
 
 FIELD_OF_VIEW_DEG = 32.0
 GRID_M = 0.5
+PEDESTAL_RADIUS_M = 0.22
 PALM_M = 0.09  # from the wrist along the fingers
 TRAIL_RADIUS_M = 0.008
 SHADOW_PIXELS = 256
@@ -226,12 +228,18 @@ class Scene:
 
     def _furnish(self) -> None:
         """Put up the pedestal, and the object for now anywhere."""
-        rise = self.model.base.position[2] - self.floor_height_m
-        if rise > 0.02:
-            for radius, low, high in ((0.22, 0.0, 0.02), (0.10, 0.02, rise - 0.02)):
-                self._pedestal(radius, low, high)
-            self._pedestal(0.16, rise - 0.02, rise)
+        for radius, low, high in self.pedestal:
+            self._pedestal(radius, low, high)
         self._plan_grasp()
+
+    @property
+    def pedestal(self) -> tuple[tuple[float, float, float], ...]:
+        """What the robot stands on: upright cylinders by radius, bottom and top over the floor."""
+        rise = self.model.base.position[2] - self.floor_height_m
+        if rise <= 0.02:
+            return ()
+        foot, column, plate = PEDESTAL_RADIUS_M, 0.10, 0.16
+        return (foot, 0.0, 0.02), (column, 0.02, rise - 0.02), (plate, rise - 0.02, rise)
 
     def _pedestal(self, radius: float, low: float, high: float) -> None:
         x, y, _ = self.model.base.position
@@ -277,6 +285,7 @@ class Scene:
         met_at = _Pose(middle, turn.as_matrix())
         self._grasp = _Grasp(flange.inverse() @ met_at, hand.inverse() @ met_at)
         self._object = self._cylinder_body(self.options.object_radius_m, length, OBJECT_COLOUR)
+        self.object_length_m = length
 
     def joint_positions(self, time_s: float) -> Array:
         """
@@ -331,9 +340,15 @@ class Scene:
     @property
     def object_position(self) -> Array:
         """Where the middle of the object is shown now, (3,), m, in `world`."""
-        return np.array(
-            pybullet.getBasePositionAndOrientation(self._object, physicsClientId=self._client)[0]
+        return self.object_pose[0]
+
+    @property
+    def object_pose(self) -> tuple[Array, Array]:
+        """Where the object is shown now: position, (3,), m, and quaternion x, y, z, w."""
+        position, orientation = pybullet.getBasePositionAndOrientation(
+            self._object, physicsClientId=self._client
         )
+        return np.array(position), np.array(orientation)
 
     def _draw_trails(self, time_s: float) -> None:
         for body in self._trails:
@@ -342,10 +357,10 @@ class Scene:
         until = self.times < time_s
         for path, colour in ((self._hand_path, HAND_COLOUR), (self._wrist_path, WRIST_COLOUR)):
             passed = np.vstack([path[until], _at(time_s, self.times, path)])
-            tube = _tube(passed, TRAIL_RADIUS_M)
-            if tube is None:
+            surface = tube(passed, TRAIL_RADIUS_M)
+            if surface is None:
                 continue
-            vertices, normals, indices = tube
+            vertices, normals, indices = surface
             shape = pybullet.createVisualShape(
                 pybullet.GEOM_MESH,
                 vertices=vertices.tolist(),
@@ -417,24 +432,12 @@ class Scene:
             ):
                 low, high = pybullet.getAABB(self._robot, number, physicsClientId=self._client)
                 clouds.append(np.array([low, high]))
-        pelvis, floor = self.figure.pelvis, self.floor_height_m
-        for radius, height in (
-            (0.28, floor),
-            (0.28, pelvis[2]),
-            (0.15, floor + self.figure.height_m),
-        ):
-            ring = np.linspace(0, 2 * np.pi, 12, endpoint=False)
-            clouds.append(
-                np.column_stack(
-                    [
-                        pelvis[0] + radius * np.cos(ring),
-                        pelvis[1] + radius * np.sin(ring),
-                        np.full(12, height),
-                    ]
-                )
-            )
-        base = np.array(self.model.base.position)
-        clouds.append(np.array([[base[0], base[1], floor]]))
+        person, base, floor = self.figure.pelvis, self.model.base.position, self.floor_height_m
+        clouds += [
+            _ring(person, 0.28, floor),
+            _ring(person, 0.15, floor + self.figure.height_m),
+            _ring(base, PEDESTAL_RADIUS_M, floor),
+        ]
         return np.vstack(clouds)
 
     def image(self, time_s: float, width: int = 1280, height: int = 720) -> Image:
@@ -472,13 +475,19 @@ class Scene:
             The three pictures.
 
         """
-        start = float(self.times[0])
-        middle = (start + self.exchange_time_s) / 2
         return (
-            self.image(start, width, height),
-            self.image(middle, width, height),
+            self.image(float(self.times[0]), width, height),
+            self.image(self.middle_time_s, width, height),
             self.image(self.exchange_time_s, width, height),
         )
+
+    @property
+    def middle_time_s(self) -> float:
+        """When the robot's wrist had made half of its way to the exchange, s."""
+        steps = np.linalg.norm(np.diff(self._wrist_path, axis=0), axis=1)
+        way = np.concatenate([[0.0], np.cumsum(steps)])
+        half = 0.5 * float(np.interp(self.exchange_time_s, self.times, way))
+        return float(self.times[np.searchsorted(way, half)])
 
     def _centre(self) -> Array:
         middle = (self.figure.pelvis[:2] + np.array(self.model.base.position[:2])) / 2
@@ -624,6 +633,18 @@ class _Backdrop:
         return picture
 
 
+def _ring(centre: Sequence[float] | Array, radius: float, height: float) -> Array:
+    """Return points around a vertical axis, (12, 3)."""
+    angle = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    return np.column_stack(
+        [
+            centre[0] + radius * np.cos(angle),
+            centre[1] + radius * np.sin(angle),
+            np.full(12, height),
+        ]
+    )
+
+
 def _line(coordinate: Array, pixel: Array) -> Array:
     """Cover of a pixel by the lines of the floor's grid, 0 to 1."""
     distance = np.abs((coordinate + GRID_M / 2) % GRID_M - GRID_M / 2)
@@ -641,11 +662,16 @@ def _at(time_s: float, times: Array, values: Array) -> Array:
     return np.asarray((1.0 - share) * values[index - 1] + share * values[index])
 
 
-def _tube(
+def tube(
     points: Array, radius: float, sides: int = 8
 ) -> tuple[Array, Array, NDArray[np.int64]] | None:
     """
     Make the surface of a tube around a path.
+
+    Args:
+        points: (n, 3), m.
+        radius: m.
+        sides: of its cross section.
 
     Returns:
         Corners, (m, 3), normals, (m, 3), and triangles as a flat row of numbers of corners; None

@@ -66,6 +66,13 @@ def test_same_moment_gives_the_same_picture(scene):
     assert np.array_equal(first, scene.image(0.7, *SIZE))
 
 
+def test_middle_is_the_middle_of_the_way(scene):
+    wrist = scene._wrist_path
+    steps = np.linalg.norm(np.diff(wrist, axis=0), axis=1)
+    made = steps[scene.times[1:] <= scene.middle_time_s].sum()
+    assert made / steps.sum() == pytest.approx(0.5, abs=0.05)
+
+
 def test_camera_sees_all_of_it_and_wastes_little():
     with handover() as scene:
         for size in ((320, 180), (180, 320)):
