@@ -29,10 +29,10 @@ Style = dict[str, Any]
 
 # The paper's colours in shades of different lightness, and every line with a stroke of its own,
 # so that nothing hangs on telling red from green.
-HAND: Style = {'color': '#c8372d', 'linewidth': 1.8, 'linestyle': '-'}
-ROBOT: Style = {'color': '#1f4e9c', 'linewidth': 2.2, 'linestyle': '-'}
-HUMAN: Style = {'color': '#4caf72', 'linewidth': 1.8, 'linestyle': (0, (5, 2))}
-COMMAND: Style = {'color': '#111111', 'linewidth': 1.0, 'linestyle': (0, (1, 1.5))}
+HAND: Style = {'color': '#c8372d', 'linewidth': 1.8, 'linestyle': '-', 'zorder': 2.2}
+ROBOT: Style = {'color': '#1f4e9c', 'linewidth': 2.2, 'linestyle': '-', 'zorder': 2.3}
+HUMAN: Style = {'color': '#4caf72', 'linewidth': 1.8, 'linestyle': (0, (5, 2)), 'zorder': 2.1}
+COMMAND: Style = {'color': '#111111', 'linewidth': 1.0, 'linestyle': (0, (1, 1.5)), 'zorder': 2.4}
 LIMIT: Style = {'color': '#8a1c7c', 'linewidth': 1.0, 'linestyle': (0, (6, 2, 1, 2))}
 QUIET: Style = {'color': '#59626d', 'linewidth': 1.5, 'linestyle': '-'}
 EXCHANGE_COLOUR = '#f3d9a4'
@@ -154,12 +154,10 @@ def write_figures(run: RunRecord, folder: Path) -> list[Picture]:
 def draw_positions(run: RunRecord) -> Figure:
     """Draw X, Y and Z over time, as Fig. 4 of the paper."""
     with _panels(3, 2.0, run) as (figure, axes):
-        for axis, name, ax in zip(range(3), 'XYZ', axes, strict=True):
-            if len(run.human_times):
-                ax.plot(run.human_times, run.human_positions[:, axis], **HUMAN, label=HUMAN_NAME)
-            ax.plot(run.hand_times, run.hand_positions[:, axis], **HAND, label=HAND_NAME)
-            ax.plot(run.wrist_times, run.wrist_positions[:, axis], **ROBOT, label=ROBOT_NAME)
-            ax.set_ylabel(f'{name}, m')
+        for axis, ax in enumerate(axes):
+            for times, positions, style, name in _tracks(run):
+                ax.plot(times, positions[:, axis], **style, label=name)
+            ax.set_ylabel(f'{"XYZ"[axis]}, m')
     return figure
 
 
@@ -171,36 +169,42 @@ def draw_paths(run: RunRecord) -> Figure:
     space: Any = figure.add_subplot(grid[0], projection='3d')
     above, side = figure.add_subplot(grid[1]), figure.add_subplot(grid[2])
     shown = _shown_span(run)
-    tracks = [
-        (run.human_times, run.human_positions, HUMAN, HUMAN_NAME),
-        (run.hand_times, run.hand_positions, HAND, HAND_NAME),
-        (run.wrist_times, run.wrist_positions, ROBOT, ROBOT_NAME),
-    ]
     met = run.exchange_time_s
-    for times, positions, style, name in tracks:
+    corners = []
+    for times, positions, style, name in _tracks(run):
         chosen = (times >= shown[0]) & (times <= shown[1])
         if not chosen.any():
             continue
+        corners += [positions[chosen].min(axis=0), positions[chosen].max(axis=0)]
         x, y, z = positions[chosen].T
-        colour = style['color']
+        mark = {'color': style['color'], 'zorder': style['zorder'] + 1}
         space.plot(x, y, z, **style, label=name)
         above.plot(x, y, **style)
         side.plot(x, z, **style)
         for ax, ends in ((above, (x, y)), (side, (x, z))):
-            ax.plot(ends[0][0], ends[1][0], 'o', color=colour, markersize=5)
+            ax.plot(ends[0][0], ends[1][0], 'o', markersize=5, **mark)
         if met is not None:
             place = [float(np.interp(met, times, column)) for column in positions.T]
-            space.plot(*[[one] for one in place], '*', color=colour, markersize=11)
+            space.plot(*[[one] for one in place], '*', markersize=11, **mark)
             for ax, pair in ((above, (0, 1)), (side, (0, 2))):
-                ax.plot(place[pair[0]], place[pair[1]], '*', color=colour, markersize=11)
+                ax.plot(place[pair[0]], place[pair[1]], '*', markersize=11, **mark)
     for ax, vertical, title in ((above, 'Y', 'from above'), (side, 'Z', 'from the side')):
         ax.set(xlabel='X, m', ylabel=f'{vertical}, m', title=title)
+        ax.margins(0.08)
         ax.set_aspect('equal', adjustable='datalim')
         for scale in (ax.xaxis, ax.yaxis):
-            scale.set_major_locator(MaxNLocator(5))
+            scale.set_major_locator(MaxNLocator(4))
     space.set(xlabel='X, m', ylabel='Y, m', zlabel='Z, m')
     space.view_init(elev=25, azim=-70)
-    space.set_aspect('equal')
+    middle = (np.max(corners, axis=0) + np.min(corners, axis=0)) / 2
+    half = float(np.ptp(corners, axis=0).max()) / 2 * 1.05
+    space.set(
+        **{
+            f'{axis}lim': (place - half, place + half)
+            for axis, place in zip('xyz', middle, strict=True)
+        }
+    )
+    space.set_box_aspect((1, 1, 1), zoom=0.88)
     for scale in (space.xaxis, space.yaxis, space.zaxis):
         scale.set_major_locator(MaxNLocator(4))
         scale.set_tick_params(labelsize=8)
@@ -213,11 +217,7 @@ def draw_speeds(run: RunRecord) -> Figure:
     """Draw the speeds, and the bell of minimum jerk."""
     with _panels(1, 3.6, run) as (figure, axes):
         (ax,) = axes
-        for times, positions, style, name in (
-            (run.human_times, run.human_positions, HUMAN, HUMAN_NAME),
-            (run.hand_times, run.hand_positions, HAND, HAND_NAME),
-            (run.wrist_times, run.wrist_positions, ROBOT, ROBOT_NAME),
-        ):
+        for times, positions, style, name in _tracks(run):
             even, velocities = velocity(times, positions)
             if len(even):
                 ax.plot(even, np.linalg.norm(velocities, axis=1), **style, label=name)
@@ -271,7 +271,7 @@ def draw_joints(run: RunRecord) -> Figure:
                     position.axhline(np.degrees(bound), **LIMIT)
                 for sign in (-1, 1):
                     speed.axhline(sign * np.degrees(limits.velocity[index]), **LIMIT)
-            position.set_ylabel(name.replace('_', ' '), rotation=0, ha='right', va='center')
+            position.set_ylabel(name.replace('_', ' '), fontsize=9)
             for ax in (position, speed):
                 ax.yaxis.set_major_locator(MaxNLocator(3, symmetric=True))
         axes[0].set_title('position, °')
@@ -287,24 +287,24 @@ def draw_joints(run: RunRecord) -> Figure:
 def draw_inverse_kinematics(run: RunRecord) -> Figure | None:
     """Draw what the inverse kinematics says of itself."""
     panels = [
-        ('speed_scale', 'speed kept', 1.0, (-0.04, 1.06)),
-        ('active_limits', 'limits that hold', 1.0, None),
-        ('position_residual', 'position left\nover, mm/s', 1e3, None),
-        ('orientation_residual', 'orientation left\nover, mrad/s', 1e3, None),
-        ('smallest_singular_value', 'smallest singular\nvalue, m', 1.0, None),
+        ('speed_scale', 'speed kept', 1.0, (-0.04, 1.06), 0.0),
+        ('active_limits', 'limits that hold', 1.0, None, 1.0),
+        ('position_residual', 'position left\nover, mm/s', 1e3, None, 1.0),
+        ('orientation_residual', 'orientation left\nover, mrad/s', 1e3, None, 1.0),
+        ('smallest_singular_value', 'smallest singular\nvalue, m', 1.0, None, 0.1),
     ]
     panels = [panel for panel in panels if panel[0] in run.ik]
     if not panels:
         return None
     with _panels(len(panels), 1.35, run) as (figure, axes):
-        for ax, (key, label, factor, span) in zip(axes, panels, strict=True):
+        for ax, (key, label, factor, span, least) in zip(axes, panels, strict=True):
             step: Style = {'drawstyle': 'steps-post'} if key == 'active_limits' else {}
             ax.plot(run.ik_times, run.ik[key] * factor, **QUIET, **step)
             ax.set_ylabel(label)
             if span:
                 ax.set_ylim(span)
             else:
-                ax.set_ylim(bottom=0)
+                ax.set_ylim(0.0, 1.08 * max(least, float(run.ik[key].max()) * factor))
                 ax.yaxis.set_major_locator(MaxNLocator(3, integer=key == 'active_limits'))
     return figure
 
@@ -369,7 +369,7 @@ def _panels(
         lines = [*lines, Patch(color=EXCHANGE_COLOUR, alpha=0.55, label='exchange')]
     figure.legend(
         handles=lines, loc='upper left', ncols=len(lines) or 1, borderaxespad=0.3,
-        bbox_to_anchor=(0.85 / WIDTH - 0.01, 1.0), columnspacing=1.6,
+        bbox_to_anchor=(0.85 / WIDTH - 0.01, 1.0), columnspacing=1.2, handlelength=1.8,
     )  # fmt: skip
     figure.align_ylabels(axes)
 
@@ -383,6 +383,16 @@ def _margins(
         left=left / width, right=1 - right / width, top=1 - top / height, bottom=bottom / height,
         **{'hspace': 0.13, 'wspace': 0.2, **gaps},
     )  # fmt: skip
+
+
+def _tracks(run: RunRecord) -> list[tuple[Array, Array, Style, str]]:
+    """Return times, positions, line and name of whoever moved."""
+    tracks = [
+        (run.hand_times, run.hand_positions, HAND, HAND_NAME),
+        (run.wrist_times, run.wrist_positions, ROBOT, ROBOT_NAME),
+        (run.human_times, run.human_positions, HUMAN, HUMAN_NAME),
+    ]
+    return [track for track in tracks if len(track[0])]
 
 
 def _shown_span(run: RunRecord) -> tuple[float, float]:

@@ -7,12 +7,15 @@ from typing import Any
 from handover_dmp.report.motion import bell_of, RATE_HZ, resample, velocity
 from handover_dmp.report.run import Array, RunRecord
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 # the wrist follows the hand alone where the goal has all the weight
 FEEDBACK_WEIGHT = 0.99
 # below this speed a hand at rest and its noise would be taken for a moving one
 LEAST_HAND_SPEED = 0.05
 LEAST_FEEDBACK_SAMPLES = 20
+# 1/s, of springs that bring a wrist to its goal in a second and in a twentieth of one
+DECAY_RANGE = (3.0, 60.0)
 # what comes less often is no stream
 LEAST_RATE_SAMPLES = 10
 # of the limits: measured joint states carry the noise of the simulator or of the encoders
@@ -68,10 +71,12 @@ def lag_behind_hand(run: RunRecord) -> Numbers:
     """
     Find how far the wrist runs behind the hand while it follows it.
 
-    With g(t) the goal, x(t) the wrist and L the lag, x(t) = g(t − L), which for the small lags
-    that matter is g − x = L ġ: L is the slope of that regression over all axes and samples of the
-    feedback phase, those where the weight of the goal is at least 0.99 and the hand moves faster
-    than 0.05 m/s, up to the end of the exchange.
+    With g(t) the goal and x(t) the wrist, a wrist that runs the time L behind is x(t) = g(t − L),
+    which for the small lags that matter is g − x = L ġ. What is left of the way when the goal
+    takes over dies away as in a critically damped spring, and is no lag. So L is fitted together
+    with that, g − x = L ġ + (a + b t) exp(−ω t), by least squares over all axes and samples of
+    the feedback phase: those where the weight of the goal is at least 0.99 and the hand moves
+    faster than 0.05 m/s, up to the end of the exchange.
 
     Args:
         run: the run.
@@ -101,18 +106,37 @@ def lag_behind_hand(run: RunRecord) -> Numbers:
         return nothing
     times, speeds = times[chosen], speeds[chosen]
     behind = goal_at(run, times) - resample(run.wrist_times, run.wrist_positions, times)
-    power = float((speeds * speeds).sum())
-    slope = float((behind * speeds).sum()) / power
-    rest = behind - slope * speeds
-    error = float(np.sqrt((rest * rest).sum() / max(1, rest.size - 1) / power))
+    lag_s, error_s = _fit_lag(times - times[0], behind, speeds)
     speed = float(np.linalg.norm(speeds, axis=1).mean())
     return {
-        'time_ms': slope * 1e3,
-        'error_ms': error * 1e3,
-        'distance_mm': slope * speed * 1e3,
+        'time_ms': lag_s * 1e3,
+        'error_ms': error_s * 1e3,
+        'distance_mm': lag_s * speed * 1e3,
         'hand_speed_m_s': speed,
         'samples': int(chosen.sum()),
     }
+
+
+def _fit_lag(times: Array, behind: Array, speeds: Array) -> tuple[float, float]:
+    """Fit behind = lag · speed + (a + b t) exp(−ω t); return the lag and its standard error, s."""
+
+    def columns(decay: float) -> Array:
+        fading = np.exp(-decay * times)
+        dying = np.kron(np.eye(3), np.column_stack([fading, times * fading]))
+        return np.column_stack([speeds.T.ravel(), dying])
+
+    target = behind.T.ravel()
+
+    def solve(decay: float) -> tuple[Array, float]:
+        matrix = columns(decay)
+        found = np.linalg.lstsq(matrix, target, rcond=None)[0]
+        return found, float(((matrix @ found - target) ** 2).sum())
+
+    decay = minimize_scalar(lambda one: solve(one)[1], bounds=DECAY_RANGE, method='bounded').x
+    found, rest = solve(decay)
+    covariance = np.linalg.pinv(columns(decay).T @ columns(decay))
+    error = np.sqrt(covariance[0, 0] * rest / max(1, len(target) - len(found)))
+    return float(found[0]), float(error)
 
 
 def joint_limits(run: RunRecord) -> Numbers:

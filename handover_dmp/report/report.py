@@ -117,7 +117,7 @@ def _summary(report: Numbers) -> Table:
         (
             'lag behind the moving hand',
             _number(lag['time_ms'], 1, 'ms', 1),
-            'the hand was still while the wrist followed it'
+            'the hand was still, or the wrist followed it too shortly to tell'
             if lag['time_ms'] is None
             else f'± {lag["error_ms"]:.1f} ms; {lag["distance_mm"]:.2f} mm at '
             f'{lag["hand_speed_m_s"]:.2f} m/s',
