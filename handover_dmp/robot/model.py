@@ -247,7 +247,7 @@ def _wrist_link(tree: ElementTree.Element, wrist_frame: str | None, path: Path) 
                 f'{path}: no link {wrist_frame!r} for the wrist; it has {", ".join(links)}'
             )
         return wrist_frame
-    parents = {joint.find('parent').get('link') for joint in tree.findall('joint')}  # type: ignore[union-attr]
+    parents = {parent for _, parent in _by_child(tree, path).values()}
     ends = [link for link in links if link not in parents]
     if len(ends) != 1:
         raise RobotDescriptionError(
@@ -256,10 +256,10 @@ def _wrist_link(tree: ElementTree.Element, wrist_frame: str | None, path: Path) 
     return ends[0]
 
 
-def _chain(
-    tree: ElementTree.Element, wrist_frame: str, path: Path
-) -> tuple[ElementTree.Element, ...]:
-    """Find the joints that move the wrist, from the base on."""
+def _by_child(
+    tree: ElementTree.Element, path: Path
+) -> dict[str | None, tuple[ElementTree.Element, str | None]]:
+    """Index the joints by the link that they carry, each with the link that it hangs on."""
     by_child = {}
     for joint in tree.findall('joint'):
         child, parent = joint.find('child'), joint.find('parent')
@@ -268,6 +268,14 @@ def _chain(
                 f'{path}: joint {joint.get("name")!r} lacks its parent or its child'
             )
         by_child[child.get('link')] = (joint, parent.get('link'))
+    return by_child
+
+
+def _chain(
+    tree: ElementTree.Element, wrist_frame: str, path: Path
+) -> tuple[ElementTree.Element, ...]:
+    """Find the joints that move the wrist, from the base on."""
+    by_child = _by_child(tree, path)
     chain: list[ElementTree.Element] = []
     link: str | None = wrist_frame
     passed = 0
