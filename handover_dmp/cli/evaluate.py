@@ -109,12 +109,15 @@ def read_learning(options: argparse.Namespace) -> Learning:
     """
     from dataclasses import replace
 
-    from handover_dmp.evaluation.parameter_file import read_parameters
     from handover_dmp.evaluation.rollouts import Learning
+    from handover_dmp.parameter_file import read_parameters
 
     learning = Learning(regression=options.regression, basis=options.basis)
     if options.parameters is not None:
-        learning = replace(learning, parameters=read_parameters(options.parameters))
+        tuned = read_parameters(options.parameters)
+        learning = replace(
+            learning, parameters=tuned.primitive, duration_scale=tuned.duration_scale
+        )
     names = ('stiffness', 'damping', 'goal_velocity_gain', 'mu', 'sigma', 'formulation')
     given = {name: getattr(options, name) for name in names if getattr(options, name) is not None}
     return replace(learning, parameters=replace(learning.parameters, **given))

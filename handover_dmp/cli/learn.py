@@ -25,6 +25,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '-o', '--output', type=Path, required=True, metavar='MODEL.json', help='model to write'
     )
+    parser.add_argument(
+        '--parameters',
+        type=Path,
+        metavar='FILE',
+        help='ROS parameter file with a dmp section, such as `tune` writes; options go before it',
+    )
     parser.add_argument('--stiffness', type=float, metavar='K', help='K of (8)')
     parser.add_argument('--damping', type=float, metavar='D', help='D of (8); 0: critical, 2√K')
     parser.add_argument(
@@ -79,19 +85,23 @@ def run(options: argparse.Namespace) -> int:
     from handover_dmp.dmp.learning import DEFAULT_BASIS
     from handover_dmp.files import write_text
     from handover_dmp.hand import read_trial
+    from handover_dmp.parameter_file import read_parameters, TunedParameters
     from handover_dmp.teaching import learn_from_trials, reproduction_error
     import numpy as np
     from rich.console import Console
 
     trials = [read_trial(path) for path in options.trials]
+    tuned = read_parameters(options.parameters) if options.parameters else TunedParameters()
     model = learn_from_trials(
         trials,
-        _parameters(options),
+        _parameters(options, tuned.primitive),
         regression=options.regression,
         basis=DEFAULT_BASIS if options.basis is None else options.basis,
         jointly=options.joint,
         primitive=ClassicalDmp if options.classical else DecoupledDmp,
     )
+    if tuned.duration_scale != 1.0:
+        model = model.with_duration(tuned.duration_scale * model.duration_s)
     save_model(model, options.output)
     outcome: dict[str, Any] = {
         'model': str(options.output),
@@ -119,10 +129,10 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _parameters(options: argparse.Namespace) -> Any:
+def _parameters(options: argparse.Namespace, tuned: Any) -> Any:
+    from dataclasses import replace
     from math import exp, isfinite
 
-    from handover_dmp.dmp import DmpParameters
     from handover_dmp.errors import UsageError
 
     names = ('stiffness', 'damping', 'goal_velocity_gain', 'mu', 'sigma', 'formulation')
@@ -131,4 +141,4 @@ def _parameters(options: argparse.Namespace) -> Any:
         if not (isfinite(options.alpha) and options.alpha > 0.0):
             raise UsageError(f'--alpha {options.alpha} is not above 0')
         given['phase_at_end'] = exp(-options.alpha)
-    return DmpParameters(**given)
+    return replace(tuned, **given)

@@ -303,6 +303,9 @@ def _save(
 ) -> None:
     with rc_context(STYLE):
         figure = make(group, title, *arguments)
+        # Laid out once, not once for each format.
+        figure.draw_without_rendering()
+        figure.set_layout_engine('none')
         for suffix, options in _FORMATS.items():
             with replacing(stem.with_name(stem.name + suffix)) as temporary:
                 figure.savefig(temporary, **options)

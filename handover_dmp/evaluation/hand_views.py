@@ -11,11 +11,6 @@ import numpy as np
 from scipy.signal import lfilter
 
 
-def without_velocity(hands: Hands) -> Hands:
-    """Tell positions alone, as primitives without K_v are told."""
-    return replace(hands, velocities=np.zeros_like(hands.velocities))
-
-
 def smooth_velocity(hands: Hands, time_constant_s: float) -> Hands:
     """
     Low-pass the velocity (first order, causal), and leave the position as it is.

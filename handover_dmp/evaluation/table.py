@@ -186,10 +186,10 @@ def _methods_table(summary: Sequence[Row]) -> Table:
     )
     table.add_column('method', no_wrap=True)
     table.add_column('learn', no_wrap=True)
-    table.add_column('curves', justify='right')
+    table.add_column('curves', justify='right', no_wrap=True)
     for k in BANDS:
         table.add_column(f'≤{k}σ, %', justify='right', no_wrap=True)
-    table.add_column('distance, mm', justify='right', no_wrap=True)
+    table.add_column('rms, mm', justify='right', no_wrap=True)
     table.add_column('end, mm', justify='right', no_wrap=True)
     shown = set()
     for row in sorted(summary, key=lambda row: METHODS.index(row.method)):

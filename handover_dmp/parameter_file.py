@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
+import math
 from pathlib import Path
 
 from handover_dmp.dmp import DmpParameters
@@ -11,9 +12,26 @@ from handover_dmp.files import write_text
 import yaml
 
 NODE = 'dmp'
+DURATION_SCALE = 'duration_scale'
 
 
-def write_parameters(parameters: DmpParameters, path: Path, comment: str = '') -> None:
+@dataclass(frozen=True)
+class TunedParameters:
+    """
+    What a parameter file says about the movement primitive.
+
+    Attributes:
+        primitive: parameters of the equations.
+        duration_scale: factor on the duration that is learnt. It ends up in the model, so the
+            node has no such parameter and passes it by.
+
+    """
+
+    primitive: DmpParameters = field(default_factory=DmpParameters)
+    duration_scale: float = 1.0
+
+
+def write_parameters(parameters: TunedParameters, path: Path, comment: str = '') -> None:
     """
     Write the parameters of the primitive for `--params-file` and `--parameters`.
 
@@ -23,12 +41,13 @@ def write_parameters(parameters: DmpParameters, path: Path, comment: str = '') -
         comment: lines to put above, without the sign of a comment.
 
     """
-    tree = {NODE: {'ros__parameters': asdict(parameters)}}
+    section = {**asdict(parameters.primitive), DURATION_SCALE: parameters.duration_scale}
     head = ''.join(f'# {line}'.rstrip() + '\n' for line in comment.splitlines())
+    tree = {NODE: {'ros__parameters': section}}
     write_text(path, head + yaml.safe_dump(tree, sort_keys=False))
 
 
-def read_parameters(path: Path) -> DmpParameters:
+def read_parameters(path: Path) -> TunedParameters:
     """
     Read the parameters of the primitive from a ROS parameter file.
 
@@ -51,12 +70,15 @@ def read_parameters(path: Path) -> DmpParameters:
     except yaml.YAMLError as error:
         raise DataError(f'{path}: not YAML: {" ".join(str(error).split())}') from error
     try:
-        section = tree[NODE]['ros__parameters']
-        known = {field.name for field in fields(DmpParameters)}
-        given = {name: value for name, value in section.items() if name in known}
-    except (KeyError, TypeError, AttributeError) as error:
+        section = dict(tree[NODE]['ros__parameters'])
+    except (KeyError, TypeError, ValueError) as error:
         raise DataError(f'{path}: no section {NODE}: ros__parameters:') from error
+    known = {each.name for each in fields(DmpParameters)}
+    given = {name: value for name, value in section.items() if name in known}
+    scale = section.get(DURATION_SCALE, 1.0)
+    if not isinstance(scale, (int, float)) or not (math.isfinite(scale) and scale > 0.0):
+        raise DataError(f'{path}: {DURATION_SCALE} is {scale!r}, not a number above 0')
     try:
-        return replace(DmpParameters(), **given)
+        return TunedParameters(replace(DmpParameters(), **given), float(scale))
     except DataError as error:
         raise DataError(f'{path}: {error}') from error

@@ -1,0 +1,177 @@
+"""`handover_dmp tune`: better parameters, and what they are worth on trials never seen."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any, TYPE_CHECKING
+
+from handover_dmp.cli.evaluate import add_learning_arguments, progress_bar, read_learning
+
+if TYPE_CHECKING:
+    from handover_dmp.evaluation.tuning import Tuning
+    from rich.console import Group
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """
+    Declare the words after `tune`.
+
+    Args:
+        parser: parser of the verb.
+
+    """
+    parser.add_argument('data_set', type=Path, metavar='DATASET', help='folder with trials.csv')
+    parser.add_argument(
+        '-o',
+        '--output',
+        type=Path,
+        required=True,
+        metavar='PARAMS.yaml',
+        help='parameter file to write: for --params-file of the dmp node, and for --parameters',
+    )
+    add_learning_arguments(parser)
+    parser.add_argument(
+        '--candidates',
+        type=int,
+        default=192,
+        metavar='N',
+        help='how many sets of parameters to try (default: %(default)s)',
+    )
+    parser.add_argument('--seed', type=int, default=0, help='of the search (default: %(default)s)')
+    parser.add_argument(
+        '--jobs',
+        type=int,
+        default=1,
+        metavar='N',
+        help='processes, -1 for one a processor; changes no result (default: %(default)s)',
+    )
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write what was found as JSON')
+
+
+def run(options: argparse.Namespace) -> int:
+    """
+    Search, report on unseen trials, write the parameter file.
+
+    Args:
+        options: what `add_arguments` declared.
+
+    Returns:
+        0.
+
+    Raises:
+        UsageError: fewer than one candidate.
+        DataError: the data set cannot be used.
+
+    """
+    from handover_dmp.errors import UsageError
+
+    if options.candidates < 1:
+        raise UsageError(f'--candidates {options.candidates} is not above 0')
+    from dataclasses import asdict
+    import json
+
+    from handover_dmp.evaluation.tuning import tune
+    from handover_dmp.files import write_text
+    from handover_dmp.hand import read_data_set
+    from handover_dmp.parameter_file import TunedParameters, write_parameters
+    from rich.console import Console
+
+    default = read_learning(options)
+    trials = read_data_set(options.data_set)
+    with progress_bar() as progress:
+        tuning = tune(
+            trials,
+            default,
+            candidates=options.candidates,
+            seed=options.seed,
+            jobs=options.jobs,
+            progress=progress('trying parameters'),
+        )
+    best = TunedParameters(tuning.best.parameters, tuning.best.duration_scale)
+    write_parameters(best, options.output, _comment(tuning, options.data_set.name))
+    if options.json is not None:
+        write_text(options.json, json.dumps(asdict(tuning), indent=1) + '\n')
+    console = Console()
+    console.width = max(console.width, 90)
+    console.print(_show(tuning))
+    console.print(options.output, soft_wrap=True, highlight=False)
+    return 0
+
+
+def _comment(tuning: Tuning, data_set: str) -> str:
+    lines = [
+        f'Tuned on {tuning.trials} trials of {data_set}, {tuning.candidates} sets tried.',
+        'On trials that each choice had not seen, in place of the defaults:',
+    ]
+    for compared in tuning.comparisons:
+        low, high = (1e3 * end for end in compared.gain_interval_m)
+        lines.append(
+            f'learn {compared.learn}: distance to P2 {1e3 * compared.default.rms_m:.1f} -> '
+            f'{1e3 * compared.tuned.rms_m:.1f} mm (gain {1e3 * compared.gain_m:.1f}, '
+            f'95 %: {low:.1f} to {high:.1f}), within 3 sigma {compared.default.within[3]:.1f} -> '
+            f'{compared.tuned.within[3]:.1f} %'
+        )
+    return '\n'.join(lines)
+
+
+def _show(tuning: Tuning) -> Group:
+    from rich import box
+    from rich.console import Group
+    from rich.table import Table
+
+    def table(title: str, *columns: str) -> Table:
+        made = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+        for number, column in enumerate(columns):
+            made.add_column(column, justify='right' if number else 'left', no_wrap=True)
+        return made
+
+    found = table('Parameters', '', 'default', 'chosen', 'in the folds')
+    for name in ('stiffness', 'mu', 'sigma', 'goal_velocity_gain', 'duration_scale'):
+        each = [_value(learning, name) for learning in tuning.folds]
+        found.add_row(
+            name,
+            f'{_value(tuning.default, name):.3g}',
+            f'{_value(tuning.best, name):.3g}',
+            f'{min(each):.3g} to {max(each):.3g}',
+        )
+    unseen = table(
+        'On trials that the choice has not seen', 'learn', '', 'rms, mm', '≤1σ', '≤2σ', '≤3σ, %'
+    )
+    for compared in tuning.comparisons:
+        for name, worth in (('default', compared.default), ('tuned', compared.tuned)):
+            unseen.add_row(compared.learn, name, *_cells(worth))
+        low, high = (1e3 * end for end in compared.gain_interval_m)
+        less, more = compared.within_change_interval
+        unseen.add_row(
+            '',
+            'gain, 95 %',
+            f'{1e3 * compared.gain_m:.1f}  {low:.1f} to {high:.1f}',
+            '',
+            '',
+            f'{compared.within_change:+.1f}  {less:+.1f} to {more:+.1f}',
+            style='bold',
+        )
+    tried = table(
+        'One change at a time; each trial against all others, learn single',
+        '',
+        'rms, mm',
+        '≤1σ',
+        '≤2σ',
+        '≤3σ, %',
+        'end, mm',
+    )
+    for attempt in tuning.attempts:
+        gap = f'{1e3 * attempt.worth.final_gap_m:.0f}'
+        tried.add_row(attempt.what, *_cells(attempt.worth), gap)
+    return Group(tried, unseen, found)
+
+
+def _value(learning: Any, name: str) -> float:
+    if name == 'duration_scale':
+        return float(learning.duration_scale)
+    return float(getattr(learning.parameters, name))
+
+
+def _cells(worth: Any) -> list[str]:
+    return [f'{1e3 * worth.rms_m:.1f}', *(f'{share:.1f}' for share in worth.within.values())]

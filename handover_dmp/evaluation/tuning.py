@@ -1,0 +1,404 @@
+"""Finding better parameters on some trials, and saying what they are worth on others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+from handover_dmp.evaluation.bootstrap import interval, resample
+from handover_dmp.evaluation.cases import Case, make_cases
+from handover_dmp.evaluation.envelope import Array
+from handover_dmp.evaluation.folds import (
+    Candidate,
+    FOLDS,
+    learn_mean_unseen,
+    Split,
+    split,
+    thinned,
+    try_out,
+    Verdict,
+)
+from handover_dmp.evaluation.hand_views import (
+    estimated,
+    looking_ahead,
+    smooth_goal,
+    smooth_velocity,
+)
+from handover_dmp.evaluation.rollouts import Learning
+from handover_dmp.evaluation.scores import BANDS, Totals
+from handover_dmp.hand import HandoverTrial
+from joblib import delayed, Parallel
+import numpy as np
+from scipy.stats import qmc
+
+LEAST_TRIALS = 4
+CANDIDATES = 192
+REFINEMENTS = 3
+WITHIN = len(BANDS) - 1
+SQUARED, GAP, COUNT = 3, 4, 5
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Range:
+    """
+    Where a parameter is searched.
+
+    Attributes:
+        name: of the parameter.
+        low: least value.
+        high: largest value.
+        logarithmic: whether equal ratios count alike.
+
+    """
+
+    name: str
+    low: float
+    high: float
+    logarithmic: bool = False
+
+    def value(self, share: float) -> float:
+        """Return the value at a share from 0 to 1 of the range."""
+        if self.logarithmic:
+            return float(self.low * (self.high / self.low) ** share)
+        return float(self.low + (self.high - self.low) * share)
+
+
+SPACE = (
+    Range('stiffness', 30.0, 1000.0, logarithmic=True),
+    Range('mu', 0.3, 1.1),
+    Range('sigma', 0.02, 0.4, logarithmic=True),
+    # K_v as a part of what follows without lag; above 1 the rule Dτ itself.
+    Range('goal_velocity_gain', 0.0, 2.0),
+    Range('duration_scale', 0.8, 1.25, logarithmic=True),
+)
+
+
+@dataclass(frozen=True)
+class Worth:
+    """
+    Figures of parameters on trials that they were not chosen on.
+
+    Attributes:
+        rms_m: distance to what P2 really did, root mean square, m.
+        within: k to percentage of curves within kσ.
+        final_gap_m: mean distance at the end, m.
+
+    """
+
+    rms_m: float
+    within: dict[int, float]
+    final_gap_m: float
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """
+    The tuned parameters beside the defaults, on unseen trials.
+
+    Attributes:
+        learn: `single` or `mean`.
+        default: figures of the defaults.
+        tuned: figures of the parameters chosen on the other trials.
+        gain_m: by how much the distance falls, m.
+        gain_interval_m: its 95 % interval, trials resampled, m.
+        within_change: change of the percentage within 3σ, points.
+        within_change_interval: its 95 % interval, points.
+
+    """
+
+    learn: str
+    default: Worth
+    tuned: Worth
+    gain_m: float
+    gain_interval_m: tuple[float, float]
+    within_change: float
+    within_change_interval: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """
+    One change to the defaults, and what it gives; each trial held against all others.
+
+    Attributes:
+        what: the change.
+        worth: its figures.
+
+    """
+
+    what: str
+    worth: Worth
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """
+    What was found.
+
+    Attributes:
+        default: where the search began.
+        best: chosen on all trials.
+        folds: chosen without the unseen trials of each fold.
+        comparisons: gain on unseen trials, learn single and learn mean.
+        attempts: single changes to the defaults, the defaults first.
+        candidates: how many sets of parameters were tried.
+        trials: how many trials took part.
+
+    """
+
+    default: Learning
+    best: Learning
+    folds: list[Learning]
+    comparisons: list[Comparison]
+    attempts: list[Attempt]
+    candidates: int
+    trials: int
+
+
+def tune(
+    trials: Sequence[HandoverTrial],
+    default: Learning | None = None,
+    *,
+    candidates: int = CANDIDATES,
+    seed: int = 0,
+    jobs: int = 1,
+    progress: Progress | None = None,
+) -> Tuning:
+    """
+    Search K, μ, σ, K_v and the scale of τ by cross-validation.
+
+    The least distance to what P2 really did wins among the candidates that have no fewer curves
+    within 3σ than the defaults. Candidates are first spread evenly, then set around the best of
+    each fold, ever closer. Each fold chooses by its own training trials alone and is judged on
+    trials that it has not seen; the choice that is given in the end is that of all trials.
+
+    Args:
+        trials: recorded handovers, at least four of each configuration and exchange.
+        default: where to start, and what to beat.
+        candidates: how many sets of parameters to try, at least.
+        seed: of the search, the folds and the intervals.
+        jobs: processes; the result does not depend on it.
+        progress: is told how many of how many are tried.
+
+    Returns:
+        What was found.
+
+    Raises:
+        DataError: too few trials in a case.
+
+    """
+    default = default or Learning()
+    cases = [thinned(case) for case in make_cases(trials, at_least=LEAST_TRIALS)]
+    seeds = np.random.SeedSequence(seed).spawn(len(cases) + 2)
+    splits = [split(case, own) for case, own in zip(cases, seeds, strict=False)]
+    attempts = list(_changes(default))
+    court = _Court(cases, splits, jobs, candidates + len(attempts), progress)
+    search = _Search(default, court, np.random.default_rng(seeds[-2]), candidates)
+    search.run()
+    choices = [search.choose(fold) for fold in range(FOLDS + 1)]
+    draws = [
+        resample(len(case), own)
+        for case, own in zip(cases, seeds[-1].spawn(len(cases)), strict=True)
+    ]
+    compare = partial(_compare, cases, splits, search, choices[:FOLDS], draws)
+    return Tuning(
+        default=default,
+        best=search.tried[choices[FOLDS]],
+        folds=[search.tried[choice] for choice in choices[:FOLDS]],
+        comparisons=[compare('single'), compare('mean')],
+        attempts=_attempts(attempts, court),
+        candidates=len(search.tried),
+        trials=sum(map(len, cases)),
+    )
+
+
+class _Court:
+    """Judges candidates on all cases, several at a time."""
+
+    def __init__(
+        self,
+        cases: Sequence[Case],
+        splits: Sequence[Sequence[Split]],
+        jobs: int,
+        expected: int,
+        progress: Progress | None,
+    ) -> None:
+        self.cases, self.splits, self.progress = cases, splits, progress
+        self.parallel = Parallel(n_jobs=jobs, return_as='generator')
+        self.done, self.expected = 0, expected
+
+    def judge(self, candidates: Sequence[Candidate]) -> list[list[Verdict]]:
+        """Give a verdict for each candidate and case."""
+        verdicts = []
+        pairs = list(zip(self.cases, self.splits, strict=True))
+        for verdict in self.parallel(delayed(_try_all)(pairs, each) for each in candidates):
+            verdicts.append(verdict)
+            self.done += 1
+            if self.progress is not None:
+                self.progress(min(self.done, self.expected), self.expected)
+        return verdicts
+
+
+def _try_all(pairs: Sequence[tuple[Case, Sequence[Split]]], candidate: Candidate) -> list[Verdict]:
+    return [try_out(case, parts, candidate) for case, parts in pairs]
+
+
+class _Search:
+    """Everything that was tried, the default first."""
+
+    def __init__(
+        self, default: Learning, court: _Court, random: np.random.Generator, candidates: int
+    ) -> None:
+        self.default, self.court, self.random = default, court, random
+        self.candidates = candidates
+        self.pace = float(np.mean([d for case in court.cases for d in case.durations_s]))
+        self.tried: list[Learning] = []
+        self.places: list[Array] = []
+        self.verdicts: list[list[Verdict]] = []
+
+    def run(self) -> None:
+        """Try the default, then candidates spread over the space, then near the best."""
+        self._try([(self.default, np.full(len(SPACE), np.nan))])
+        spread = qmc.Sobol(len(SPACE), seed=self.random).random(
+            2 ** max(3, int(np.log2(max(self.candidates, 16) / 3)))
+        )
+        self._try([(self._learning(place), place) for place in spread])
+        each = max(1, -(-(self.candidates - len(self.tried)) // (REFINEMENTS * (FOLDS + 1))))
+        for refinement in range(REFINEMENTS):
+            width = 0.15 / 2**refinement
+            places = []
+            for fold in range(FOLDS + 1):
+                best = self.places[self.choose(fold, among_spread=True)]
+                steps = self.random.normal(scale=width, size=(each, len(SPACE)))
+                places += list(np.clip(best + steps, 0.0, 1.0))
+            self._try([(self._learning(place), place) for place in places])
+
+    def choose(self, fold: int, *, among_spread: bool = False) -> int:
+        """Pick the best by the training trials of a fold; the last fold has all of them."""
+        sums = [self._training(verdicts, fold) for verdicts in self.verdicts]
+        errors = np.array([total.rms_m[0] for total in sums])
+        within = np.array([total.within_percent[0, WITHIN] for total in sums])
+        allowed = within >= within[0]
+        if among_spread:
+            allowed = allowed.copy()
+            allowed[0] = False
+            if not allowed.any():
+                allowed[1:] = True
+        return int(np.where(allowed, errors, np.inf).argmin())
+
+    def _training(self, verdicts: Sequence[Verdict], fold: int) -> Totals:
+        return Totals(np.sum([verdict.training[fold].sums for verdict in verdicts], axis=0))
+
+    def _try(self, candidates: Sequence[tuple[Learning, Array]]) -> None:
+        self.tried += [learning for learning, _ in candidates]
+        self.places += [place for _, place in candidates]
+        self.verdicts += self.court.judge([Candidate(learning) for learning, _ in candidates])
+
+    def _learning(self, place: Array) -> Learning:
+        values: dict[str, Any] = {
+            where.name: where.value(share) for where, share in zip(SPACE, place, strict=True)
+        }
+        scale, gain = values.pop('duration_scale'), values.pop('goal_velocity_gain')
+        parameters = replace(self.default.parameters, **values)
+        following = parameters.effective_damping * self.pace * scale
+        parameters = replace(
+            parameters, goal_velocity_gain=-1.0 if gain >= 1.0 else gain * following
+        )
+        return replace(self.default, parameters=parameters, duration_scale=scale)
+
+
+def _compare(
+    cases: Sequence[Case],
+    splits: Sequence[Sequence[Split]],
+    search: _Search,
+    choices: Sequence[int],
+    draws: Sequence[Array],
+    learn: str,
+) -> Comparison:
+    """Compare the choice of each fold with the default, on the trials that the fold left out."""
+    pairs = []
+    for number, (case, parts) in enumerate(zip(cases, splits, strict=True)):
+        default, tuned = np.zeros((len(case), 6)), np.zeros((len(case), 6))
+        for part, choice in zip(parts, choices, strict=False):
+            unseen = list(part.unseen)
+            if not unseen:
+                continue
+            if learn == 'single':
+                default[unseen] = search.verdicts[0][number].unseen[unseen]
+                tuned[unseen] = search.verdicts[choice][number].unseen[unseen]
+            else:
+                for table, which in ((default, 0), (tuned, choice)):
+                    candidate = Candidate(search.tried[which])
+                    table[unseen] = learn_mean_unseen(case, part, candidate)
+        pairs.append((default, tuned))
+    once = [np.ones((1, len(case))) for case in cases]
+    before, after = (_sum(pairs, once, which) for which in (0, 1))
+    drawn_before, drawn_after = (_sum(pairs, draws, which) for which in (0, 1))
+    gains = drawn_before.rms_m - drawn_after.rms_m
+    changes = (drawn_after.within_percent - drawn_before.within_percent)[:, WITHIN]
+    return Comparison(
+        learn=learn,
+        default=_worth(before),
+        tuned=_worth(after),
+        gain_m=float(before.rms_m[0] - after.rms_m[0]),
+        gain_interval_m=interval(gains),
+        within_change=float((after.within_percent - before.within_percent)[0, WITHIN]),
+        within_change_interval=interval(changes),
+    )
+
+
+def _sum(pairs: Sequence[tuple[Array, Array]], draws: Sequence[Array], which: int) -> Totals:
+    parts = [counts @ pair[which] for pair, counts in zip(pairs, draws, strict=True)]
+    return Totals(np.sum(parts, axis=0))
+
+
+def _worth(totals: Totals) -> Worth:
+    return Worth(
+        rms_m=float(totals.rms_m[0]),
+        within=dict(zip(BANDS, totals.within_percent[0].tolist(), strict=True)),
+        final_gap_m=float(totals.gap_m[0]),
+    )
+
+
+def _attempts(changes: Sequence[tuple[str, Candidate]], court: _Court) -> list[Attempt]:
+    """Change one thing at a time, with every trial held against all others."""
+    attempts = []
+    verdicts = court.judge([candidate for _, candidate in changes])
+    for (what, _), cases in zip(changes, verdicts, strict=True):
+        total = Totals(np.sum([verdict.training[-1].sums for verdict in cases], axis=0))
+        attempts.append(Attempt(what, _worth(total)))
+    return attempts
+
+
+def _changes(default: Learning) -> Iterator[tuple[str, Candidate]]:
+    parameters = default.parameters
+
+    def changed(**values: Any) -> Candidate:
+        return Candidate(replace(default, parameters=replace(parameters, **values)))
+
+    yield 'the defaults', Candidate(default)
+    for stiffness in (50.0, 100.0, 400.0):
+        yield f'K = {stiffness:g}', changed(stiffness=stiffness)
+    for mu in (0.5, 0.6, 0.9):
+        yield f'μ = {mu:g}', changed(mu=mu)
+    for sigma in (0.02, 0.1, 0.2, 0.3):
+        yield f'σ = {sigma:g}', changed(sigma=sigma)
+    yield 'μ = 0.6, σ = 0.2', changed(mu=0.6, sigma=0.2)
+    for scale in (0.9, 0.95, 1.05, 1.1):
+        yield f'τ × {scale:g}', Candidate(replace(default, duration_scale=scale))
+    yield 'K_v = 0: ġ not looked at', changed(goal_velocity_gain=0.0)
+    for constant in (0.05, 0.1, 0.2):
+        view = partial(smooth_velocity, time_constant_s=constant)
+        yield f'ġ low-passed, {1e3 * constant:g} ms', Candidate(default, view=view)
+    for constant in (0.05, 0.1):
+        goal_view = partial(smooth_goal, time_constant_s=constant)
+        yield f'g and ġ low-passed, {1e3 * constant:g} ms', Candidate(default, view=goal_view)
+    for horizon in (0.05, 0.1):
+        ahead = partial(looking_ahead, horizon_s=horizon)
+        yield f'g {1e3 * horizon:g} ms ahead', Candidate(default, view=ahead)
+    yield 'goal estimator (causal)', Candidate(default, view=estimated)
+    yield 'goal offset: mean of the others', Candidate(default, common_offset=True)
