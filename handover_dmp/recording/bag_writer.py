@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from time import monotonic
 from types import TracebackType
@@ -17,19 +17,14 @@ from handover_dmp.recording.bag_metadata import (
     TopicMetadata,
     write_metadata,
 )
+from handover_dmp.recording.mcap_writer import COMPRESSIONS, McapFileWriter
 from handover_dmp.recording.message_definitions import message_definition, MessageDefinition
 from handover_dmp.recording.messages import encoder, Message
 from handover_dmp.recording.qos import COMMAND, dump_profiles, Qos
 from handover_dmp.settings import defaults
 from mcap.well_known import MessageEncoding, SchemaEncoding
-from mcap.writer import CompressionType, LIBRARY_IDENTIFIER
-from mcap.writer import Writer as McapWriter
+from mcap.writer import LIBRARY_IDENTIFIER
 
-COMPRESSIONS = {
-    'zstd': CompressionType.ZSTD,
-    'lz4': CompressionType.LZ4,
-    'none': CompressionType.NONE,
-}
 LIBRARY = f'handover_dmp {__version__}; {LIBRARY_IDENTIFIER}'
 # name of the record that rosbag2 keeps its metadata under within each file
 METADATA_RECORD = 'rosbag2'
@@ -87,7 +82,8 @@ class BagWriter:
                 f'compression {self._compression!r}: not one of {", ".join(COMPRESSIONS)}'
             )
         self._topics: dict[str, TopicMetadata] = {}
-        self._files: list[FileStatistics] = []
+        self._splits = bool(self._split_size or self._split_duration_ns)
+        self._ended: list[FileStatistics] = []
         self._failure: str | None = None
         self._closed = False
         try:
@@ -108,7 +104,7 @@ class BagWriter:
     @property
     def message_count(self) -> int:
         """Number of messages written so far."""
-        return sum(file.message_count for file in self._files)
+        return sum(file.message_count for file in self._ended) + self._file.message_count
 
     def add_topic(self, name: str, type_name: str, qos: Qos | Iterable[Qos] = COMMAND) -> None:
         """
@@ -158,12 +154,10 @@ class BagWriter:
         if not (0 <= log_time_ns < NO_TIME and 0 <= publish_time_ns < NO_TIME):
             raise DataError(f'{self.folder}: {topic}: time out of range: {log_time_ns} ns')
         try:
-            if self._must_split(log_time_ns):
+            if self._splits and self._must_split(log_time_ns):
                 self._end_file()
                 self._file = self._begin_file()
-            self._file.write(topic, data, log_time_ns, publish_time_ns)
-            if monotonic() - self._file.flushed_at > self._flush_period_s:
-                self._file.flush()
+            self._file.write(topic, data, log_time_ns, publish_time_ns, self._flush_period_s)
         except OSError as error:
             raise self._failed(error) from error
         except KeyError as error:
@@ -221,7 +215,7 @@ class BagWriter:
             return
         try:
             self._end_file()
-            write_metadata(self.folder, self._information(self._files))
+            write_metadata(self.folder, self._information(self._ended))
         except OSError as error:
             raise self._failed(error) from error
 
@@ -242,30 +236,32 @@ class BagWriter:
         return bag_information(list(self._topics.values()), files, self._custom_data)
 
     def _begin_file(self) -> _BagFile:
-        statistics = FileStatistics(f'{self.folder.name}_{len(self._files)}.mcap')
+        name = f'{self.folder.name}_{len(self._ended)}.mcap'
         try:
-            file = _BagFile(
-                self.folder / statistics.name, self._compression, self._chunk_size, statistics
-            )
+            file = _BagFile(self.folder / name, self._compression, self._chunk_size)
             # without it a reader of a bag that was never closed cannot know the version, and so
             # not how quality of service is written
-            file.add_metadata(dump_information(self._information([statistics])))
+            file.add_metadata(self._describe(file.statistics))
             for topic in self._topics.values():
                 file.add_topic(topic, message_definition(topic.type_name))
         except OSError as error:
             raise self._failed(error) from error
-        self._files.append(statistics)
         return file
 
     def _end_file(self) -> None:
-        self._file.finish(dump_information(self._information([self._file.statistics])))
+        self._file.finish(self._describe)
+        self._ended.append(self._file.statistics)
+
+    def _describe(self, file: FileStatistics) -> str:
+        return dump_information(self._information([file]))
 
     def _must_split(self, log_time_ns: int) -> bool:
-        if not self._file.statistics.counts:
+        first_ns = self._file.first_ns
+        if first_ns is None:
             return False
         if self._split_size and self._file.size >= self._split_size:
             return True
-        elapsed_ns = log_time_ns - self._file.statistics.first_ns
+        elapsed_ns = log_time_ns - first_ns
         return bool(self._split_duration_ns) and elapsed_ns >= self._split_duration_ns
 
     def _check_usable(self) -> None:
@@ -285,37 +281,42 @@ class BagWriter:
 class _BagFile:
     """One MCAP file of a bag while it is written."""
 
-    def __init__(
-        self, path: Path, compression: str, chunk_size: int, statistics: FileStatistics
-    ) -> None:
-        self.statistics = statistics
-        self.flushed_at = monotonic()
-        self._sink = _Sink(path)
+    def __init__(self, path: Path, compression: str, chunk_size: int) -> None:
+        self.name = path.name
+        self.first_ns: int | None = None
+        self._writer = McapFileWriter(path, compression, chunk_size, LIBRARY)
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
-        self._writer = McapWriter(
-            self._sink,  # type: ignore[arg-type]
-            chunk_size=chunk_size,
-            compression=COMPRESSIONS[compression],
-        )
-        self._writer.start(profile='ros2', library=LIBRARY)
 
     @property
     def size(self) -> int:
-        return self._sink.size
+        return self._writer.size
+
+    @property
+    def message_count(self) -> int:
+        return self._writer.message_count
+
+    @property
+    def statistics(self) -> FileStatistics:
+        """What has reached the file."""
+        writer = self._writer
+        if writer.first_ns is None:
+            return FileStatistics(self.name)
+        counts = {topic: writer.counts[channel] for topic, channel in self._channels.items()}
+        return FileStatistics(self.name, writer.first_ns, writer.last_ns, counts)
 
     def add_metadata(self, text: str) -> None:
         self._writer.add_metadata(METADATA_RECORD, {'serialized_metadata': text})
 
     def add_topic(self, topic: TopicMetadata, definition: MessageDefinition) -> None:
         if topic.type_name not in self._schemas:
-            self._schemas[topic.type_name] = self._writer.register_schema(
-                topic.type_name, SchemaEncoding.ROS2, definition.text.encode()
+            self._schemas[topic.type_name] = self._writer.add_schema(
+                topic.type_name, SchemaEncoding.ROS2, definition.text
             )
-        self._channels[topic.name] = self._writer.register_channel(
+        self._channels[topic.name] = self._writer.add_channel(
             topic.name,
-            MessageEncoding.CDR,
             self._schemas[topic.type_name],
+            MessageEncoding.CDR,
             {
                 'offered_qos_profiles': dump_profiles(
                     qos for qos in topic.qos if isinstance(qos, Qos)
@@ -324,50 +325,24 @@ class _BagFile:
             },
         )
 
-    def write(self, topic: str, data: bytes, log_time_ns: int, publish_time_ns: int) -> None:
-        self._writer.add_message(self._channels[topic], log_time_ns, data, publish_time_ns)
-        self.statistics.add(topic, log_time_ns)
+    def write(
+        self, topic: str, data: bytes, log_time_ns: int, publish_time_ns: int, age_s: float
+    ) -> None:
+        if self.first_ns is None:
+            self.first_ns = log_time_ns
+        writer = self._writer
+        writer.add_message(self._channels[topic], data, log_time_ns, publish_time_ns)
+        if monotonic() - writer.flushed_at > age_s:
+            writer.flush()
 
     def flush(self) -> None:
-        self.flushed_at = monotonic()
-        self._writer.flush()  # type: ignore[no-untyped-call]
+        self._writer.flush()
 
-    def finish(self, metadata: str) -> None:
-        # metadata goes between chunks, so the open one is closed first
-        self._writer.flush()  # type: ignore[no-untyped-call]
-        self.add_metadata(metadata)
-        self._writer.finish()  # type: ignore[no-untyped-call]
-        self._sink.close()
+    def finish(self, metadata: Callable[[FileStatistics], str]) -> None:
+        # the metadata tells of all messages, so the open chunk is closed first
+        self._writer.flush()
+        self.add_metadata(metadata(self.statistics))
+        self._writer.finish()
 
     def abandon(self) -> None:
-        self._sink.close()
-
-
-class _Sink:
-    """
-    A file that holds nothing back.
-
-    The writer hands over whole records, so a buffer between it and the operating system would
-    spare nothing, but a killed process would lose what is in it.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self._file = path.open('xb', buffering=0)
-        self.size = 0
-
-    def write(self, data: bytes) -> int:
-        remaining = memoryview(data)
-        while remaining:
-            written = self._file.write(remaining)
-            self.size += written
-            remaining = remaining[written:]
-        return len(data)
-
-    def tell(self) -> int:
-        return self.size
-
-    def flush(self) -> None:
-        """Do nothing: everything is with the operating system already."""
-
-    def close(self) -> None:
-        self._file.close()
+        self._writer.abandon()
