@@ -126,3 +126,28 @@ def test_a_killed_recording_is_read_as_far_as_it_goes(
     file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
     run = load_run(bag)
     assert 0.3 < run.end_time_s < 2.4
+
+
+def test_a_run_in_a_bag_of_another_writer(make_run: Callable[..., Path], tmp_path: Path) -> None:
+    # definitions without comments, other chunks, other schema and channel numbers
+    convert = pytest.importorskip('rosbags.convert.converter')
+    bag = make_run(tmp_path / 'run')
+    convert.convert(
+        srcs=[bag],
+        dst=tmp_path / 'other',
+        dst_storage='mcap',
+        dst_version=9,
+        compress=None,
+        compress_mode='file',
+        default_typestore=None,
+        typestore=None,
+        exclude_topics=(),
+        include_topics=(),
+        exclude_msgtypes=(),
+        include_msgtypes=(),
+    )
+    one, other = load_run(bag), load_run(tmp_path / 'other')
+    np.testing.assert_array_equal(one.hand_positions, other.hand_positions)
+    np.testing.assert_array_equal(one.joint_positions, other.joint_positions)
+    assert one.states == other.states
+    assert one.info == other.info
