@@ -1,0 +1,79 @@
+"""`handover_dmp tune` from the outside, and the verbs that read what it writes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from handover_dmp.cli.main import main
+from handover_dmp.hand import synthesize, write_data_set
+import pytest
+import yaml
+
+
+@pytest.fixture(scope='module')
+def data_set(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp('data') / 'garage'
+    trials = [t for t in synthesize(seed=0, trials=4) if t.configuration == 'under_car']
+    write_data_set([t for t in trials if t.exchange == 'give'], folder)
+    return folder
+
+
+@pytest.fixture(scope='module')
+def tuned(data_set, tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp('tuned')
+    words = ['tune', str(data_set), '-o', str(folder / 'tuned.yaml'), '--candidates', '16']
+    assert main([*words, '--json', str(folder / 'tuned.json')]) == 0
+    return folder
+
+
+def test_the_file_names_what_it_was_tuned_on_and_what_that_gave(tuned):
+    text = (tuned / 'tuned.yaml').read_text()
+    assert 'Tuned on 4 trials of garage' in text
+    assert 'learn single: distance to P2' in text
+    found = json.loads((tuned / 'tuned.json').read_text())
+    section = yaml.safe_load(text)['dmp']['ros__parameters']
+    assert section['mu'] == found['best']['parameters']['mu']
+    assert section['duration_scale'] == found['best']['duration_scale']
+    assert {compared['learn'] for compared in found['comparisons']} == {'single', 'mean'}
+
+
+def test_learn_reads_it(tuned, data_set):
+    model, section = (
+        tuned / 'model.json',
+        yaml.safe_load((tuned / 'tuned.yaml').read_text())['dmp']['ros__parameters'],
+    )
+    trial = str(data_set / 'under_car_give_1.csv')
+    words = ['learn', trial, '-o', str(model), '--parameters', str(tuned / 'tuned.yaml')]
+    assert main([*words, '--sigma', '0.11']) == 0
+    from handover_dmp.dmp import load_model
+
+    learnt = load_model(model)
+    assert learnt.parameters.mu == section['mu']
+    assert learnt.parameters.sigma == 0.11
+    plain = tuned / 'plain.json'
+    assert main(['learn', trial, '-o', str(plain)]) == 0
+    scale = learnt.duration_s / load_model(plain).duration_s
+    assert scale == pytest.approx(section['duration_scale'])
+
+
+def test_evaluate_reads_it(tuned, data_set):
+    words = ['evaluate', str(data_set), '-o', str(tuned / 'out'), '--no-figures']
+    assert main([*words, '--parameters', str(tuned / 'tuned.yaml')]) == 0
+    protocol = json.loads((tuned / 'out' / 'table.json').read_text())['protocol']
+    section = yaml.safe_load((tuned / 'tuned.yaml').read_text())['dmp']['ros__parameters']
+    assert protocol['parameters']['mu'] == section['mu']
+    assert protocol['duration_scale'] == section['duration_scale']
+
+
+def test_faults_are_named_in_one_line(data_set, tmp_path, capsys):
+    output = str(tmp_path / 'tuned.yaml')
+    for words, code, word in (
+        ([str(tmp_path / 'nowhere'), '-o', output], 1, 'nowhere'),
+        ([str(data_set), '-o', output, '--candidates', '0'], 2, '--candidates'),
+        ([str(data_set), '-o', output, '--stiffness', '-5'], 1, 'stiffness'),
+    ):
+        assert main(['tune', *words]) == code
+        lines = capsys.readouterr().err.strip().splitlines()
+        assert len(lines) == 1 and word in lines[0]
+    assert not Path(output).exists()

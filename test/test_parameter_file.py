@@ -1,0 +1,55 @@
+"""The parameter file: what is written is read, and faults are named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from handover_dmp.dmp import DmpParameters
+from handover_dmp.errors import DataError
+from handover_dmp.parameter_file import read_parameters, TunedParameters, write_parameters
+import pytest
+import yaml
+
+
+def test_what_is_written_is_read(tmp_path):
+    path = tmp_path / 'tuned.yaml'
+    parameters = TunedParameters(DmpParameters(stiffness=123.456789, mu=0.6), 0.97)
+    write_parameters(parameters, path, 'where it comes from\nand more')
+    assert read_parameters(path) == parameters
+    assert path.read_text().startswith('# where it comes from\n# and more\ndmp:\n')
+
+
+def test_it_is_a_parameter_file_of_ros(tmp_path):
+    path = tmp_path / 'tuned.yaml'
+    write_parameters(TunedParameters(), path)
+    section = yaml.safe_load(path.read_text())['dmp']['ros__parameters']
+    assert all(isinstance(value, (float, str)) for value in section.values())
+
+
+def test_the_defaults_of_the_package_can_be_read():
+    share = Path(__file__).resolve().parents[1] / 'config' / 'handover.yaml'
+    assert read_parameters(share) == TunedParameters()
+
+
+@pytest.mark.parametrize(
+    ('text', 'word'),
+    [
+        ('dmp: {ros__parameters: {stiffness: -3}}', 'stiffness'),
+        ('dmp: {ros__parameters: {mu: wide}}', 'mu'),
+        ('dmp: {ros__parameters: {duration_scale: 0}}', 'duration_scale'),
+        ('dmp: {ros__parameters: {duration_scale: fast}}', 'duration_scale'),
+        ('robot_sim: {ros__parameters: {}}', 'no section dmp'),
+        ('dmp: 7', 'no section dmp'),
+        ('', 'no section dmp'),
+        ('a: [1', 'not YAML'),
+    ],
+)
+def test_faults_are_named(tmp_path, text, word):
+    path = tmp_path / 'faulty.yaml'
+    path.write_text(text)
+    with pytest.raises(DataError, match=word) as caught:
+        read_parameters(path)
+    assert 'faulty.yaml' in str(caught.value)
+    assert '\n' not in str(caught.value)
+    with pytest.raises(DataError, match='cannot be read'):
+        read_parameters(tmp_path / 'missing.yaml')
