@@ -41,6 +41,7 @@ GRID_M = 0.5
 PEDESTAL_RADIUS_M = 0.22
 PALM_M = 0.09  # from the wrist along the fingers
 TRAIL_RADIUS_M = 0.008
+OUT_OF_SIGHT = (0.0, 0.0, -1000.0)
 SHADOW_PIXELS = 256
 SHADOW_BLUR_M = 0.035
 
@@ -213,7 +214,7 @@ class Scene:
             self._robot = self._load_robot(Path(folder))
             self._furnish()
         self._numbers = joint_numbers(model, self._robot, self._client)
-        self._trails: list[int] = []
+        self._trails = self._lay_trails()
         self._backdrops: dict[tuple[int, int], _Backdrop] = {}
 
     def _load_robot(self, folder: Path) -> int:
@@ -350,27 +351,51 @@ class Scene:
         )
         return np.array(position), np.array(orientation)
 
-    def _draw_trails(self, time_s: float) -> None:
-        for body in self._trails:
-            pybullet.removeBody(body, physicsClientId=self._client)
-        self._trails = []
-        until = self.times < time_s
+    def _lay_trails(self) -> list[_TrailPiece]:
+        """
+        Make both trails at full length, in short pieces, out of sight.
+
+        Pieces come into sight as they are passed. To make the trails anew for each picture would
+        be simpler, but PyBullet's renderer never forgets a mesh.
+        """
+        pieces = []
         for path, colour in ((self._hand_path, HAND_COLOUR), (self._wrist_path, WRIST_COLOUR)):
-            passed = np.vstack([path[until], _at(time_s, self.times, path)])
-            surface = tube(passed, TRAIL_RADIUS_M)
-            if surface is None:
-                continue
-            vertices, normals, indices = surface
-            shape = pybullet.createVisualShape(
-                pybullet.GEOM_MESH,
-                vertices=vertices.tolist(),
-                normals=normals.tolist(),
-                indices=indices.tolist(),
-                rgbaColor=(*colour, 1.0),
+            corners = _spaced(path, TRAIL_RADIUS_M)
+            for first in range(0, len(corners) - 1, 2):
+                piece = corners[first : first + 3]
+                body = self._tube_body(path[piece], colour)
+                if body is not None:
+                    pieces.append(_TrailPiece(body, float(self.times[piece[-1]])))
+        return pieces
+
+    def _tube_body(self, path: Array, colour: Colour) -> int | None:
+        surface = tube(path, TRAIL_RADIUS_M)
+        if surface is None:
+            return None
+        vertices, normals, indices = surface
+        shape = pybullet.createVisualShape(
+            pybullet.GEOM_MESH,
+            vertices=vertices.tolist(),
+            normals=normals.tolist(),
+            indices=indices.tolist(),
+            rgbaColor=(*colour, 1.0),
+            physicsClientId=self._client,
+        )
+        return int(
+            pybullet.createMultiBody(
+                baseVisualShapeIndex=shape,
+                basePosition=OUT_OF_SIGHT,
                 physicsClientId=self._client,
             )
-            self._trails.append(
-                pybullet.createMultiBody(baseVisualShapeIndex=shape, physicsClientId=self._client)
+        )
+
+    def _draw_trails(self, time_s: float) -> None:
+        for piece in self._trails:
+            pybullet.resetBasePositionAndOrientation(
+                piece.body,
+                [0, 0, 0] if piece.until_s <= time_s else OUT_OF_SIGHT,
+                [0, 0, 0, 1],
+                physicsClientId=self._client,
             )
 
     def camera(self, width: int, height: int) -> Camera:
@@ -575,6 +600,14 @@ class _Pose:
 
 
 @dataclass(frozen=True)
+class _TrailPiece:
+    """A body, and when it comes into sight, s."""
+
+    body: int
+    until_s: float
+
+
+@dataclass(frozen=True)
 class _Grasp:
     """Where the object is in the frame of each that holds it."""
 
@@ -660,6 +693,15 @@ def _at(time_s: float, times: Array, values: Array) -> Array:
         return np.asarray(values[0])
     share = np.clip((time_s - times[index - 1]) / (times[index] - times[index - 1]), 0.0, 1.0)
     return np.asarray((1.0 - share) * values[index - 1] + share * values[index])
+
+
+def _spaced(path: Array, distance: float) -> list[int]:
+    """Return the numbers of points of a path, in turn, that are at least so far apart."""
+    numbers = [0]
+    for number, point in enumerate(path):
+        if np.linalg.norm(point - path[numbers[-1]]) > distance:
+            numbers.append(number)
+    return numbers
 
 
 def tube(

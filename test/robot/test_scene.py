@@ -147,3 +147,17 @@ def test_writes_nothing_to_the_terminal(capfd):
     with handover('panda', options=SceneOptions(samples=1)) as scene:
         scene.image(0.5, 60, 40)
     assert capfd.readouterr() == ('', '')
+
+
+def test_many_pictures_take_no_more_memory(scene):
+    import resource
+
+    def most_kilobytes():
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+    for time_s in np.linspace(0, 1.5, 10):
+        scene.image(time_s, 160, 120)
+    before = most_kilobytes()
+    for time_s in np.linspace(0, 1.5, 60):
+        scene.image(time_s, 160, 120)
+    assert most_kilobytes() - before < 2000
