@@ -9,19 +9,21 @@ from setuptools import find_packages, setup
 PACKAGE = 'handover_dmp'
 NODES = ('robot_sim', 'hand_tracker', 'dmp', 'priority_ik', 'recorder')
 
-# Lower bounds are what Ubuntu 24.04, the home of ROS 2 Jazzy, has, or the first release whose wheels
-# work with those of the others. Nothing is bound from above.
+# Lower bounds are what Ubuntu 24.04, the home of ROS 2 Jazzy, has, or the first release whose
+# wheels work with those of the others. Nothing is bound from above.
 REQUIREMENTS = [
     'c3d>=0.6',
     'coal>=3.0.3',
     'daqp>=0.8',
     'eigenpy>=3.13',
     'example-robot-data>=4.4',
+    'imageio-ffmpeg>=0.5',
     'joblib>=1.3',
     'lz4>=4.3',
     'matplotlib>=3.7',
     'mcap>=1.5',
     'mcap-ros2-support>=0.5.5',
+    'meshcat>=0.3.2',
     'numpy>=1.26',
     'pillow>=10.2',
     'pin>=4.0',
@@ -30,6 +32,7 @@ REQUIREMENTS = [
     'rich>=13.7',
     'ruckig>=0.12.2',
     'scipy>=1.11',
+    'u-msgpack-python>=2.8',
     'zstandard>=0.22',
 ]
 

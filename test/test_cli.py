@@ -43,7 +43,7 @@ def test_help_of_a_verb(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
         main([verb, '--help'])
     assert exit_info.value.code == 0
     text = capsys.readouterr().out
-    assert VERBS[verb] in ' '.join(text.split())
+    assert text.startswith(f'usage: handover_dmp {verb}')
     assert '--json' in text
 
 

@@ -21,6 +21,7 @@ DISTRIBUTIONS = {
     'pink': 'pin-pink',
     'pinocchio': 'pin',
     'sklearn': 'scikit-learn',
+    'umsgpack': 'u-msgpack-python',
     'yaml': 'pyyaml',
 }
 # Not of ROS, though its key in `package.xml` has the form of one that is.
