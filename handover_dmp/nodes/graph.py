@@ -311,9 +311,11 @@ def isolate() -> None:
     """
     Keep the graph to itself: on this machine alone, in a domain of its own unless one is set.
 
-    Nothing leaves the loopback interface and nothing is left in shared memory.
+    Nothing leaves the loopback interface and nothing is left in shared memory. Whoever has chosen
+    a profile of Fast DDS is left alone.
     """
     os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 100))
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    profiles = share_path('config/fastdds_loopback.xml')
-    os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE', str(profiles))
+    if 'FASTRTPS_DEFAULT_PROFILES_FILE' not in os.environ:
+        profile = share_path('config/fastdds_loopback.xml')
+        os.environ['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(profile)
+        os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'SYSTEM_DEFAULT'

@@ -23,7 +23,7 @@ from std_msgs.msg import Float64MultiArray, String
 
 LOOK_S = 0.02
 ASK_AGAIN_S = 0.15
-PATIENCE_WHEN_LOST_S = 0.02
+PATIENCE_WHEN_LOST_S = 0.5
 
 CHANGEABLE = (
     Parameter('real_time_factor', 'of simulated time; 0: as fast as it goes', 0.0, 100.0),
@@ -105,6 +105,9 @@ class RobotSim(HandoverNode):
             self._answers += 1
             self._lost = False
             self._advance()
+        else:
+            # an answer to an earlier period: whoever gave it lives, and is to be waited for
+            self._lost = False
 
     def _wait(self) -> None:
         """Ask again for a command that does not come; after a while, go on without it."""

@@ -21,7 +21,7 @@ POLL_S = 0.2
 
 def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -> int:
     """
-    Run a node until it is told to end.
+    Run a node until it is told to end; seen on this machine alone unless ROS is told otherwise.
 
     The executor is polled instead of spun, since the events executor of these wheels does not
     look at signals; its garbage collector runs between the periods, once a second, not in them.
@@ -35,6 +35,7 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
 
     """
     ended: list[int] = []
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda caught, _frame: ended.append(caught))

@@ -1,0 +1,134 @@
+"""The whole graph: five processes over DDS, held against the same objects in one process."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+import subprocess
+import time
+from typing import Any
+
+from handover_dmp.handover import Handover
+from handover_dmp.nodes.graph import Graph
+from handover_dmp.recording import read_bag
+from handover_dmp.scenario import Scenario
+import numpy as np
+import pytest
+
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(400)]
+
+LONGEST_S = 20.0
+STREAMS = (
+    '/clock',
+    '/hand/pose',
+    '/human/pose',
+    '/wrist/pose',
+    '/wrist/pose_command',
+    '/wrist/twist_command',
+    '/wrist/ik_status',
+    '/joint_states',
+    '/joint_velocity_controller/commands',
+    '/handover/phase',
+)
+
+
+def positions(bag: Path, topic: str) -> dict[int, np.ndarray]:
+    """Stamp in ns to position in m."""
+    found = {}
+    for _, message, _ in read_bag(bag, [topic]):
+        stamp, place = message.header.stamp, message.pose.position
+        found[stamp.sec * 10**9 + stamp.nanosec] = np.array([place.x, place.y, place.z])
+    return found
+
+
+@pytest.fixture(scope='module')
+def lockstep_path(scenario: Scenario) -> dict[int, np.ndarray]:
+    handover = Handover(scenario)
+    path = {period.time_ns: period.wrist_position for period in handover.run()}
+    handover.close()
+    return path
+
+
+@pytest.mark.parametrize(
+    ('factor', 'executor'), [(0.0, 'events'), (0.2, 'events'), (2.0, 'events'), (0.0, 'default')]
+)
+def test_gives_the_same_motion_as_one_process_at_any_speed(
+    prepare: Any, lockstep_path: dict[int, np.ndarray], factor: float, executor: str
+) -> None:
+    speed = {'real_time_factor': factor}
+    folder, parameters = prepare(
+        robot_sim={**speed, 'executor': executor},
+        dmp={'executor': executor},
+        priority_ik={'executor': executor},
+        hand_tracker={'executor': executor},
+    )
+    with Graph(folder, parameters) as graph:
+        begun = time.monotonic()
+        graph.unpause()
+        assert graph.wait_for_state(('done',), LONGEST_S, lambda: None)
+        took, passed = time.monotonic() - begun, graph.time_s
+        graph.linger(0.1)
+    if factor:
+        assert took >= 0.9 * passed / factor
+    recorded = positions(folder / 'bag', '/wrist/pose')
+    counts = Counter(topic for topic, _, _ in read_bag(folder / 'bag'))
+    periods = max(recorded) // 5_000_000 + 1
+    assert set(recorded) == set(range(0, periods * 5_000_000, 5_000_000)), 'a period was lost'
+    for topic in STREAMS:
+        assert abs(counts[topic] - periods) <= 5, topic
+    apart = [
+        np.linalg.norm(recorded[t] - lockstep_path[t]) for t in lockstep_path if t in recorded
+    ]
+    assert len(apart) > 300
+    assert max(apart) < 1e-6
+
+
+def test_hands_over_on_the_wall_clock(prepare: Any, lockstep_path: dict[int, Any]) -> None:
+    folder, parameters = prepare(lockstep=False)
+    with Graph(folder, parameters, lockstep=False) as graph:
+        graph.call('/hand_tracker/replay')
+        assert graph.wait_for_state(('done',), LONGEST_S, lambda: None)
+    states = [message.data for _, message, _ in read_bag(folder / 'bag', ['/handover/state'])]
+    assert states == ['idle', 'reaching', 'exchange', 'done']
+    reached = list(positions(folder / 'bag', '/wrist/pose').values())[-1]
+    assert np.linalg.norm(reached - list(lockstep_path.values())[-1]) < 0.02
+
+
+def test_two_handovers_one_after_the_other_are_alike(prepare: Any) -> None:
+    folder, parameters = prepare(lockstep=False)
+    with Graph(folder, parameters, lockstep=False) as graph:
+        for _ in range(2):
+            graph.call('/hand_tracker/replay')
+            assert graph.wait_for_state(('done',), LONGEST_S, lambda: None)
+            graph.call('/robot_sim/reset')
+            graph.call('/dmp/reset')
+            assert graph.wait_for_state(('idle',), LONGEST_S, lambda: None)
+    states = [message.data for _, message, _ in read_bag(folder / 'bag', ['/handover/state'])]
+    assert states == ['idle', 'reaching', 'exchange', 'done'] * 2 + ['idle']
+
+
+@pytest.mark.parametrize('source', ['bag', '24 Hz'])
+def test_the_hand_may_come_from_a_bag_or_from_a_slow_tracker(
+    prepare: Any, tmp_path: Path, scenario: Scenario, source: str,
+    lockstep_path: dict[int, np.ndarray],
+) -> None:  # fmt: skip
+    change: dict[str, Any]
+    if source == 'bag':
+        bags = tmp_path / 'bags'
+        data_set = tmp_path / 'data'
+        from handover_dmp.hand import write_data_set
+
+        write_data_set([scenario.trial], data_set)
+        subprocess.run(['handover_dmp', 'bag', str(data_set), '-o', str(bags)], check=True)
+        change = {'hand_tracker': {'trial': str(next(p for p in bags.iterdir() if p.is_dir()))}}
+    else:
+        change = {'hand_tracker': {'rate_hz': 25.0}, 'dmp': {'lockstep_hand_period_s': 0.04}}
+    folder, parameters = prepare(**change)
+    with Graph(folder, parameters) as graph:
+        graph.unpause()
+        assert graph.wait_for_state(('done',), LONGEST_S, lambda: None)
+    recorded = positions(folder / 'bag', '/wrist/pose')
+    apart = [
+        np.linalg.norm(recorded[t] - lockstep_path[t]) for t in lockstep_path if t in recorded
+    ]
+    assert np.sqrt(np.mean(np.square(apart))) < (1e-4 if source == 'bag' else 0.02)

@@ -1,0 +1,122 @@
+"""Each node by itself: started as a user would, ended as a user would."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+from typing import Any
+
+from handover_dmp.nodes.graph import isolate, NODES
+import pytest
+
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
+
+
+def start(node: str, folder: Path, *arguments: str) -> subprocess.Popen[str]:
+    isolate()
+    words = [sys.executable, '-m', f'handover_dmp.nodes.{node}', '--ros-args', *arguments]
+    if node == 'recorder':
+        words += ['-p', f'folder:={folder / "bag"}']
+    return subprocess.Popen(words, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+
+def is_up(node: str) -> bool:
+    """Whether a node can be seen in the graph, by a process that looks once."""
+    look = (
+        'import rclpy, time\n'
+        'rclpy.init()\n'
+        'node = rclpy.create_node("look")\n'
+        'end = time.monotonic() + 60\n'
+        f'while {node!r} not in node.get_node_names() and time.monotonic() < end:\n'
+        '    rclpy.spin_once(node, timeout_sec=0.05)\n'
+        f'print({node!r} in node.get_node_names())\n'
+    )
+    done = subprocess.run([sys.executable, '-c', look], capture_output=True, text=True)
+    return 'True' in done.stdout
+
+
+@pytest.mark.parametrize('node', NODES)
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_starts_alone_and_ends_cleanly(node: str, number: signal.Signals, tmp_path: Path) -> None:
+    process = start(node, tmp_path)
+    assert is_up(node), process.communicate()
+    process.send_signal(number)
+    if number == signal.SIGINT:
+        # as `ros2 launch` does
+        time.sleep(0.01)
+        process.send_signal(number)
+    said = process.communicate(timeout=30)
+    assert process.returncode == 0, said
+    assert 'Traceback' not in said[1]
+    assert 'leaked' not in said[1]
+
+
+@pytest.mark.parametrize(
+    ('node', 'words', 'fault'),
+    [
+        ('dmp', ['-p', 'model:=nowhere.json'], 'nowhere.json'),
+        ('dmp', ['-p', 'rate_hz:=1e9'], 'rate_hz'),
+        ('dmp', ['-p', 'start:=magic'], 'magic'),
+        ('dmp', ['-p', 'mu:=text'], 'mu'),
+        ('hand_tracker', ['-p', 'trial:=nowhere.csv'], 'nowhere.csv'),
+        ('robot_sim', ['-p', 'robot:=nowhere.urdf'], 'nowhere.urdf'),
+        ('robot_sim', ['-p', 'initial_positions:=[1.0, 2.0]'], '7'),
+        ('priority_ik', ['-p', 'orientation:=upside_down'], 'upside_down'),
+        ('recorder', ['-p', 'compression:=rar'], 'rar'),
+    ],
+)
+def test_a_wrong_parameter_gives_one_line_and_no_traceback(
+    node: str, words: list[str], fault: str, tmp_path: Path
+) -> None:
+    said = start(node, tmp_path, *words).communicate(timeout=60)[1]
+    lines = said.strip().splitlines()
+    assert len(lines) == 1, said
+    assert fault in lines[0]
+
+
+def test_a_bag_is_never_overwritten(tmp_path: Path) -> None:
+    (tmp_path / 'bag').mkdir()
+    process = start('recorder', tmp_path)
+    said = process.communicate(timeout=60)[1]
+    assert process.returncode == 1
+    assert 'exists' in said
+
+
+def test_ends_with_the_process_that_started_it(tmp_path: Path) -> None:
+    """A launcher that is killed outright leaves no node and no shared memory behind."""
+    shared_before = set(Path('/dev/shm').iterdir())
+    code = (
+        'from pathlib import Path\n'
+        'from handover_dmp.nodes.graph import Graph\n'
+        f'graph = Graph(Path({str(tmp_path)!r}), {{"recorder": '
+        f'{{"folder": {str(tmp_path / "bag")!r}}}}}, lockstep=False, '
+        'nodes=("recorder", "hand_tracker"))\n'
+        'graph.__enter__()\n'
+        'print([p.pid for p in graph.processes.values()], flush=True)\n'
+        'graph._wait_for(lambda: False, 1000.0, "")\n'
+    )
+    launcher = subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE, text=True)
+    assert launcher.stdout is not None
+    pids = [int(word.strip(' []\n')) for word in launcher.stdout.readline().split(',')]
+    assert len(pids) == 2
+    launcher.kill()
+    launcher.wait()
+    deadline = time.monotonic() + 30.0
+    while any(alive(pid) for pid in pids) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not any(alive(pid) for pid in pids)
+    assert (tmp_path / 'bag' / 'metadata.yaml').is_file(), 'the recorder closed its bag'
+    assert set(Path('/dev/shm').iterdir()) <= shared_before
+
+
+def alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    state: Any = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()[0]
+    return state != 'Z'
