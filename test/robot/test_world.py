@@ -133,16 +133,6 @@ def test_writes_nothing_to_the_terminal():
     assert done.stdout + done.stderr == ''
 
 
-def test_own_output_comes_through_around_a_silenced_block(capfd):
-    from handover_dmp.robot.bullet import silenced
-
-    print('before', flush=True)
-    with silenced():
-        subprocess.run(['sh', '-c', 'echo from C; echo from C >&2'], check=True)
-    print('after', flush=True)
-    assert capfd.readouterr() == ('before\nafter\n', '')
-
-
 def test_urdf_that_is_gone_is_one_clear_line(tmp_path):
     copy = tmp_path / 'robot.urdf'
     copy.write_text(RobotModel.load('lwr4').urdf_text)
