@@ -23,6 +23,8 @@ VERBS = {
     'tune': 'find better parameters on some trials, report on the others',
     'bag': 'write trials as bags; inspect and repair bags',
     'plot': 'draw the figures of a recorded run',
+    'render': 'film a recorded run: a video and an animated image',
+    'view': 'look at a recorded run in the browser, with a slider over its time',
     'bench': 'measure speed and accuracy beside peers and floors',
 }
 

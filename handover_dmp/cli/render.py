@@ -1,0 +1,145 @@
+"""`handover_dmp render`: a video and an animated image of a recorded run, from its bag alone."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+MOST_JOBS = 4
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """
+    Declare the words after `render`.
+
+    Args:
+        parser: parser of the verb.
+
+    """
+    parser.add_argument(
+        'source',
+        type=Path,
+        metavar='RUN_OR_BAG',
+        help='folder of a run, folder of a bag (also one of rosbag2), or MCAP file',
+    )
+    parser.add_argument(
+        '-o',
+        '--output',
+        type=Path,
+        metavar='DIR',
+        help='where handover.mp4 and handover.webp go; default: the folder of the run, or '
+        '<bag>_film',
+    )
+    parser.add_argument('--video', type=Path, metavar='FILE', help='MP4, in place of that one')
+    parser.add_argument(
+        '--image', type=Path, metavar='FILE', help='WebP or GIF, in place of that one'
+    )
+    parser.add_argument('--no-video', action='store_true', help='the animated image alone')
+    parser.add_argument('--no-image', action='store_true', help='the video alone')
+    parser.add_argument(
+        '--size',
+        default='960x720',
+        metavar='WxH',
+        help='pixels (default: %(default)s)',
+    )
+    parser.add_argument(
+        '--rate',
+        type=float,
+        default=30.0,
+        metavar='HZ',
+        help='pictures a second; the animated image has half of them (default: %(default)s)',
+    )
+    parser.add_argument(
+        '--speed',
+        type=float,
+        default=1.0,
+        help='of the film; 0.5 is half of real time (default: %(default)s)',
+    )
+    parser.add_argument('--robot', default='', help='arm or URDF, where the bag does not tell')
+    parser.add_argument(
+        '--jobs', type=int, metavar='N', help='processes; default: one a processor, at most 4'
+    )
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write what was made there')
+
+
+def run(options: argparse.Namespace) -> int:
+    """
+    Film a run.
+
+    Args:
+        options: what `add_arguments` declared.
+
+    Returns:
+        0.
+
+    Raises:
+        DataError: there is no such run, or it cannot be drawn.
+        UsageError: options that make no film.
+
+    """
+    import json
+    import os
+    from time import monotonic
+
+    from handover_dmp.errors import UsageError
+    from handover_dmp.files import write_text
+    from handover_dmp.view.video import Film, film
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    if options.no_video and options.no_image:
+        raise UsageError('neither video nor image: nothing to do')
+    width, height = _size(options.size)
+    how = Film(width, height, options.rate, options.speed, options.robot)
+    folder = options.output or _folder(options.source)
+    video = None if options.no_video else options.video or folder / 'handover.mp4'
+    image = None if options.no_image else options.image or folder / 'handover.webp'
+    jobs = options.jobs or min(MOST_JOBS, os.cpu_count() or 1)
+    began_s = monotonic()
+    columns = (
+        TextColumn('drawing'), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
+    )  # fmt: skip
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task('', total=None)
+        count = film(
+            options.source,
+            how,
+            video=video,
+            image=image,
+            jobs=max(1, jobs),
+            progress=lambda done, total: bar.update(task, completed=done, total=total),
+        )
+    files = [path for path in (video, image) if path is not None]
+    made = {
+        'pictures': count,
+        'length_s': count / options.rate,
+        'wall_time_s': monotonic() - began_s,
+        'files': {str(path): path.stat().st_size for path in files},
+    }
+    for path in files:
+        Console().print(f'{path}: {path.stat().st_size / 1e6:.2f} MB', soft_wrap=True)
+    if options.json is not None:
+        write_text(options.json, json.dumps(made, indent=2) + '\n')
+    return 0
+
+
+def _size(text: str) -> tuple[int, int]:
+    from handover_dmp.errors import UsageError
+
+    width, _, height = text.partition('x')
+    if not (width.isdecimal() and height.isdecimal()):
+        raise UsageError(f'--size {text}: it has the form 960x720')
+    return int(width), int(height)
+
+
+def _folder(source: Path) -> Path:
+    """Give the folder of a run; for a bag on its own, one beside it."""
+    if (source / 'bag').is_dir():
+        return source
+    return source.with_name(f'{source.stem}_film')

@@ -1,0 +1,92 @@
+"""`handover_dmp view`: a recorded run in the browser, with a slider over its time."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """
+    Declare the words after `view`.
+
+    Args:
+        parser: parser of the verb.
+
+    """
+    parser.add_argument(
+        'source',
+        type=Path,
+        metavar='RUN_OR_BAG',
+        help='folder of a run, folder of a bag (also one of rosbag2), or MCAP file',
+    )
+    parser.add_argument(
+        '-o',
+        '--output',
+        type=Path,
+        metavar='FILE.html',
+        help='write the page there, for any browser to open, and be done',
+    )
+    parser.add_argument(
+        '--port', type=int, default=0, help='on 127.0.0.1; default: one that is free'
+    )
+    parser.add_argument('--no-browser', action='store_true', help='only say the address')
+    parser.add_argument('--robot', default='', help='arm or URDF, where the bag does not tell')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write the address there')
+
+
+def run(options: argparse.Namespace) -> int:
+    """
+    Make the page and offer it until Ctrl-C.
+
+    Args:
+        options: what `add_arguments` declared.
+
+    Returns:
+        0.
+
+    Raises:
+        DataError: there is no such run, or it cannot be drawn.
+        UsageError: MeshCat is not installed, or the port is taken.
+
+    """
+    from contextlib import suppress
+    import json
+    from tempfile import TemporaryDirectory
+    from threading import Event
+    import webbrowser
+
+    from handover_dmp.files import write_text
+    from handover_dmp.view.page import write_page
+    from handover_dmp.view.server import serving
+    from handover_dmp.view.stage import set_up
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    def make(page: Path) -> None:
+        columns = (SpinnerColumn(), TextColumn('{task.description}'), TimeElapsedColumn())
+        with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+            bar.add_task('reading and drawing', total=None)
+            with set_up(options.source, options.robot) as stage:
+                write_page(stage, page)
+
+    def tell(address: str) -> None:
+        if options.json is not None:
+            write_text(options.json, json.dumps({'page': address}, indent=2) + '\n')
+
+    if options.output is not None:
+        make(options.output)
+        tell(str(options.output))
+        Console().print(str(options.output), soft_wrap=True)
+        return 0
+    with TemporaryDirectory() as folder:
+        page = Path(folder) / 'handover.html'
+        make(page)
+        with serving(page, options.port) as address:
+            tell(address)
+            Console().print(f'{address}   (Ctrl-C ends)', soft_wrap=True)
+            if not options.no_browser:
+                webbrowser.open(address)
+            with suppress(KeyboardInterrupt):
+                Event().wait()
+    return 0

@@ -1,0 +1,1 @@
+"""Looking at a recorded handover: video, animated image, page with a time slider."""

@@ -1,0 +1,57 @@
+"""One page, offered to this machine alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+from handover_dmp.errors import UsageError
+
+ADDRESS = '127.0.0.1'
+
+
+class _Page(SimpleHTTPRequestHandler):
+    """Serves the files of one folder and keeps quiet about it."""
+
+    def log_message(self, *_words: Any) -> None:
+        """Say nothing."""
+
+    def list_directory(self, _path: Any) -> None:
+        """Show no lists of files."""
+        self.send_error(404)
+
+
+@contextmanager
+def serving(page: Path, port: int = 0) -> Iterator[str]:
+    """
+    Offer a page on the loopback interface for as long as the block lasts.
+
+    Args:
+        page: the HTML file; its folder should hold nothing else.
+        port: TCP port; 0: any that is free.
+
+    Yields:
+        Its address.
+
+    Raises:
+        UsageError: the port is taken.
+
+    """
+    handler = partial(_Page, directory=str(page.parent))
+    try:
+        server = ThreadingHTTPServer((ADDRESS, port), handler)
+    except (OSError, OverflowError) as error:
+        raise UsageError(f'port {port}: {error}') from error
+    thread = Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    try:
+        yield f'http://{ADDRESS}:{server.server_port}/{page.name}'
+    finally:
+        server.shutdown()
+        server.server_close()
+        thread.join()

@@ -1,0 +1,169 @@
+"""A recorded handover set up to be looked at: the robot where it stood, the scene around it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from handover_dmp.errors import DataError
+from handover_dmp.report import load_run, RunRecord
+from handover_dmp.robot.descriptions import known_arms
+from handover_dmp.robot.model import BasePlacement, RobotModel
+from handover_dmp.robot.scene import Scene
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+BEFORE_S = 0.3
+"""How long before the robot moves there is something to see."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """
+    A recorded handover, ready to be drawn at any moment.
+
+    Attributes:
+        record: what was recorded.
+        robot: the arm, on its base.
+        scene: draws it.
+        hand_path: (n, 3), m, of the partner's wrist at `scene.times`.
+        wrist_path: (n, 3), m, of the robot's wrist at the same times.
+
+    """
+
+    record: RunRecord
+    robot: RobotModel
+    scene: Scene
+    hand_path: Array
+    wrist_path: Array
+
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """From a little before the robot moves to the end of the recording, s."""
+        first, last = float(self.scene.times[0]), float(self.scene.times[-1])
+        begin = self.record.reaching_time_s
+        return (first if begin is None else max(first, begin - BEFORE_S)), last
+
+    def frame_times(self, rate_hz: float) -> Array:
+        """
+        Spread moments over the span.
+
+        Args:
+            rate_hz: so many a second.
+
+        Returns:
+            (n,), s; the last one is the end of the span.
+
+        """
+        begin, end = self.span_s
+        count = max(2, round((end - begin) * rate_hz) + 1)
+        return end - np.arange(count)[::-1] / rate_hz
+
+    def state_at(self, time_s: float) -> str:
+        """
+        Say how the handover stood.
+
+        Args:
+            time_s: when, s.
+
+        Returns:
+            The state, or nothing where none was recorded.
+
+        """
+        passed = [name for begin, name in self.record.states if begin <= time_s]
+        return passed[-1] if passed else ''
+
+
+@contextmanager
+def set_up(path: Path, robot: str = '') -> Iterator[Stage]:
+    """
+    Read a recorded run and build its scene.
+
+    Args:
+        path: folder of a run, folder of its bag, or MCAP file.
+        robot: name or URDF of the arm; empty: the one that the bag names or describes.
+
+    Yields:
+        The stage.
+
+    Raises:
+        DataError: there is no such run, or nothing in it tells which arm it was.
+
+    """
+    record = load_run(path)
+    with TemporaryDirectory() as folder:
+        model = _robot(record, robot, Path(folder))
+        model = model.placed(_base(record, model))
+        times = record.joint_times
+        joints = record.joint_positions[:, _order(record, model)]
+        hand = np.column_stack(
+            [np.interp(times, record.hand_times, axis) for axis in record.hand_positions.T]
+        )
+        wrist = np.array([model.wrist_pose(q)[0] for q in joints])
+        with Scene(
+            model,
+            times,
+            joints,
+            hand,
+            wrist_path=wrist,
+            exchange=record.info.get('exchange') or 'give',
+            exchange_time_s=record.exchange_time_s,
+        ) as scene:
+            yield Stage(record, model, scene, hand, wrist)
+
+
+def _robot(record: RunRecord, robot: str, folder: Path) -> RobotModel:
+    """Load the arm by the name that was given, or that the run has, or from its description."""
+    if robot:
+        return RobotModel.load(robot)
+    name = record.info.get('robot')
+    for known, entry in known_arms().items():
+        if name in (known, entry.urdf_name):
+            return RobotModel.load(known)
+    if not record.robot_description:
+        raise DataError(f'{record.source}: does not tell which arm it was: name it with --robot')
+    urdf = folder / 'robot.urdf'
+    urdf.write_text(record.robot_description, encoding='utf-8')
+    return RobotModel.load(urdf)
+
+
+def _order(record: RunRecord, model: RobotModel) -> list[int]:
+    missing = set(model.joint_names) - set(record.joint_names)
+    if missing:
+        raise DataError(
+            f'{record.source}: no joint states of {", ".join(sorted(missing))}, '
+            f'which {model.name} has: is it another arm? Name it with --robot'
+        )
+    return [record.joint_names.index(name) for name in model.joint_names]
+
+
+def _base(record: RunRecord, model: RobotModel) -> BasePlacement:
+    """Take the placement that the run tells, else the one that explains its wrist positions."""
+    told = record.info.get('base_position_m')
+    if isinstance(told, list) and len(told) == 3:
+        x, y, z = map(float, told)
+        return BasePlacement((x, y, z), float(record.info.get('base_yaw_rad', 0.0)))
+    at_origin = model.placed(replace(model.base, position=(0.0, 0.0, 0.0), yaw=0.0))
+    joints = record.joint_positions[:, _order(record, model)]
+    reached = np.array([at_origin.wrist_pose(q)[0] for q in joints])
+    measured = np.column_stack(
+        [
+            np.interp(record.joint_times, record.wrist_times, axis)
+            for axis in record.wrist_positions.T
+        ]
+    )
+    here, there = reached - reached.mean(axis=0), measured - measured.mean(axis=0)
+    yaw = float(
+        np.arctan2(
+            np.sum(here[:, 0] * there[:, 1] - here[:, 1] * there[:, 0]),
+            np.sum(here[:, :2] * there[:, :2]),
+        )
+    )
+    turn = BasePlacement(yaw=yaw).rotation
+    x, y, z = measured.mean(axis=0) - turn @ reached.mean(axis=0)
+    return BasePlacement((float(x), float(y), float(z)), yaw)

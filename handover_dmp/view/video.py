@@ -1,0 +1,281 @@
+"""A recorded handover as a video, and as an animated image that fits into a web page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from handover_dmp.errors import DataError, UsageError
+from handover_dmp.files import replacing
+from handover_dmp.view.stage import set_up, Stage
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+Picture = NDArray[np.uint8]
+
+INK = (70, 76, 84)
+HOLD_S = 0.8
+"""How long the last picture stays, so that a film that repeats can be followed."""
+QUALITY = 8
+IMAGE_SUFFIXES = ('.webp', '.gif')
+
+
+@dataclass(frozen=True)
+class Film:
+    """
+    How a handover is filmed.
+
+    Attributes:
+        width: pixels.
+        height: pixels.
+        rate_hz: pictures a second.
+        speed: of the film; 1 is real time, 0.5 half of it.
+        robot: name or URDF of the arm; empty: the one that the bag names.
+
+    """
+
+    width: int = 960
+    height: int = 720
+    rate_hz: float = 30.0
+    speed: float = 1.0
+    robot: str = ''
+
+    def __post_init__(self) -> None:
+        """Refuse what no encoder takes."""
+        if not (64 <= self.width <= 7680 and 64 <= self.height <= 4320):
+            raise UsageError(f'a film of {self.width}x{self.height} pixels is no film')
+        if self.width % 2 or self.height % 2:
+            raise UsageError(f'{self.width}x{self.height}: H.264 needs even numbers of pixels')
+        if not (1.0 <= self.rate_hz <= 120.0 and 0.01 <= self.speed <= 100.0):
+            raise UsageError(
+                f'{self.rate_hz:g} pictures a second at {self.speed:g} times real time is no film'
+            )
+
+    def times(self, stage: Stage) -> list[float]:
+        """
+        List the moments to draw.
+
+        Args:
+            stage: what is filmed.
+
+        Returns:
+            Recorded times, s, one a picture.
+
+        """
+        return [float(time_s) for time_s in stage.frame_times(self.rate_hz / self.speed)]
+
+
+def film(
+    source: Path,
+    options: Film,
+    *,
+    video: Path | None = None,
+    image: Path | None = None,
+    jobs: int = 1,
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
+) -> int:
+    """
+    Film a recorded handover.
+
+    Args:
+        source: folder of a run, folder of its bag, or MCAP file.
+        options: how.
+        video: MP4 file to write; None: none.
+        image: animated image to write (WebP or GIF), of half the rate.
+        jobs: processes that draw.
+        progress: is told how many pictures of how many are there.
+
+    Returns:
+        The number of pictures.
+
+    Raises:
+        DataError: the run cannot be read, or a file cannot be written.
+        UsageError: the encoder is not installed, or the image is of another kind.
+
+    """
+    if image is not None and image.suffix not in IMAGE_SUFFIXES:
+        raise UsageError(f'{image}: an animated image ends in {" or ".join(IMAGE_SUFFIXES)}')
+    every_other: list[Image.Image] = []
+    with ExitStack() as stack:
+        write = stack.enter_context(_VideoFile(video, options)) if video is not None else None
+        stage = stack.enter_context(set_up(source, options.robot))
+        times = options.times(stage)
+        held = [times[-1]] * round(HOLD_S * options.rate_hz)
+        if jobs > 1:
+            pictures = stack.enter_context(_Painters(source, options, jobs)).paint(times)
+        else:
+            pictures = paint(stage, options, times)
+        progress(0, len(times))
+        for index, picture in enumerate(_with_last_held(pictures, len(held))):
+            if write is not None:
+                write(picture)
+            if image is not None and index % 2 == 0:
+                every_other.append(Image.fromarray(picture))
+            progress(min(index + 1, len(times)), len(times))
+    if image is not None:
+        save_animation(every_other, image, 2.0 / options.rate_hz)
+    return len(times) + len(held)
+
+
+def paint(stage: Stage, options: Film, times: Iterable[float]) -> Iterator[Picture]:
+    """
+    Draw pictures with time and state in a corner.
+
+    Args:
+        stage: what is filmed.
+        options: size and speed.
+        times: recorded times, s.
+
+    Yields:
+        (height, width, 3), red, green and blue.
+
+    """
+    begin = stage.record.reaching_time_s or stage.span_s[0]
+    size = options.height // 28
+    font = ImageFont.load_default(size)
+    for time_s in times:
+        picture = Image.fromarray(stage.scene.image(time_s, options.width, options.height))
+        words = [f'{time_s - begin:.2f} s'.replace('-', '\N{EN DASH}')]
+        words += [word for word in (stage.state_at(time_s),) if word]
+        words += [f'{options.speed:g}\N{MULTIPLICATION SIGN}'] if options.speed != 1.0 else []
+        draw = ImageDraw.Draw(picture)
+        for column, word in enumerate(words):
+            draw.text((size * (1 + 5 * column), size), word, INK, font)
+        yield np.asarray(picture)
+
+
+def _with_last_held(pictures: Iterable[Picture], times: int) -> Iterator[Picture]:
+    picture = None
+    for picture in pictures:
+        yield picture
+    if picture is not None:
+        yield from [picture] * times
+
+
+def save_animation(pictures: Sequence[Image.Image], path: Path, period_s: float) -> None:
+    """
+    Write an animated image that repeats for ever.
+
+    Args:
+        pictures: of one size.
+        path: WebP or GIF file.
+        period_s: from one picture to the next, s.
+
+    Raises:
+        DataError: it cannot be written.
+
+    """
+    kind: dict[str, Any] = {'quality': 80, 'method': 4, 'minimize_size': True}
+    if path.suffix == '.gif':
+        pictures = _with_one_palette(pictures)
+        kind = {'optimize': True, 'disposal': 1}
+    try:
+        with replacing(path) as temporary:
+            pictures[0].save(
+                temporary,
+                save_all=True,
+                append_images=pictures[1:],
+                duration=round(1000 * period_s),
+                loop=0,
+                **kind,
+            )
+    except OSError as error:
+        raise DataError(f'{path}: cannot be written: {error}') from error
+
+
+def _with_one_palette(pictures: Sequence[Image.Image]) -> list[Image.Image]:
+    """Reduce to the same 256 colours throughout, so that what stands still stays as it is."""
+    row = Image.new('RGB', (pictures[0].width, 3 * pictures[0].height))
+    for index, picture in enumerate((pictures[0], pictures[len(pictures) // 2], pictures[-1])):
+        row.paste(picture, (0, index * picture.height))
+    palette = row.quantize(256, method=Image.Quantize.MEDIANCUT)
+    return [p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures]
+
+
+class _VideoFile:
+    """An MP4 file that appears when it is whole; called with one picture after the other."""
+
+    def __init__(self, path: Path, options: Film) -> None:
+        try:
+            import imageio_ffmpeg
+        except ImportError as error:
+            raise UsageError('videos need the encoder: pip install imageio-ffmpeg') from error
+        self._library = imageio_ffmpeg
+        self._path = path
+        self._options = options
+        self._stack = ExitStack()
+
+    def __enter__(self) -> _VideoFile:
+        try:
+            temporary = self._stack.enter_context(replacing(self._path))
+        except OSError as error:
+            raise DataError(f'{self._path}: cannot be written: {error.strerror}') from error
+        options = self._options
+        self._encoder = self._library.write_frames(
+            str(temporary),
+            (options.width, options.height),
+            fps=options.rate_hz,
+            quality=QUALITY,
+            macro_block_size=2,
+            ffmpeg_log_level='error',
+        )
+        self._encoder.send(None)
+        return self
+
+    def __call__(self, picture: Picture) -> None:
+        try:
+            self._encoder.send(np.ascontiguousarray(picture))
+        except OSError as error:
+            raise DataError(f'{self._path}: {_last_line(error)}') from error
+
+    def __exit__(self, *error: Any) -> None:
+        # Closed before the file takes its place: the encoder writes the index at the end.
+        self._encoder.close()
+        self._stack.__exit__(*error)
+
+
+def _last_line(error: OSError) -> str:
+    lines = [line for line in str(error).splitlines() if line.strip()]
+    return lines[-1].strip() if lines else 'the encoder ended'
+
+
+class _Painters:
+    """Processes that draw; each sets the scene up once."""
+
+    def __init__(self, source: Path, options: Film, jobs: int) -> None:
+        self._pool = ProcessPoolExecutor(
+            jobs, get_context('spawn'), _begin_painting, (source, options)
+        )
+
+    def __enter__(self) -> _Painters:
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self._pool.shutdown(cancel_futures=True)
+
+    def paint(self, times: Sequence[float]) -> Iterator[Picture]:
+        """Draw pictures, in order."""
+        return self._pool.map(_paint_one, times)
+
+
+_mine: tuple[Stage, Film]
+
+
+def _begin_painting(source: Path, options: Film) -> None:
+    import atexit
+
+    global _mine
+    stack = ExitStack()
+    _mine = stack.enter_context(set_up(source, options.robot)), options
+    atexit.register(stack.close)
+
+
+def _paint_one(time_s: float) -> Picture:
+    stage, options = _mine
+    return next(paint(stage, options, [time_s]))
