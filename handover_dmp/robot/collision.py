@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TYPE_CHECKING
 
@@ -16,9 +17,14 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+CLEAR_AT_HOME = 0.04
+"""Pairs nearer than this at home, m, are as good as neighbours: their capsules are too wide."""
 SAMPLED_POSTURES = 60
-SURVEY_MARGIN = 0.1
-"""How much nearer than looked for pairs may come before all distances are computed anew, m."""
+SURVEY_RANGE = 0.1
+"""How much distances may have changed before all of them are computed anew, m."""
+
+ClosingSpeed = Callable[[Any], Any]
+"""Gives the speeds, m/s, with which bodies may close in at distances, m; one or an array."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,8 +122,8 @@ class CollisionModel:
         """
         Choose which capsules to watch.
 
-        Neighbours along the chain are not watched, nor are pairs that overlap at home or in
-        nearly every posture: no motion of the arm can keep those apart.
+        Neighbours along the chain are not watched, nor are pairs that nearly touch at home or
+        overlap in nearly every posture: no motion of the arm can keep those apart.
 
         Args:
             model: the arm.
@@ -142,37 +148,49 @@ class CollisionModel:
         self.pairs = tuple((pair.first, pair.second) for pair in self._geometry.collisionPairs)
         self._distances = self._geometry.createData()
         self._surveyed = np.full(model.dof, np.nan)
-        self._survey_within = 0.0
-        self._survey: list[int] = []
-        self._lever = self._levers(model)
+        self._survey_distances = np.zeros(len(self.pairs))
+        self._levers = np.array([self._pair_levers(i, j) for i, j in self.pairs])
         self._forearm_radius = forearm_radius
         # the last links must come to the hand, so only those before the last three joints matter
         arm = range(1, max(model.dof - 2, 2))
         self._arm_capsules = [i for i, item in enumerate(self.capsules) if item.joint in arm]
 
-    def near_pairs(self, joint_positions: Array, jacobian: Array, within: float) -> list[NearPair]:
+    def near_pairs(
+        self, joint_positions: Array, jacobian: Array, allowed: ClosingSpeed, fastest: Array
+    ) -> list[NearPair]:
         """
-        Find links that are near each other.
+        Find links that could come near each other too fast.
+
+        All distances are computed at one posture. From there no distance can have changed by more
+        than `lever`·|Δq|, so most pairs need not be looked at until the joints have moved a lot.
 
         Args:
             joint_positions: (n,), rad.
             jacobian: (6, n), Pinocchio's `computeJointJacobians` for the posture, which has left
                 the placements of the joints in the model's data.
-            within: m.
+            allowed: the speed with which two links may close in, at their distance.
+            fastest: (n,), what the joints can do in the next period, rad/s.
 
         Returns:
-            The pairs nearer than that.
+            Every pair that could close in faster than allowed; the others need no bound.
 
         """
-        candidates = self._candidates(joint_positions, within)
-        if not candidates:
+        if not self.pairs:
+            return []
+        changed = self._levers @ np.abs(joint_positions - self._surveyed)
+        if not changed.max() <= SURVEY_RANGE:
+            self._survey(joint_positions)
+            changed = np.zeros(len(self.pairs))
+        closing = self._levers @ fastest
+        candidates = np.flatnonzero(allowed(self._survey_distances - changed) < closing)
+        if not len(candidates):
             return []
         pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._distances)
         near = []
-        for k in candidates:
+        for k in candidates.tolist():
             result = pin.computeDistance(self._geometry, self._distances, k)
             distance = result.min_distance
-            if distance >= within:
+            if allowed(distance) >= closing[k]:
                 continue
             i, j = self.pairs[k]
             first, second = result.getNearestPoint1(), result.getNearestPoint2()
@@ -183,27 +201,13 @@ class CollisionModel:
             near.append(NearPair(f'{a.name} to {b.name}', distance, row, 0.0))
         return near
 
-    def _candidates(self, joint_positions: Array, within: float) -> list[int]:
-        """
-        List the pairs that may be near.
-
-        All distances are computed at one posture. As no point of the arm moves faster than
-        `lever`·|q̇|, pairs that were far there need not be looked at until the joints have moved
-        enough for one of them to come near.
-        """
-        travel = float(self._lever @ np.abs(joint_positions - self._surveyed))
-        if not travel <= SURVEY_MARGIN or within > self._survey_within:
-            pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._distances)
-            pin.computeDistances(self._geometry, self._distances)
-            far = within + SURVEY_MARGIN
-            self._survey = [
-                k
-                for k, result in enumerate(self._distances.distanceResults)
-                if result.min_distance < far
-            ]
-            self._surveyed = np.array(joint_positions)
-            self._survey_within = within
-        return self._survey
+    def _survey(self, joint_positions: Array) -> None:
+        """Compute all distances at a posture whose placements stand in the model's data."""
+        pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._distances)
+        pin.computeDistances(self._geometry, self._distances)
+        results = self._distances.distanceResults
+        self._survey_distances = np.array([result.min_distance for result in results])
+        self._surveyed = np.array(joint_positions)
 
     def least_distance(self, joint_positions: Array) -> float:
         """
@@ -224,7 +228,12 @@ class CollisionModel:
         )
 
     def near_forearm(
-        self, jacobian: Array, hand: Array, elbow: Array, velocity: Array, within: float
+        self,
+        jacobian: Array,
+        hand: Array,
+        elbow: Array,
+        velocity: Array,
+        within: float = np.inf,
     ) -> list[NearPair]:
         """
         Find links near the partner's forearm, but for those that bring the object to the hand.
@@ -270,20 +279,17 @@ class CollisionModel:
         row[:joint] = turning @ jacobian[:, :joint]
         return row
 
-    def _levers(self, model: RobotModel) -> Array:
-        """Bound the distance of any point beyond each joint from its axis, (n,), m."""
-        steps = [float(np.linalg.norm(pose.translation)) for pose in self._model.jointPlacements]
-        beyond = np.zeros(model.dof + 1)
-        for joint in range(model.dof, 0, -1):
-            own = [
-                max(float(np.linalg.norm(capsule.start)), float(np.linalg.norm(capsule.end)))
-                + capsule.radius
-                for capsule in self.capsules
-                if capsule.joint == joint
-            ]
-            further = steps[joint + 1] + beyond[joint] if joint < model.dof else 0.0
-            beyond[joint - 1] = max([*own, further])
-        return beyond[: model.dof]
+    def _pair_levers(self, i: int, j: int) -> Array:
+        """Bound what each joint can change of a pair's distance, (n,), m per rad."""
+        far, joint = self.capsules[j], self.capsules[j].joint
+        levers = np.zeros(self._dof)
+        lever = far.radius + max(float(np.linalg.norm(far.start)), float(np.linalg.norm(far.end)))
+        while joint > self.capsules[i].joint:
+            prismatic = self._model.joints[joint].shortname().startswith('JointModelP')
+            levers[joint - 1] = 1.0 if prismatic else lever
+            lever += float(np.linalg.norm(self._model.jointPlacements[joint].translation))
+            joint -= 1
+        return levers
 
     def _avoidable(
         self, model: RobotModel, watched: list[tuple[int, int]]
@@ -295,13 +301,13 @@ class CollisionModel:
         for i, j in watched:
             self._geometry.addCollisionPair(pin.CollisionPair(i, j))
         data = self._geometry.createData()
-        overlaps = np.empty((len(postures), len(watched)), dtype=bool)
-        for posture, row in zip(postures, overlaps, strict=True):
+        distances = np.empty((len(postures), len(watched)))
+        for posture, row in zip(postures, distances, strict=True):
             pin.updateGeometryPlacements(self._model, self._data, self._geometry, data, posture)
             pin.computeDistances(self._geometry, data)
-            row[:] = [result.min_distance <= 0.0 for result in data.distanceResults]
+            row[:] = [result.min_distance for result in data.distanceResults]
         self._geometry.removeAllCollisionPairs()
-        rare = ~overlaps[0] & (overlaps.mean(axis=0) < 0.9)
+        rare = (distances[0] > CLEAR_AT_HOME) & (np.mean(distances <= 0.0, axis=0) < 0.9)
         return [pair for pair, keep in zip(watched, rare, strict=True) if keep]
 
 

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 import math
+from typing import Any
 
 import daqp
 from handover_dmp.errors import UsageError
@@ -73,7 +74,8 @@ class IkOptions:
         forearm_collision: whether they keep apart from the partner's forearm, where its elbow is
             known.
         collision_distance: m that is always kept.
-        collision_activation: m below which a pair is looked at.
+        collision_activation: m to the forearm below which a link is bounded; links among each
+            other are bounded wherever they could be too fast.
         collision_deceleration: m/s², with which two links slow on their way to each other.
 
     """
@@ -298,7 +300,14 @@ class PriorityIk:
                 options.stretch_rate,
             )
         names, rows, bounds = self._half_spaces(
-            joint_positions, world_jacobian, linear, position, velocity, partner, dt
+            joint_positions,
+            world_jacobian,
+            linear,
+            position,
+            velocity,
+            partner,
+            np.maximum(upper, -lower),
+            dt,
         )
         turning, turning_speed = self._orientation(position, rotation, angular, target, partner)
         posture = self._posture.velocity(joint_positions)
@@ -411,6 +420,7 @@ class PriorityIk:
         position: Array,
         velocity: Array,
         partner: Partner | None,
+        fastest: Array,
         dt: float,
     ) -> tuple[list[str], Array, Array]:
         """Give names, rows (k, n) and bounds (k,) of level 1: rows q̇ ≥ bounds."""
@@ -427,7 +437,7 @@ class PriorityIk:
         if self._collisions is not None:
             if options.self_collision:
                 near += self._collisions.near_pairs(
-                    joint_positions, world_jacobian, options.collision_activation
+                    joint_positions, world_jacobian, self._closing, fastest
                 )
             if options.forearm_collision and partner is not None and partner.elbow is not None:
                 near += self._collisions.near_forearm(
@@ -437,16 +447,18 @@ class PriorityIk:
                     partner.velocity,
                     options.collision_activation,
                 )
-        step = options.collision_deceleration * dt
         for pair in near:
-            room = max(pair.distance - options.collision_distance, 0.0)
-            closing = math.sqrt(step * step + 2.0 * options.collision_deceleration * room) - step
             names.append(pair.name)
             rows.append(pair.row)
-            bounds.append(min(-closing - pair.drift, 0.0))
+            bounds.append(min(-float(self._closing(pair.distance)) - pair.drift, 0.0))
         if not names:
             return names, self._no_rows, self._no_bounds
         return names, np.array(rows), np.array(bounds)
+
+    def _closing(self, distance: Any) -> Any:
+        """Give how fast bodies may close in at a distance, so that braking keeps them apart."""
+        room = np.maximum(distance - self.options.collision_distance, 0.0)
+        return np.sqrt(2.0 * self.options.collision_deceleration * room)
 
     def _elbow_away(self, world_jacobian: Array, partner: Partner) -> Array:
         """Give joint velocities that move the elbow away from the partner, if it is near."""

@@ -83,15 +83,6 @@ def test_inertias_are_those_of_the_solid_capsules(tree):
             )
 
 
-def test_what_is_seen_is_what_collides(tree):
-    for link in tree.findall('link'):
-        shapes = [
-            sorted((part.find('origin').get('xyz'), _shape(part)) for part in link.findall(kind))
-            for kind in ('visual', 'collision')
-        ]
-        assert shapes[0] == shapes[1]
-
-
 def test_does_not_touch_itself_at_home(arm):
     assert CollisionModel(arm).least_distance(arm.home) > 0.05
 
@@ -109,8 +100,3 @@ def _capsule(link):
             heights.append(float(part.find('origin').get('xyz').split()[2]))
             radius = float(sphere.get('radius'))
     return min(heights), max(heights), radius
-
-
-def _shape(part):
-    shape = part.find('geometry')[0]
-    return shape.tag, sorted(shape.items())
