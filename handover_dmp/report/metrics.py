@@ -7,15 +7,18 @@ from typing import Any
 from handover_dmp.report.motion import bell_of, RATE_HZ, resample, velocity
 from handover_dmp.report.run import Array, RunRecord
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 # the wrist follows the hand alone where the goal has all the weight
 FEEDBACK_WEIGHT = 0.99
 # below this speed a hand at rest and its noise would be taken for a moving one
 LEAST_HAND_SPEED = 0.05
 LEAST_FEEDBACK_SAMPLES = 20
+# a lag that is known no better than this is not known
+LARGEST_LAG_ERROR_S = 0.01
 # 1/s, of springs that bring a wrist to its goal in a second and in a twentieth of one
-DECAY_RANGE = (3.0, 60.0)
+DECAYS = np.geomspace(3.0, 60.0, 60)
+# a hundredth of a millimetre is less than any tracker or arm can tell
+RESOLUTION_M = 1e-5
 # what comes less often is no stream
 LEAST_RATE_SAMPLES = 10
 # of the limits: measured joint states carry the noise of the simulator or of the encoders
@@ -42,6 +45,7 @@ def measure(run: RunRecord) -> Numbers:
         **_exchange(run),
         **_speeds(run),
         'lag': lag_behind_hand(run),
+        'arm_lag': lag_behind_command(run),
         'to_human': _to_human(run),
         'limits': joint_limits(run),
         **_hand_age(run),
@@ -83,7 +87,8 @@ def lag_behind_hand(run: RunRecord) -> Numbers:
 
     Returns:
         `time_ms`, its standard error `error_ms`, `distance_mm` at the mean speed of the hand
-        `hand_speed_m_s`, and the number of `samples`; None where the hand did not move.
+        `hand_speed_m_s`, and the number of `samples`; None where the hand did not move, or too
+        shortly for the lag to be known to 10 ms.
 
     """
     nothing: Numbers = {
@@ -107,6 +112,8 @@ def lag_behind_hand(run: RunRecord) -> Numbers:
     times, speeds = times[chosen], speeds[chosen]
     behind = goal_at(run, times) - resample(run.wrist_times, run.wrist_positions, times)
     lag_s, error_s = _fit_lag(times - times[0], behind, speeds)
+    if error_s > LARGEST_LAG_ERROR_S:
+        return nothing
     speed = float(np.linalg.norm(speeds, axis=1).mean())
     return {
         'time_ms': lag_s * 1e3,
@@ -117,26 +124,67 @@ def lag_behind_hand(run: RunRecord) -> Numbers:
     }
 
 
-def _fit_lag(times: Array, behind: Array, speeds: Array) -> tuple[float, float]:
-    """Fit behind = lag · speed + (a + b t) exp(−ω t); return the lag and its standard error, s."""
+def lag_behind_command(run: RunRecord) -> Numbers:
+    """
+    Find how far the measured wrist runs behind its command c.
 
-    def columns(decay: float) -> Array:
+    The slope of c − x = L ċ over all axes and samples from the start of the reach to the end of
+    the exchange in which the command moves faster than 0.05 m/s.
+
+    Args:
+        run: the run.
+
+    Returns:
+        `time_ms`, and `rms_mm` and `largest_mm` of the distance; None where no command was
+        recorded or it does not move.
+
+    """
+    nothing: Numbers = {'time_ms': None, 'rms_mm': None, 'largest_mm': None}
+    times, speeds = velocity(run.command_times, run.command_positions)
+    span = run.exchange_span_s
+    end = span[1] if span else run.end_time_s
+    chosen = (times >= (run.reaching_time_s or 0.0)) & (times <= end)
+    chosen &= np.linalg.norm(speeds, axis=1) > LEAST_HAND_SPEED
+    if chosen.sum() < LEAST_FEEDBACK_SAMPLES:
+        return nothing
+    times, speeds = times[chosen], speeds[chosen]
+    command = resample(run.command_times, run.command_positions, times)
+    behind = command - resample(run.wrist_times, run.wrist_positions, times)
+    distances = np.linalg.norm(behind, axis=1) * 1e3
+    return {
+        'time_ms': float((behind * speeds).sum() / (speeds * speeds).sum()) * 1e3,
+        'rms_mm': float(np.sqrt((distances**2).mean())),
+        'largest_mm': float(distances.max()),
+    }
+
+
+def _fit_lag(times: Array, behind: Array, speeds: Array) -> tuple[float, float]:
+    """
+    Fit behind = lag · speed + (a + b t) exp(−ω t); return the lag and its standard error, s.
+
+    Several decays ω may explain a short stretch about as well, with different lags, so the lag is
+    the mean over all of them, weighted by their likelihood, and its error holds their spread.
+    """
+    target = behind.T.ravel()
+    lags, variances, rests = [], [], []
+    for decay in DECAYS:
         fading = np.exp(-decay * times)
         dying = np.kron(np.eye(3), np.column_stack([fading, times * fading]))
-        return np.column_stack([speeds.T.ravel(), dying])
-
-    target = behind.T.ravel()
-
-    def solve(decay: float) -> tuple[Array, float]:
-        matrix = columns(decay)
+        matrix = np.column_stack([speeds.T.ravel(), dying])
         found = np.linalg.lstsq(matrix, target, rcond=None)[0]
-        return found, float(((matrix @ found - target) ** 2).sum())
-
-    decay = minimize_scalar(lambda one: solve(one)[1], bounds=DECAY_RANGE, method='bounded').x
-    found, rest = solve(decay)
-    covariance = np.linalg.pinv(columns(decay).T @ columns(decay))
-    error = np.sqrt(covariance[0, 0] * rest / max(1, len(target) - len(found)))
-    return float(found[0]), float(error)
+        rests.append(target - matrix @ found)
+        lags.append(found[0])
+        variances.append(np.linalg.pinv(matrix.T @ matrix)[0, 0])
+    squares = np.array([(rest**2).mean() for rest in rests]) + RESOLUTION_M**2
+    best = rests[int(np.argmin(squares))].reshape(3, -1)
+    # neighbours miss alike, so there is less to go by than there are samples
+    alike = float((best[:, 1:] * best[:, :-1]).sum() / ((best**2).sum() + 1e-30))
+    independent = len(target) * (1 - alike) / (1 + alike)
+    weights = (squares / squares.min()) ** (-independent / 2)
+    weights /= weights.sum()
+    lag = float(weights @ lags)
+    own = np.array(variances) * squares * len(target) / independent
+    return lag, float(np.sqrt(weights @ (own + (np.array(lags) - lag) ** 2)))
 
 
 def joint_limits(run: RunRecord) -> Numbers:

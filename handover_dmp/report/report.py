@@ -122,6 +122,12 @@ def _summary(report: Numbers) -> Table:
             else f'± {lag["error_ms"]:.1f} ms; {lag["distance_mm"]:.2f} mm at '
             f'{lag["hand_speed_m_s"]:.2f} m/s',
         ),
+        (
+            'lag of the wrist behind its command',
+            _number(report['arm_lag']['time_ms'], 1, 'ms', 1),
+            f'{_number(report["arm_lag"]["rms_mm"], 1, "mm", 2)} RMS, '
+            f'{_number(report["arm_lag"]["largest_mm"], 1, "mm", 2)} at the most',
+        ),
         _fact('from the start of the reach to the exchange', report['reach_duration_s'], 's'),
         _fact('from the start of the reach to the end', report['handover_duration_s'], 's'),
         (

@@ -37,6 +37,40 @@ def test_no_lag_behind_a_hand_that_is_still(run_bag: Path) -> None:
     assert measure(load_run(run_bag))['lag']['time_ms'] is None
 
 
+def test_lag_in_a_settling_that_is_too_short_is_not_told(
+    make_run: Callable[..., Path], make_motion: Callable[..., Any], tmp_path: Path
+) -> None:
+    # what is left of the way dies away while the hand slows down: no telling one from the other
+    run = load_run(make_run(tmp_path / 'run', make_motion(lag_s=0.0, hand_speed=0.0)))
+    times = run.hand_times
+    slowing = 0.03 * np.exp(-5.0 * np.maximum(0.0, times - 1.6))[:, None]
+    settling = 0.02 * np.exp(-7.0 * np.maximum(0.0, times - 1.6))[:, None]
+    ripple = 1e-3 * np.sin(40.0 * times)[:, None]
+    moved = replace(
+        run,
+        hand_positions=run.hand_positions - slowing,
+        wrist_positions=run.wrist_positions - slowing - settling + ripple,
+    )
+    assert measure(moved)['lag']['time_ms'] is None
+
+
+def test_lag_behind_the_command(
+    make_run: Callable[..., Path], make_motion: Callable[..., Any], tmp_path: Path
+) -> None:
+    motion = make_motion()
+    run = load_run(make_run(tmp_path / 'run', motion))
+    late = replace(run, wrist_positions=motion.wrist(run.wrist_times - 0.008))
+    lag = measure(late)['arm_lag']
+    assert lag['time_ms'] == pytest.approx(8.0, abs=0.2)
+    assert lag['largest_mm'] == pytest.approx(8.0 * run_peak(run), rel=0.02)
+    assert measure(run)['arm_lag']['time_ms'] == pytest.approx(0.0, abs=1e-6)
+
+
+def run_peak(run: Any) -> float:
+    speed: float = measure(run)['wrist_peak_speed_m_s']
+    return speed
+
+
 def test_gap_and_distances(
     make_run: Callable[..., Path], make_motion: Callable[..., Any], tmp_path: Path
 ) -> None:
