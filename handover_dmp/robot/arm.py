@@ -268,10 +268,11 @@ class SimulatedArm:
         Say where the partner's wrist is; the figure follows at its own rate.
 
         Args:
-            hand: (3,), m, in `world`.
+            hand: (3,), m, in `world`; one that is not finite is left out.
 
         """
-        self._hand = np.asarray(hand, dtype=float)
+        if np.all(np.isfinite(hand)):
+            self._hand = np.array(hand, dtype=float)
 
     def advance(self, period_s: float) -> None:
         """

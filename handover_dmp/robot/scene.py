@@ -13,6 +13,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import TracebackType
 
+from handover_dmp.errors import DataError
 from handover_dmp.robot.bullet import pybullet, silenced
 from handover_dmp.robot.human import FigureBodies, HumanFigure
 from handover_dmp.robot.model import RobotModel
@@ -177,9 +178,13 @@ class Scene:
             options: what the pictures look like.
 
         Raises:
-            DataError: PyBullet cannot read the robot, or the human figure is not installed.
+            DataError: the arrays do not fit together or hold numbers that are not finite, PyBullet
+                cannot read the robot, or the human figure is not installed.
 
         """
+        for name, array in (('times', times), ('joints', joint_positions), ('hand', hand_path)):
+            if len(array) != len(times) or not np.all(np.isfinite(array)):
+                raise DataError(f'no scene of it: {name}: not {len(times)} rows of finite numbers')
         self.options = options or SceneOptions()
         self.model = model
         self.times = np.asarray(times, dtype=float)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from handover_dmp.errors import UsageError
 from handover_dmp.robot.arm import ArmOptions, ArmState, CommandOutcome, SimulatedArm
-from handover_dmp.robot.human import HumanFigure
+from handover_dmp.robot.human import FigureBodies, HumanFigure
 from handover_dmp.robot.model import RobotModel
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -287,6 +287,26 @@ def test_same_commands_same_motion_bit_for_bit():
         other.show_hand(path[3])
         assert np.array_equal(first, motion(one))
         assert np.array_equal(first, motion(other))
+
+
+def test_figure_follows_the_hand_at_its_own_rate():
+    path = np.linspace([0.9, 0.1, 0.9], [0.6, 0.0, 1.1], 200)
+    figure = HumanFigure(path, np.zeros(3))
+    shown = []
+
+    class Counted(FigureBodies):
+        def show(self, hand, start=None):
+            shown.append(np.array(hand))
+            return super().show(hand, start)
+
+    with SimulatedArm(MODEL, figure=figure) as arm:
+        arm.world.bodies = Counted(figure, arm.world.client)
+        for point in path:
+            arm.show_hand(point)
+            arm.show_hand(np.array([np.nan, 0.0, 0.0]))
+            arm.advance(PERIOD_S)
+    assert len(shown) == pytest.approx(figure.options.update_rate_hz * 1.0, abs=1)
+    assert shown[-1] == pytest.approx(path[195], abs=0.02)
 
 
 def test_periods_that_are_no_whole_milliseconds_add_up(arm):

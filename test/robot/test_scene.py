@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from handover_dmp.errors import DataError
 from handover_dmp.robot.model import BasePlacement, RobotModel
 from handover_dmp.robot.scene import Scene, SceneOptions
 import numpy as np
@@ -141,6 +142,21 @@ def test_other_robots_are_drawn_too(robot):
     column, row = int((x + 1) / 2 * 240), int((1 - y) / 2 * 180)
     patch = with_robot[row - 12 : row + 12, column - 12 : column + 12].astype(float)
     assert patch.std() > 5  # something stands out from the flat background
+
+
+@pytest.mark.parametrize('fault', ['short', 'nan'])
+def test_data_that_cannot_be_drawn_are_one_clear_line(fault):
+    model = RobotModel.load('lwr4')
+    hand = np.tile([1.0, 0.0, 1.0], (4 if fault == 'short' else 5, 1))
+    hand[2, 1] = 0.0 if fault == 'short' else np.nan
+    with pytest.raises(DataError, match='hand: not 5 rows of finite numbers'):
+        Scene(model, np.arange(5.0), np.tile(model.home, (5, 1)), hand)
+
+
+def test_one_moment_is_enough():
+    model = RobotModel.load('lwr4')
+    with Scene(model, np.zeros(1), model.home[None], np.array([[1.0, 0.0, 1.0]])) as scene:
+        assert len(scene.three_images(40, 30)) == 3
 
 
 def test_writes_nothing_to_the_terminal(capfd):
