@@ -24,7 +24,7 @@ DEFAULT_BASIS = 100
 MOST_BASIS = 2000
 WIDTHS: dict[str, tuple[float, ...]] = {'rvm': (0.045, 0.15), 'ridge': ()}
 ROWS = 301  # rows of the regression for each demonstration, more if it has more samples
-RIDGE = 1e-13  # relative to the mean square of a column
+RIDGE = 1e-14  # relative to the mean square of a column
 
 
 def learn(

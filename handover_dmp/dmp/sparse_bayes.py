@@ -21,7 +21,8 @@ LEAST_CHANGE = 1e-2  # of ln β
 MOST_STEPS = 1000
 LEAST_NOISE = 1e-9  # variance of the noise relative to the mean square of the target
 ROUNDING = 1e-12
-LEAST_NORM = 1e-6  # of a candidate's column, relative to the largest
+ALIGNED = 1e-8  # of a candidate's square norm that the active ones leave: too little to add it
+LEAST_NORM = 1e-7  # of a candidate's column, relative to the largest
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +113,7 @@ class _Search:
         change = better - spread
         growth = np.maximum(sparsity * change, ROUNDING - 1.0)
         gain = quality * quality * change / (1.0 + growth) - np.log1p(growth)
+        gain[(spread == 0.0) & (sparsity < ALIGNED * beta)] = 0.0
         if self.active.size == 1 and better[self.active[0]] == 0.0:
             gain[self.active[0]] = 0.0
         best = int(np.argmax(gain))
