@@ -131,7 +131,7 @@ def viewers(robot: Any, simulated: bool) -> list[Node]:
         Node(
             package='rviz2',
             executable='rviz2',
-            arguments=['--fixed-frame', 'world'],
+            arguments=['-d', str(share_path('config/handover.rviz'))],
             parameters=[use_sim_time],
             condition=IfCondition(LaunchConfiguration('rviz')),
         ),

@@ -1,0 +1,137 @@
+"""What RViz and Foxglove are told to show is there to be shown, in the type that they expect."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib import import_module
+import json
+from pathlib import Path
+import re
+from typing import Any
+
+from handover_dmp.topics import FRAME, PHASE, Quality, TOPICS
+import pytest
+import yaml
+
+ROOT = Path(__file__).resolve().parents[2]
+BY_NAME = {topic.name: topic for topic in TOPICS}
+# What the displays of RViz and the panels of Foxglove take.
+RVIZ_TYPES = {
+    'rviz_default_plugins/RobotModel': 'std_msgs/msg/String',
+    'rviz_default_plugins/MarkerArray': 'visualization_msgs/msg/MarkerArray',
+    'rviz_default_plugins/Pose': 'geometry_msgs/msg/PoseStamped',
+}
+SHOWN_IN_3D = {
+    'geometry_msgs/msg/PoseStamped',
+    'visualization_msgs/msg/MarkerArray',
+    'std_msgs/msg/String',
+}
+
+
+@pytest.fixture(scope='module')
+def rviz() -> dict[str, Any]:
+    text = (ROOT / 'config' / 'handover.rviz').read_text(encoding='utf-8')
+    return yaml.safe_load(text)['Visualization Manager']
+
+
+@pytest.fixture(scope='module')
+def foxglove() -> dict[str, Any]:
+    return json.loads((ROOT / 'config' / 'handover.foxglove.json').read_text(encoding='utf-8'))
+
+
+def test_rviz_shows_topics_that_exist_in_the_type_of_the_display(rviz: dict[str, Any]) -> None:
+    shown = set()
+    for display in rviz['Displays']:
+        where = display.get('Topic') or display.get('Description Topic')
+        if where is None:
+            assert display['Class'].rpartition('/')[2] in ('Grid', 'TF')
+            continue
+        topic = BY_NAME[where['Value']]
+        assert topic.type_name == RVIZ_TYPES[display['Class']], topic.name
+        shown.add(topic.name)
+    assert {'/robot_description', '/handover/markers'} <= shown
+    assert rviz['Global Options']['Fixed Frame'] == FRAME
+
+
+def test_rviz_asks_for_no_more_quality_than_is_offered(rviz: dict[str, Any]) -> None:
+    for display in rviz['Displays']:
+        where = display.get('Topic') or display.get('Description Topic')
+        if where is None:
+            continue
+        reliability, durability, depth = BY_NAME[where['Value']].quality.value
+        # Best effort asks for nothing, volatile neither.
+        assert where['Reliability Policy'] in (
+            'Best Effort',
+            reliability.replace('_', ' ').title(),
+        )
+        assert where['Durability Policy'] in ('Volatile', durability.replace('_', ' ').title())
+        assert where['Depth'] == depth
+        if BY_NAME[where['Value']].quality is Quality.LATCHED:
+            assert where['Durability Policy'] == 'Transient Local'  # else a late RViz gets nothing
+
+
+def message_paths(layout: dict[str, Any]) -> Iterator[str]:
+    for panel in layout['configById'].values():
+        for path in panel.get('paths', ()):
+            yield path['value']
+
+
+def test_foxglove_plots_fields_that_exist(foxglove: dict[str, Any]) -> None:
+    paths = list(message_paths(foxglove))
+    assert paths
+    for path in paths:
+        name = next(n for n in BY_NAME if path.startswith(f'{n}.'))
+        follow(BY_NAME[name].type_name, path.removeprefix(f'{name}.'))
+
+
+def follow(type_name: str, fields: str) -> None:
+    """Go down the fields of a message; fails where there is none of that name."""
+    pytest.importorskip('rclpy')
+    package, folder, name = type_name.split('/')
+    message = getattr(import_module(f'{package}.{folder}'), name)()
+    for field in fields.split('.'):
+        field, _, index = field.partition('[')
+        message = getattr(message, field)
+        assert bool(index) == hasattr(message, '__len__') or isinstance(message, str), fields
+
+
+def test_foxglove_plots_three_axes_of_hand_wrist_and_command(foxglove: dict[str, Any]) -> None:
+    paths = set(message_paths(foxglove))
+    for topic in ('/hand/pose', '/wrist/pose', '/wrist/pose_command', '/human/pose'):
+        assert {f'{topic}.pose.position.{axis}' for axis in 'xyz'} <= paths
+    assert '/handover/state.data' in paths
+
+
+def test_foxglove_names_the_numbers_of_the_phase_rightly(foxglove: dict[str, Any]) -> None:
+    """`/handover/phase` has its values in the order that the controller gives them."""
+    from handover_dmp.controller import HandoverState, WristCommand
+
+    command = WristCommand((0.0,) * 3, (0.0,) * 3, HandoverState.IDLE, 1.0, 0.0, 0.0)
+    names = [name.replace('_', ' ') for name in command.numbers(0.0)]
+    for path in foxglove['configById']['Plot!phase']['paths']:
+        index = int(re.fullmatch(rf'{PHASE.name}\.data\[(\d+)\]', path['value'])[1])
+        assert names[index] == path['label']
+
+
+def test_foxglove_shows_the_arm_and_the_markers(foxglove: dict[str, Any]) -> None:
+    scene = foxglove['configById']['3D!scene']
+    for name in scene['topics']:
+        assert BY_NAME[name].type_name in SHOWN_IN_3D
+    urdf = scene['layers']['arm']
+    assert BY_NAME[urdf['topic']].type_name == 'std_msgs/msg/String'
+    assert scene['topics']['/handover/markers']['visible']
+    assert scene['followTf'] == FRAME
+    summary = foxglove['configById']['DiagnosticSummary!nodes']['topicToRender']
+    assert BY_NAME[summary].type_name == 'diagnostic_msgs/msg/DiagnosticArray'
+
+
+def test_every_panel_of_foxglove_has_a_place(foxglove: dict[str, Any]) -> None:
+    def panels(part: Any) -> list[str]:
+        return [part] if isinstance(part, str) else panels(part['first']) + panels(part['second'])
+
+    assert sorted(panels(foxglove['layout'])) == sorted(foxglove['configById'])
+
+
+def test_the_launch_file_starts_rviz_with_this_file() -> None:
+    launch = (ROOT / 'launch' / 'handover.launch.py').read_text(encoding='utf-8')
+    assert 'config/handover.rviz' in launch
