@@ -153,17 +153,21 @@ def _show(tuning: Tuning) -> Group:
             style='bold',
         )
     tried = table(
-        'One change at a time; each trial against all others, learn single',
+        'One change at a time, on unseen trials, learn single',
         '',
         'rms, mm',
+        'gain, 95 %',
         '≤1σ',
         '≤2σ',
         '≤3σ, %',
         'end, mm',
     )
     for attempt in tuning.attempts:
+        error, *within = _cells(attempt.worth)
+        low, high = (1e3 * end for end in attempt.gain_interval_m)
+        gain = f'{1e3 * attempt.gain_m:+.1f}  {low:+.1f} to {high:+.1f}'
         gap = f'{1e3 * attempt.worth.final_gap_m:.0f}'
-        tried.add_row(attempt.what, *_cells(attempt.worth), gap)
+        tried.add_row(attempt.what, error, gain, *within, gap)
     return Group(tried, unseen, found)
 
 

@@ -56,6 +56,8 @@ STYLE: Any = {
 }
 
 
+_ROW_GAP = 0.26
+
 _FORMATS: dict[str, dict[str, Any]] = {
     '.png': {'dpi': 150},
     '.svg': {'metadata': {'Date': None}},
@@ -149,8 +151,8 @@ def _figures(numbers: str) -> str:
 
 
 def _traces(group: Sequence[Panel], title: str) -> Figure:
-    figure = Figure(figsize=(12.0, 5.6), layout='constrained')
-    axes = figure.subplots(3, 1, sharex=True)
+    figure, grid = _grid(1, width=12.0, height=5.6, top=0.72)
+    axes = grid[:, 0]
     trials = [(trial, panel.case) for panel in group for trial in panel.case.trials[:MOST_TRIALS]]
     pause = 0.25 * float(np.mean([trial.duration_s for trial, _ in trials]))
     start, boundaries = 0.0, []
@@ -196,8 +198,9 @@ def _traces(group: Sequence[Panel], title: str) -> Figure:
 
 def _rollouts(group: Sequence[Panel], title: str) -> Figure:
     columns = [(panel, tested) for panel in group for tested in _shown(panel)]
-    figure = Figure(figsize=(3.1 * len(columns), 6.4), layout='constrained')
-    axes = figure.subplots(3, len(columns), sharex='col', sharey='row', squeeze=False)
+    figure, axes = _grid(
+        len(columns), width=3.1 * len(columns), height=6.4, top=1.0, same_scale=True
+    )
     for column, (panel, tested) in zip(axes.T, columns, strict=True):
         trial = panel.case.trials[tested]
         rollout = panel.rollouts[tested, : len(trial.times)]
@@ -240,14 +243,14 @@ def _shown(panel: Panel) -> tuple[int, int]:
 
 
 def _bands(group: Sequence[Panel], title: str, learn: str) -> Figure:
-    figure = Figure(figsize=(5.2 * len(group) + 0.4, 6.8), layout='constrained')
-    axes = figure.subplots(3, len(group), sharex=True, squeeze=False)
+    figure, axes = _grid(len(group), width=5.2 * len(group) + 0.4, height=7.0, top=1.15)
     u = np.linspace(0.0, 1.0, group[0].case.curves.shape[1])
     for column, panel in zip(axes.T, group, strict=True):
         envelope = Envelope.of(panel.case.curves)
         shown = panel.shown[learn]
         chosen = np.unique(np.linspace(0, len(shown.curves) - 1, MOST_CURVES).astype(int))
         for dimension, axis in enumerate(column):
+            axis.margins(x=0.0)
             _draw_band(axis, u, envelope, dimension)
             for inside, colour in ((False, OUTSIDE_COLOUR), (True, INSIDE_COLOUR)):
                 lines = chosen[shown.inside[chosen, dimension] == inside]
@@ -265,7 +268,6 @@ def _bands(group: Sequence[Panel], title: str, learn: str) -> Figure:
         column[-1].set_xlabel('time as a fraction of the duration')
     for dimension, axis in enumerate(axes[:, 0]):
         axis.set_ylabel(f'{AXES[dimension]}, m')
-        axis.margins(x=0.0)
     _legend(
         figure,
         f'Learn {learn}: {title}',
@@ -280,6 +282,50 @@ def _bands(group: Sequence[Panel], title: str, learn: str) -> Figure:
     return figure
 
 
+def _grid(
+    columns: int, *, width: float, height: float, top: float, same_scale: bool = False
+) -> tuple[Figure, Any]:
+    """
+    Make three rows of axes with fixed margins; finding them by measuring takes most of the time.
+
+    Args:
+        columns: number of columns.
+        width: of the figure, inch.
+        height: of the figure, inch.
+        top: room for title and legend, inch.
+        same_scale: whether the axes of a row share their scale, and only the first has numbers.
+
+    Returns:
+        The figure and its axes, (3, columns).
+
+    """
+    left, right, bottom = 0.75, 0.15, 0.55
+    between = 0.12 if same_scale else 0.65
+    figure = Figure(figsize=(width, height))
+    each = (width - left - right - between * (columns - 1)) / columns
+    row = (height - top - bottom - 2 * _ROW_GAP) / 3
+    axes = figure.subplots(
+        3,
+        columns,
+        sharex='col',
+        sharey='row' if same_scale else False,
+        squeeze=False,
+        gridspec_kw={
+            'left': left / width,
+            'right': 1.0 - right / width,
+            'bottom': bottom / height,
+            'top': 1.0 - top / height,
+            'wspace': between / each,
+            'hspace': _ROW_GAP / row,
+        },
+    )
+    for axis in axes[:, 0]:
+        axis.yaxis.set_label_coords(-0.54 / each, 0.5)
+    for axis in axes[-1]:
+        axis.xaxis.set_label_coords(0.5, -0.31 / row)
+    return figure, axes
+
+
 def _draw_band(axis: Axes, u: Array, envelope: Envelope, dimension: int) -> None:
     mean, deviation = envelope.mean[:, dimension], envelope.deviation[:, dimension]
     for k, colour in BAND_COLOURS.items():
@@ -287,13 +333,13 @@ def _draw_band(axis: Axes, u: Array, envelope: Envelope, dimension: int) -> None
 
 
 def _legend(figure: Figure, title: str, handles: list[Line2D | Patch]) -> None:
-    figure.align_ylabels()
-    figure.suptitle(title, x=0.012, ha='left', fontsize=13, fontweight='bold')
+    place = (0.15 / figure.get_figwidth(), 1.0 - 0.15 / figure.get_figheight())
+    figure.text(*place, title, ha='left', va='top', fontsize=13, fontweight='bold')
     figure.legend(
         handles=handles,
         loc='upper right',
         ncols=len(handles),
-        bbox_to_anchor=(0.995, 1.0),
+        bbox_to_anchor=(1.0 - 0.1 / figure.get_figwidth(), 1.0 - 0.08 / figure.get_figheight()),
         fontsize=9.5,
     )
 
@@ -303,9 +349,6 @@ def _save(
 ) -> None:
     with rc_context(STYLE):
         figure = make(group, title, *arguments)
-        # Laid out once, not once for each format.
-        figure.draw_without_rendering()
-        figure.set_layout_engine('none')
         for suffix, options in _FORMATS.items():
             with replacing(stem.with_name(stem.name + suffix)) as temporary:
                 figure.savefig(temporary, **options)
