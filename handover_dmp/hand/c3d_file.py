@@ -16,7 +16,7 @@ import warnings
 
 import c3d
 from handover_dmp.errors import DataError
-from handover_dmp.hand.markers import MarkerRecording, METRES
+from handover_dmp.hand.markers import choose, MarkerRecording, METRES
 from handover_dmp.hand.tables import LARGEST_RECORDING_BYTES, quote, read_bytes
 import numpy as np
 
@@ -62,8 +62,8 @@ def _read(reader: c3d.Reader, path: Path, markers: Sequence[str] | None) -> Mark
     rate = float(reader.point_rate)
     if not (names and 0 < count <= _MOST_POINTS and 0.0 < rate <= 1e5):
         raise DataError(f'{path}: {len(names)} markers, {count} frames at {rate:g} Hz')
-    chosen = [name for name in (names if markers is None else markers) if name in names]
-    columns = [names.index(name) for name in chosen]
+    chosen = choose(names, markers)
+    columns = list(chosen.values())
     if count * max(len(columns), 1) > _MOST_POINTS:
         raise DataError(
             f'{path}: {count} frames of {len(columns)} markers are more than can be held'

@@ -174,6 +174,26 @@ class WristMotion:
         )
 
 
+def choose(names: Sequence[str], wanted: Sequence[str] | None) -> dict[str, int]:
+    """
+    Find markers among those of a file.
+
+    Args:
+        names: of all markers, in order; of two of one name, the first counts.
+        wanted: which to find, of those that are there; all if left out.
+
+    Returns:
+        Name to place in the order, in the order of `wanted`.
+
+    """
+    places: dict[str, int] = {}
+    for place, name in enumerate(names):
+        places.setdefault(name, place)
+    if wanted is None:
+        return places
+    return {name: places[name] for name in wanted if name in places}
+
+
 def _turn_up(positions: NDArray[np.float64], up: str) -> NDArray[np.float64]:
     """Turn y up into z up by a quarter turn about x: (x, y, z) becomes (x, −z, y)."""
     if up == 'z':

@@ -12,15 +12,15 @@ from __future__ import annotations
 from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
-import math
 from pathlib import Path
 
 from handover_dmp.errors import DataError
-from handover_dmp.hand.markers import MarkerRecording
-from handover_dmp.hand.tables import iterate_lines, parse_number, quote
+from handover_dmp.hand.markers import choose, MarkerRecording
+from handover_dmp.hand.tables import iterate_lines, parse_number, parse_numbers, quote
 import numpy as np
 
 _MOST_VALUES = 10_000_000
+_MOST_HEADER_LINES = 10_000
 _NOT_SEEN = {'', 'nan', 'null', '-'}
 
 
@@ -48,6 +48,8 @@ def read_qualisys(path: str | Path, markers: Sequence[str] | None = None) -> Mar
         cells = line.split('\t')
         where = f'{path}: line {number}'
         if layout is None and cells[0][:1].isalpha():
+            if len(header) > _MOST_HEADER_LINES:
+                raise DataError(f'{where}: still no frames')
             header[cells[0].strip()] = [cell.strip() for cell in cells[1:]]
         elif line.strip():
             layout = layout or _layout(header, markers, len(cells), where)
@@ -61,7 +63,7 @@ def read_qualisys(path: str | Path, markers: Sequence[str] | None = None) -> Mar
     if told.isdecimal() and len(told) < 12 and int(told) != len(stamps):
         raise DataError(f'{path}: {len(stamps)} frames, the header tells of {int(told)}')
     table = np.array(values).reshape(len(stamps), len(layout.columns), 3)
-    # Cameras do not see a marker in the very origin; older versions write that for none at all.
+    # No marker is in the very origin: older versions write that for one that was not seen.
     table[(table == 0.0).all(axis=2)] = np.nan
     positions = {name: table[:, k] for k, name in enumerate(layout.columns)}
     return MarkerRecording(np.array(stamps), layout.names, positions, 'mm', 'z', path.name)
@@ -96,11 +98,13 @@ class _Layout:
         count = self.leading + 3 * len(self.names)
         if len(cells) != count and not (len(cells) == count + 1 and not cells[-1].strip()):
             raise DataError(f'{where}: {len(cells)} values instead of {count}')
-        return [
-            math.nan if cell.strip().lower() in _NOT_SEEN else parse_number(cell, name, where)
-            for name, first in self.columns.items()
-            for cell in cells[first : first + 3]
-        ]
+        found: list[float] = []
+        for name, first in self.columns.items():
+            place = cells[first : first + 3]
+            if any(cell.strip().lower() in _NOT_SEEN for cell in place):
+                place = ['0'] * 3
+            found += parse_numbers(place, (name,) * 3, where)
+        return found
 
 
 def _layout(
@@ -127,9 +131,5 @@ def _layout(
         if not 0.0 < rate <= 1e5:
             raise DataError(f'{where}: FREQUENCY of {rate:g} Hz')
         period_s = 1.0 / rate
-    columns = {
-        name: leading + 3 * names.index(name)
-        for name in (names if markers is None else dict.fromkeys(markers))
-        if name in names
-    }
+    columns = {name: leading + 3 * place for name, place in choose(names, markers).items()}
     return _Layout(names, columns, leading, time_column, period_s)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 import csv
 import io
 import math
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 LARGEST_TEXT_BYTES = 16_000_000
 MOST_ROWS = 200_000
 LARGEST_RECORDING_BYTES = 150_000_000
+MOST_RECORDING_LINES = 500_000
 _LONGEST_LINE_BYTES = 1_000_000
 _LONGEST_QUOTE = 40
 # What float() takes beyond this (underscores, digits of other scripts) is no number in a file.
@@ -94,12 +96,14 @@ def iterate_lines(path: Path) -> Iterator[tuple[int, str]]:
         Number of the line, from 1, and its text without the line end.
 
     Raises:
-        DataError: as `read_bytes`, or a line is absurdly long.
+        DataError: as `read_bytes`, or a line is absurdly long, or there are too many.
 
     """
     for number, raw in enumerate(io.BytesIO(read_bytes(path, LARGEST_RECORDING_BYTES)), start=1):
         if len(raw) > _LONGEST_LINE_BYTES:
             raise DataError(f'{path}: line {number}: longer than {_LONGEST_LINE_BYTES} bytes')
+        if number > MOST_RECORDING_LINES:
+            raise DataError(f'{path}: more than {MOST_RECORDING_LINES} lines')
         try:
             line = raw.decode('utf-8-sig' if number == 1 else 'utf-8')
         except UnicodeDecodeError:
@@ -208,6 +212,13 @@ def parse_numbers(cells: Sequence[str], names: Sequence[str], where: str) -> lis
     """
     if len(cells) != len(names):
         raise DataError(f'{where}: {len(cells)} values instead of {len(names)}')
+    text = ''.join(cells)
+    if text.isascii() and '_' not in text:
+        with suppress(ValueError):
+            values = [float(cell) for cell in cells]
+            if all(map(math.isfinite, values)):
+                return values
+    # Something is wrong, or at least odd: find out what.
     return [parse_number(cell, name, where) for cell, name in zip(cells, names, strict=True)]
 
 

@@ -137,6 +137,10 @@ def test_faulty_lines_are_named(tmp_path):
         read(tmp_path, '\n'.join(lines[:13]))
     with pytest.raises(DataError, match='is empty'):
         read(tmp_path, '')
+    with pytest.raises(DataError, match='more than 500000 lines'):
+        read(tmp_path, 'x\n' * 500_001)
+    with pytest.raises(DataError, match='still no frames'):
+        read(tmp_path, ''.join(f'x{k}\ty\n' for k in range(20_000)))
     with pytest.raises(DataError, match='line 1: longer than'):
         read(tmp_path, 'x' * 2_000_000)
 
