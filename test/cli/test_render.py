@@ -1,0 +1,124 @@
+"""Films are what players and browsers take, and show the run from its start to its end."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+from pathlib import Path
+import subprocess
+from types import ModuleType
+
+from handover_dmp.cli.main import main
+import numpy as np
+from PIL import Image, ImageSequence
+import pytest
+
+imageio_ffmpeg = pytest.importorskip('imageio_ffmpeg')
+SMALL = ('--size', '160x120', '--rate', '10', '--jobs', '1')
+
+
+@pytest.fixture(scope='module')
+def runs() -> ModuleType:
+    """Give the maker of runs of the tests of views."""
+    path = Path(__file__).parents[1] / 'view' / 'conftest.py'
+    spec = importlib.util.spec_from_file_location('view_runs', path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope='module')
+def filmed(runs: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Film a run into its own folder."""
+    folder = runs.write_run(tmp_path_factory.mktemp('filmed'))
+    assert main(['render', str(folder), *SMALL, '--json', str(folder / 'made.json')]) == 0
+    return folder
+
+
+def pictures(video: Path) -> np.ndarray:
+    """Decode a video with an independent reader: one array of all pictures."""
+    reader = imageio_ffmpeg.read_frames(str(video))
+    size = next(reader)['size']
+    return np.array([np.frombuffer(one, np.uint8).reshape(size[1], size[0], 3) for one in reader])
+
+
+def test_the_video_plays_for_as_long_as_it_says(filmed: Path) -> None:
+    made = json.loads((filmed / 'made.json').read_text())
+    decoded = pictures(filmed / 'handover.mp4')
+    assert decoded.shape[1:] == (120, 160, 3)
+    assert len(decoded) == made['pictures']
+    # From 0.3 s before the arm moves to the end at 1.48 s, and a while of standing still.
+    assert made['length_s'] == pytest.approx(1.38 + 0.8, abs=0.15)
+
+
+def test_the_pixel_format_is_one_that_browsers_play(filmed: Path) -> None:
+    words = [imageio_ffmpeg.get_ffmpeg_exe(), '-hide_banner', '-i', str(filmed / 'handover.mp4')]
+    told = subprocess.run(words, capture_output=True, text=True).stderr
+    assert 'Video: h264' in told
+    assert 'yuv420p' in told
+
+
+def test_something_moves_and_in_the_end_stands(filmed: Path) -> None:
+    decoded = pictures(filmed / 'handover.mp4').astype(float)
+    change = np.abs(np.diff(decoded, axis=0)).mean(axis=(1, 2, 3))
+    assert change.max() > 10 * change[-1]
+    assert np.abs(decoded[-1] - decoded[0]).max() > 60
+
+
+def test_the_image_repeats_for_ever_and_is_small(filmed: Path) -> None:
+    with Image.open(filmed / 'handover.webp') as image:
+        assert image.size == (160, 120)
+        assert image.info['loop'] == 0
+        assert image.n_frames >= 5
+    assert (filmed / 'handover.webp').stat().st_size < 200_000
+
+
+def test_gif_and_other_speeds(runs: ModuleType, tmp_path: Path) -> None:
+    folder = runs.write_run(tmp_path / 'run')
+    gif = tmp_path / 'slow.gif'
+    words = ['render', str(folder), '--no-video', '--image', str(gif), '--speed', '0.5', *SMALL]
+    assert main(words) == 0
+    with Image.open(gif) as image:
+        lasting = [frame.info['duration'] for frame in ImageSequence.Iterator(image)]
+    assert lasting[1] == 200  # 5 a second: every other picture
+    assert sum(lasting) == pytest.approx(1000 * (2 * 1.38 + 0.8), abs=400)
+    assert not (folder / 'handover.mp4').exists()
+
+
+def test_several_processes_make_the_same_film(
+    runs: ModuleType, filmed: Path, tmp_path: Path
+) -> None:
+    words = ['render', str(filmed), '-o', str(tmp_path), *SMALL[:-1], '2', '--no-image']
+    assert main(words) == 0
+    assert np.array_equal(pictures(tmp_path / 'handover.mp4'), pictures(filmed / 'handover.mp4'))
+
+
+@pytest.mark.parametrize(
+    ('words', 'fault', 'code'),
+    [
+        (('--no-video', '--no-image'), 'nothing to do', 2),
+        (('--size', 'large'), '960x720', 2),
+        (('--size', '161x120'), 'even', 2),
+        (('--speed', '0'), 'no film', 2),
+        (('--image', 'film.png'), '.webp or .gif', 2),
+    ],
+)
+def test_what_makes_no_film(
+    filmed: Path,
+    words: tuple[str, ...],
+    fault: str,
+    code: int,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(['render', str(filmed), *words]) == code
+    error = capsys.readouterr().err
+    assert fault in error
+    assert len(error.strip().splitlines()) == 1
+
+
+def test_no_half_film_is_left(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['render', str(tmp_path / 'absent'), '-o', str(tmp_path / 'film')]) == 1
+    assert 'no such bag' in capsys.readouterr().err
+    assert not list(tmp_path.rglob('*.mp4'))
