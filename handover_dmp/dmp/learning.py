@@ -15,6 +15,7 @@ from handover_dmp.dmp.sparse_bayes import sparse_bayes
 from handover_dmp.errors import DataError, UsageError
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg.lapack import dgels
 
 Array = NDArray[np.float64]
 AnyPrimitive = TypeVar('AnyPrimitive', bound=Primitive)
@@ -24,7 +25,7 @@ DEFAULT_BASIS = 100
 MOST_BASIS = 2000
 WIDTHS: dict[str, tuple[float, ...]] = {'rvm': (0.045, 0.15), 'ridge': ()}
 ROWS = 301  # rows of the regression for each demonstration, more if it has more samples
-RIDGE = 1e-14  # relative to the mean square of a column
+RIDGE = 1e-13  # relative to the mean square of a column
 
 
 def learn(
@@ -204,9 +205,16 @@ def _rows(motion: Demonstration, primitive: Primitive) -> tuple[Array, Array]:
 
 
 def _ridge(design: Array, target: Array) -> Array:
-    gram = design.T @ design
-    gram[np.diag_indices_from(gram)] += RIDGE * np.trace(gram) / len(gram)
-    weights: Array = np.linalg.solve(gram, design.T @ target)
+    """Minimise ‖design·w − target‖² + penalty·‖w‖² by QR, which the normal equations spoil."""
+    rows, size = design.shape
+    padded = np.zeros((rows + size, size), order='F')
+    padded[:rows] = design
+    penalty = RIDGE * np.einsum('ij,ij->', design, design) / size
+    padded[rows + np.arange(size), np.arange(size)] = np.sqrt(penalty)
+    right = np.zeros((rows + size, target.shape[1]), order='F')
+    right[:rows] = target
+    _, solution, _ = dgels(padded, right, overwrite_a=True, overwrite_b=True)
+    weights: Array = solution[:size]
     return weights
 
 

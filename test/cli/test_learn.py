@@ -1,0 +1,82 @@
+from __future__ import annotations
+
+import json
+
+from handover_dmp.cli.main import main
+from handover_dmp.dmp import ClassicalDmp, load_model
+from handover_dmp.hand import synthesize, write_trial
+import pytest
+
+
+@pytest.fixture(scope='module')
+def trials(tmp_path_factory):
+    folder = tmp_path_factory.mktemp('trials')
+    paths = []
+    for trial in synthesize(trials=2)[:2]:
+        paths.append(folder / f'{trial.configuration}_{trial.exchange}_{trial.number}.csv')
+        write_trial(trial, paths[-1])
+    return [str(path) for path in paths]
+
+
+def test_it_learns_and_says_what(trials, tmp_path, capsys):
+    model = tmp_path / 'sub' / 'model.json'
+    assert main(['learn', trials[0], '-o', str(model), '--json', str(tmp_path / 'o.json')]) == 0
+    assert 'τ = ' in capsys.readouterr().out
+    outcome = json.loads((tmp_path / 'o.json').read_text())
+    assert outcome['trials'] == 1
+    assert outcome['duration_s'] == load_model(model).duration_s
+    assert max(outcome['reproduction_error_mm']) < 5.0
+
+
+def test_every_option_reaches_the_model(trials, tmp_path):
+    path = tmp_path / 'model.json'
+    words = '--stiffness 150 --damping 20 --goal-velocity-gain 3 --alpha 5 --mu 0.6 --sigma 0.1'
+    words += ' --formulation printed --regression ridge --basis 33'
+    assert main(['learn', *trials, '-o', str(path), *words.split()]) == 0
+    model = load_model(path)
+    parameters = model.parameters
+    assert (parameters.stiffness, parameters.damping) == (150.0, 20.0)
+    assert parameters.goal_velocity_gain == 3.0
+    assert parameters.alpha == pytest.approx(5.0, rel=1e-12)
+    assert (parameters.mu, parameters.sigma) == (0.6, 0.1)
+    assert parameters.formulation == 'printed'
+    assert model.basis.size == 33
+    assert model.covariance is None
+    assert model.source.startswith('mean of 2')
+
+
+def test_joint_and_classical(trials, tmp_path):
+    path = tmp_path / 'model.json'
+    assert main(['learn', *trials, '-o', str(path), '--joint', '--classical']) == 0
+    assert isinstance(load_model(path), ClassicalDmp)
+    assert load_model(path).source.startswith('all of 2')
+
+
+@pytest.mark.parametrize(
+    ('words', 'code', 'fault'),
+    [
+        (['--stiffness', '-3'], 1, 'stiffness'),
+        (['--mu', 'nan'], 1, 'mu'),
+        (['--alpha', '0'], 2, '--alpha'),
+        (['--basis', '1'], 2, 'basis'),
+    ],
+)
+def test_wrong_numbers_are_one_line(trials, tmp_path, capsys, words, code, fault):
+    path = tmp_path / 'model.json'
+    assert main(['learn', trials[0], '-o', str(path), *words]) == code
+    error = capsys.readouterr().err
+    assert fault in error
+    assert error.count('\n') == 1
+    assert not path.exists()
+
+
+def test_a_missing_trial_is_one_line(tmp_path, capsys):
+    assert main(['learn', str(tmp_path / 'no.csv'), '-o', str(tmp_path / 'm.json')]) == 1
+    assert 'no.csv' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('words', [['--regression', 'lasso'], ['--formulation', 'soft']])
+def test_unknown_choices_are_wrong_usage(trials, tmp_path, words):
+    with pytest.raises(SystemExit) as exit_:
+        main(['learn', trials[0], '-o', str(tmp_path / 'm.json'), *words])
+    assert exit_.value.code == 2
