@@ -146,7 +146,7 @@ class Handover:
         if samples:
             self.wrist_controller.set_hand(samples[-1].position, now_s)
         answer = self.wrist_controller.update(now_s, self.period_s)
-        self._phase_rate = answer.solution.speed_scale if answer.solution else 0.0
+        self._phase_rate = answer.speed_scale
         if answer.velocities is not None:
             self.arm.command(answer.velocities)
         human = self._human.newest(max(0.0, now_s - self.hand.start_s))

@@ -44,6 +44,7 @@ TIMEOUTS = (
     Parameter('joint_state_timeout_s', 'older: nothing is commanded, s', 0.005, 10.0),
     Parameter('command_timeout_s', 'older: the arm brakes, s', 0.005, 10.0),
     Parameter('hand_timeout_s', 'older: the hand is taken to be unknown, s', 0.005, 10.0),
+    Parameter('hold_distance_m', 'to a target that stands, where the wrist rests, m', 0.0, 0.1),
 )
 TASKS = (
     Parameter('position_gain', 'of the wrist, 1/s', 0.0, 200.0),

@@ -18,6 +18,13 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
+STALLED = 0.03
+"""Share of the wrist's speed that is not worth moving for."""
+AT_EASE_S = 0.2
+"""In this time every joint can change its speed as it likes."""
+HELD_ROTATION = 1e-3
+"""Norm of the difference of two rotation matrices that are the same."""
+
 
 @dataclass(frozen=True)
 class WristControllerOptions:
@@ -28,12 +35,14 @@ class WristControllerOptions:
         joint_state_timeout_s: age, by arrival, beyond which nothing is commanded any more, s.
         command_timeout_s: the same for the wrist command, beyond which the arm brakes, s.
         hand_timeout_s: the same for the hand, beyond which it is taken to be anywhere, s.
+        hold_distance_m: a wrist this near to a target that stands is there, m.
 
     """
 
     joint_state_timeout_s: float = setting('priority_ik', 'joint_state_timeout_s')
     command_timeout_s: float = setting('priority_ik', 'command_timeout_s')
     hand_timeout_s: float = setting('priority_ik', 'hand_timeout_s')
+    hold_distance_m: float = setting('priority_ik', 'hold_distance_m')
 
 
 @dataclass(frozen=True)
@@ -44,13 +53,20 @@ class JointCommand:
     Attributes:
         velocities: (n,), rad/s, in the model's order; None if the arm must not be commanded.
         reason: why the arm brakes or is not commanded; empty while all is well.
-        solution: what the inverse kinematics found; None while braking.
+        solution: what the inverse kinematics found; None while braking or at rest.
 
     """
 
     velocities: Array | None
     reason: str
     solution: IkSolution | None = None
+
+    @property
+    def speed_scale(self) -> float:
+        """How much of the speed asked for is possible: 0 while braking, 1 while at rest."""
+        if self.solution is None:
+            return 0.0 if self.reason else 1.0
+        return self.solution.speed_scale
 
     def numbers(self, time_s: float) -> dict[str, float]:
         """
@@ -66,7 +82,7 @@ class JointCommand:
         found = self.solution
         return {
             'time_s': time_s,
-            'speed_scale': found.speed_scale if found else 0.0,
+            'speed_scale': self.speed_scale,
             'smallest_singular_value': found.smallest_singular_value if found else 0.0,
             'position_residual': found.residuals['position'] if found else 0.0,
             'orientation_residual': found.residuals['orientation'] if found else 0.0,
@@ -208,7 +224,6 @@ class WristController:
         """
         if self._joint_fault:
             return self._stop(self._joint_fault)
-        assert self._positions is not None
         age = now_s - self._joint_arrival_s
         if age > self.options.joint_state_timeout_s:
             return self._stop(f'joint states are {age:.3f} s old')
@@ -220,15 +235,45 @@ class WristController:
         if age > self.options.command_timeout_s:
             return self._brake(f'wrist command is {age:.3f} s old', dt)
         seen = now_s - self._hand_arrival_s <= self.options.hand_timeout_s
-        solution = self.ik.solve(
-            self._positions, self._commanded, self._target, dt, hand=self._hand if seen else None
-        )
+        hand = self._hand if seen else None
+        if self._holds(self._target):
+            return self._brake('', dt)
+        solution = self.ik.solve(self._measured(), self._commanded, self._target, dt, hand=hand)
+        if solution.speed_scale < STALLED and self._is_stalled(self._target, hand):
+            return self._brake('the wrist command leads nowhere from here', dt)
         self._commanded = solution.joint_velocity
         return JointCommand(solution.joint_velocity, '', solution)
 
+    def _holds(self, target: WristTarget) -> bool:
+        """Whether the wrist is told to stand where it stands; then nothing else moves either."""
+        if np.any(target.velocity) or (
+            target.angular_velocity is not None and np.any(target.angular_velocity)
+        ):
+            return False
+        place, rotation = self.model.wrist_pose(self._measured())
+        turned = 0.0
+        if target.rotation is not None and self.ik.options.orientation == 'full':
+            turned = float(np.linalg.norm(rotation - target.rotation))
+        near = float(np.linalg.norm(place - target.position)) < self.options.hold_distance_m
+        return near and turned < HELD_ROTATION
+
+    def _is_stalled(self, target: WristTarget, hand: Array | None) -> bool:
+        """
+        Whether even an arm that could change its speed at once would hardly get any nearer.
+
+        Such an arm would whirl joints that bring it next to nothing: it had better stand.
+        """
+        positions = self._measured()
+        at_ease = self.ik.solve(positions, np.zeros(len(positions)), target, AT_EASE_S, hand=hand)
+        return at_ease.speed_scale < STALLED
+
+    def _measured(self) -> Array:
+        assert self._positions is not None
+        return self._positions
+
     def _brake(self, reason: str, dt: float) -> JointCommand:
-        assert self._positions is not None and self._commanded is not None
-        self._commanded = self.ik.brake(self._positions, self._commanded, dt)
+        assert self._commanded is not None
+        self._commanded = self.ik.brake(self._measured(), self._commanded, dt)
         return JointCommand(self._commanded, reason)
 
     def _stop(self, reason: str) -> JointCommand:

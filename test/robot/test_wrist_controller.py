@@ -18,7 +18,7 @@ def robot() -> RobotModel:
 
 @pytest.fixture
 def controller(robot: RobotModel) -> WristController:
-    return WristController(robot, PriorityIk(robot), WristControllerOptions(0.05, 0.05, 0.1))
+    return WristController(robot, PriorityIk(robot), WristControllerOptions(0.05, 0.05, 0.1, 0.0005))
 
 
 def target_beside(robot: RobotModel) -> WristTarget:
