@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import yaml
@@ -94,5 +95,10 @@ LATCHED = Qos(durability='transient_local')
 
 def dump_profiles(profiles: Iterable[Qos]) -> str:
     """Return the YAML text that rosbag2 keeps with each channel."""
+    return _dump(tuple(profiles))
+
+
+@cache
+def _dump(profiles: tuple[Qos, ...]) -> str:
     text = yaml.safe_dump([profile.as_rosbag2() for profile in profiles], sort_keys=False)
     return str(text).strip()

@@ -6,6 +6,7 @@ from typing import Any
 
 from handover_dmp.report.motion import bell_of, RATE_HZ, resample, velocity
 from handover_dmp.report.run import Array, RunRecord
+from handover_dmp.topics import DIAGNOSTICS
 import numpy as np
 
 # the wrist follows the hand alone where the goal has all the weight
@@ -243,6 +244,9 @@ def topic_rates(run: RunRecord) -> dict[str, Numbers]:
     """
     found = {}
     for topic, stamps in sorted(run.stamps.items()):
+        if topic == DIAGNOSTICS.name:
+            # every node sends there, each on its own clock
+            continue
         periods = np.diff(np.sort(stamps)) * 1e3
         if len(stamps) < LEAST_RATE_SAMPLES or periods.sum() <= 0:
             continue
