@@ -25,6 +25,7 @@ VERBS = {
     'plot': 'draw the figures of a recorded run',
     'render': 'film a recorded run: a video and an animated image',
     'view': 'look at a recorded run in the browser, with a slider over its time',
+    'figure1': 'draw Fig. 1 of the paper: one learnt curve, another goal, three μ',
     'bench': 'measure speed and accuracy beside peers and floors',
 }
 

@@ -1,0 +1,91 @@
+"""`handover_dmp figure1`: Fig. 1 of the paper, one learnt curve, another goal, three μ."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """
+    Declare the words after `figure1`.
+
+    Args:
+        parser: parser of the verb.
+
+    """
+    parser.add_argument(
+        'trial',
+        nargs='?',
+        type=Path,
+        metavar='TRIAL.csv',
+        help='trial whose P2 is learnt; a synthetic one if left out',
+    )
+    parser.add_argument(
+        '-o',
+        '--output',
+        type=Path,
+        default=Path('figure1.png'),
+        metavar='FILE',
+        help='picture to write, png, svg or pdf (default: %(default)s)',
+    )
+    parser.add_argument(
+        '--mu',
+        type=float,
+        nargs=3,
+        default=[0.25, 0.5, 0.75],
+        metavar='MU',
+        help='three centres of the goal weight, in units of τ (default: 0.25 0.5 0.75)',
+    )
+    parser.add_argument(
+        '--shift',
+        type=float,
+        default=0.3,
+        metavar='PART',
+        help='how far the new goal lies beyond the learnt one, as a part of the way '
+        '(default: %(default)s)',
+    )
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write the curves as JSON, too')
+
+
+def run(options: argparse.Namespace) -> int:
+    """
+    Draw the figure.
+
+    Args:
+        options: what `add_arguments` declared.
+
+    Returns:
+        0.
+
+    Raises:
+        DataError: a trial that cannot be used.
+        UsageError: a kind of picture that is not known, or a shift that is no number.
+
+    """
+    from math import isfinite
+
+    from handover_dmp.dmp.figure1 import draw_figure1
+    from handover_dmp.errors import UsageError
+    from handover_dmp.files import write_text
+    from handover_dmp.hand import condition, read_trial, synthesize
+
+    if options.output.suffix not in {'.png', '.svg', '.pdf'}:
+        raise UsageError(f'{options.output}: a picture is .png, .svg or .pdf')
+    if not isfinite(options.shift):
+        raise UsageError('--shift is no number')
+    trial = condition(read_trial(options.trial) if options.trial else synthesize(trials=1)[0])
+    motions = draw_figure1(
+        trial.times, trial.p2, options.output, mu=options.mu, shift=options.shift
+    )
+    if options.json:
+        import json
+
+        outcome = {
+            'output': str(options.output),
+            'mu': list(motions),
+            'positions_m': [motion.tolist() for motion in motions.values()],
+        }
+        write_text(options.json, json.dumps(outcome) + '\n')
+    print(options.output)
+    return 0

@@ -1,0 +1,28 @@
+from __future__ import annotations
+
+import json
+
+from handover_dmp.cli.main import main
+import numpy as np
+from PIL import Image
+import pytest
+
+
+def test_one_command_draws_it(tmp_path):
+    picture = tmp_path / 'figure1.png'
+    assert main(['figure1', '-o', str(picture), '--json', str(tmp_path / 'o.json')]) == 0
+    pixels = np.asarray(Image.open(picture).convert('RGB'))
+    assert min(pixels.shape[:2]) > 500
+    assert len(np.unique(pixels.reshape(-1, 3), axis=0)) > 20
+    outcome = json.loads((tmp_path / 'o.json').read_text())
+    early, middle, late = np.array(outcome['positions_m'])
+    # all arrive at the new goal, the one that lets go of the shape first is there first
+    end = late[-1]
+    assert [early[-1], middle[-1]] == pytest.approx([end, end], abs=5e-3)
+    half = len(late) // 2
+    assert abs(early[half] - end) < abs(middle[half] - end) < abs(late[half] - end)
+
+
+def test_unknown_pictures_are_wrong_usage(tmp_path, capsys):
+    assert main(['figure1', '-o', str(tmp_path / 'figure1.txt')]) == 2
+    assert 'figure1.txt' in capsys.readouterr().err
