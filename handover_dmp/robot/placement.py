@@ -34,6 +34,8 @@ EASY_MARGIN = 0.4
 """A good distance of a joint from its limits, rad."""
 EASY_AGILITY = 0.25
 """A good smallest singular value, m."""
+LEFT_BONUS = 0.01
+"""Decides between mirror images: people reach with the right hand, so the body is to its left."""
 BEHIND_START = 0.15
 """How far behind the start of the way the base stands at least, if it can, m."""
 
@@ -74,7 +76,7 @@ def place_base(path: Array, model: RobotModel, *, partner: Array | None = None) 
     """
     way = _way(np.asarray(path, dtype=float), partner)
     reach = model.reach_m
-    middle = (way.points.min(axis=0) + way.points.max(axis=0)) / 2.0
+    middle = way.points.mean(axis=0)
     offsets = np.array(list(itertools.product(BEHIND, ASIDE, ABOVE))) * reach
     ranked = sorted(
         (_distance_cost(way, _shoulder(way, middle, offset), reach), tuple(offset))
@@ -152,6 +154,8 @@ def _distance_cost(way: _Way, shoulder: Array, reach: float) -> float:
         + float(np.mean(np.abs(distances - 0.65)))
         + max(0.0, 0.3 - level)
         + 5.0 * missing
+        - LEFT_BONUS
+        * float(np.sign(np.round((shoulder - way.points.mean(axis=0)) @ way.leftwards, 9)))
     )
 
 
@@ -182,19 +186,22 @@ def _tried(model: RobotModel, way: _Way, middle: Array, offset: Array) -> _Trial
     points = (way.points - np.array(base.position)) @ base.rotation
     points = points @ model.base.rotation.T + np.array(model.base.position)
     farthest = float(np.linalg.norm(points - model.shoulder, axis=1).max()) - model.reach_m
+    if farthest > 0.0:
+        return _Trial(-np.inf, offset, farthest)
     try:
         posture = model.inverse(points[0])
     except UnreachableError as error:
-        return _Trial(-np.inf, offset, max(error.missing_m, farthest, 1e-9))
+        return _Trial(-np.inf, offset, max(error.missing_m, 1e-9))
     ease = []
     for i, point in enumerate(points):
         posture, missing = _moved(model, posture, point)
         if missing > 1e-3:
-            return _Trial(-np.inf, offset, max(missing, farthest))
+            return _Trial(-np.inf, offset, missing)
         direction = points[min(i + 1, len(points) - 1)] - points[max(i - 1, 0)]
         ease.append(_ease(model, posture, direction, way.haste[i]))
     short = max(0.0, BEHIND_START - _behind_start(way, _shoulder(way, middle, offset)))
     score = min(ease) + 0.1 * float(np.mean(ease)) - 3.0 * short
+    score += LEFT_BONUS * float(np.sign(np.round(offset[1], 9)))
     return _Trial(score, offset, 0.0)
 
 

@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 ORIENTATIONS = ('none', 'full', 'level', 'point')
 UNBOUNDED = 1e30
 """What daqp takes for infinity."""
-SOFTNESS = 1e-8
+SOFTNESS = 1e-7
 """Inverse weight of a missed task in daqp; smaller is nearer to strict priorities."""
 IDLE_ROW = 1e-5
 """Rows whose entries are all smaller than this are taken for zero."""

@@ -1,0 +1,105 @@
+from __future__ import annotations
+
+from handover_dmp.hand.data_set import read_data_set
+from handover_dmp.hand.filtering import condition
+from handover_dmp.robot.errors import UnreachableError
+from handover_dmp.robot.model import BasePlacement, RobotModel
+from handover_dmp.robot.placement import place_base
+from handover_dmp.robot.priority_ik import PriorityIk, WristTarget
+import numpy as np
+import pytest
+
+DT = 0.005
+
+
+@pytest.fixture(scope='module')
+def lwr4():
+    return RobotModel.load('lwr4')
+
+
+def arc(length=0.5, turn=0.4, height=1.0):
+    share = np.linspace(0.0, 1.0, 80)[:, None]
+    eased = share**3 * (10 - 15 * share + 6 * share**2)
+    towards = np.array([np.cos(turn), np.sin(turn), 0.3])
+    return (
+        [0.3, -0.4, height]
+        + length * eased * towards / np.linalg.norm(towards)
+        + 0.05 * np.sin(np.pi * eased) * [0.0, 0.0, 1.0]
+    )
+
+
+@pytest.mark.parametrize('robot', ['lwr4', 'iiwa14', 'panda', 'ur5'])
+@pytest.mark.parametrize('length', [0.0, 0.4, 0.8])
+def test_the_arm_follows_from_where_it_is_put(robot, length):
+    arm = RobotModel.load(robot)
+    path = arc(length)
+    partner = path[-1] + [0.3, 0.1, 0.0]
+    placed = arm.placed(place_base(path, arm, partner=partner))
+    _followed(placed, path, max(1.6, 5.0 * length))
+    ahead = (partner - path[0])[:2]
+    if length < 0.6:  # a longer way ends out of reach from behind its start
+        assert (path[0, :2] - placed.shoulder[:2]) @ ahead / np.linalg.norm(ahead) > 0.05
+    distances = np.linalg.norm(path - placed.shoulder, axis=1)
+    assert distances.max() < 0.95 * arm.reach_m
+
+
+def test_does_not_depend_on_where_the_arm_stands_now(lwr4):
+    path = arc()
+    here = place_base(path, lwr4)
+    there = place_base(path, lwr4.placed(BasePlacement((1.0, -2.0, 0.3), 2.0)))
+    np.testing.assert_allclose(here.position, there.position, atol=1e-6)
+    assert here.yaw == pytest.approx(there.yaw, abs=1e-6)
+
+
+def test_turns_and_moves_with_the_way(lwr4):
+    path = arc()
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    here = place_base(path, lwr4)
+    there = place_base(path @ turn.T + [1.0, 2.0, 3.0], lwr4)
+    np.testing.assert_allclose(
+        there.position, turn @ np.array(here.position) + [1.0, 2.0, 3.0], atol=1e-6
+    )
+    assert (there.yaw - here.yaw - np.pi / 2) % (2 * np.pi) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_names_what_is_missing(lwr4):
+    path = np.linspace([0.0, 0.0, 1.0], [2.5, 0.0, 1.0], 50)
+    with pytest.raises(UnreachableError, match=r'2\.50 m from any place: 0\.\d+ m') as caught:
+        place_base(path, lwr4)
+    # half of its length cannot be more than the reach, from nowhere
+    assert caught.value.missing_m >= 1.25 - lwr4.reach_m
+
+
+@pytest.mark.parametrize('configuration', ['raw', 'p01', 'p02', 'p03', 'p04'])
+def test_recorded_ways_of_people(kth_folder, lwr4, configuration):
+    trials = [t for t in read_data_set(kth_folder) if t.configuration == configuration]
+    for trial in trials[:: 1 if configuration == 'raw' else 5]:
+        trial = condition(trial)
+        placed = lwr4.placed(place_base(trial.p2, lwr4, partner=trial.p1[-1]))
+        # at half their speed, for some recordings start with the hand in full motion
+        _followed(placed, trial.p2, 2.0 * trial.duration_s)
+
+
+def _followed(arm, path, duration_s):
+    """Let the inverse kinematics follow a way; it never gets off it, and never to the limits."""
+    ik = PriorityIk(arm)
+    posture, velocity = arm.inverse(path[0]), np.zeros(arm.dof)
+    times = np.linspace(0.0, duration_s, len(path))
+    errors, ease = [], []
+    for now in np.arange(0.0, duration_s, DT):
+        # from rest to rest, whatever the recording does
+        share = now / duration_s
+        clock = duration_s * share**2 * (3 - 2 * share)
+        at, later = (
+            np.array([np.interp(t, times, path[:, i]) for i in range(3)])
+            for t in (clock, min(clock + 6 * share * (1 - share) * 1e-3, duration_s))
+        )
+        reached, _ = arm.wrist_pose(posture)
+        errors.append(np.linalg.norm(reached - at))
+        solution = ik.solve(posture, velocity, WristTarget(at, (later - at) / 1e-3), DT)
+        velocity = solution.joint_velocity
+        posture = posture + velocity * DT
+        ease.append(solution.smallest_singular_value)
+        assert not any(name.endswith('position') for name in solution.active_limits)
+    assert max(errors) < 0.005
+    assert min(ease) > 0.08

@@ -1,0 +1,55 @@
+from __future__ import annotations
+
+from handover_dmp.robot.model import RobotModel
+from handover_dmp.robot.tasks import axis_alignment, full_orientation, PostureTask, square_to
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_full_orientation_turns_the_shortest_way_to_the_target(seed):
+    chance = np.random.default_rng(seed)
+    current, target = Rotation.random(2, rng=chance)
+    for _ in range(600):
+        speed = full_orientation(current.as_matrix(), target.as_matrix(), np.zeros(3), 10.0, 3.0)
+        assert np.linalg.norm(speed) <= 3.0 + 1e-12
+        before = (target * current.inv()).magnitude()
+        current = Rotation.from_rotvec(speed * 0.005) * current
+        assert (target * current.inv()).magnitude() <= before + 1e-12
+    assert (target * current.inv()).magnitude() < 1e-3
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_axis_alignment_leaves_the_turn_about_the_axis_free(seed):
+    chance = np.random.default_rng(seed)
+    axis, target = chance.normal(size=(2, 3))
+    axis, target = axis / np.linalg.norm(axis), target / np.linalg.norm(target)
+    if seed == 0:
+        target = -axis  # straight away from it
+    for _ in range(800):
+        directions, speeds = axis_alignment(axis, target, 10.0, 3.0)
+        np.testing.assert_allclose(directions @ axis, 0.0, atol=1e-12)
+        axis = Rotation.from_rotvec(directions.T @ speeds * 0.005).apply(axis)
+    np.testing.assert_allclose(axis, target, atol=1e-3)
+
+
+def test_square_to_gives_a_right_angled_frame():
+    for axis in [*np.eye(3), *Rotation.random(5, rng=0).as_matrix()[:, 0]]:
+        first, second = square_to(axis)
+        frame = np.array([axis, first, second])
+        np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-12)
+
+
+def test_posture_goes_home_and_is_pushed_off_the_limits():
+    arm = RobotModel.load('lwr4')
+    fastest = 0.5 * arm.limits.velocity
+    task = PostureTask(arm.home, arm.limits, fastest, 1.0, 0.2)
+    np.testing.assert_allclose(task.velocity(arm.home), 0.0)
+    aside = arm.home + 0.1
+    np.testing.assert_allclose(task.velocity(aside), -0.1)
+    near = arm.home.copy()
+    near[0] = arm.limits.upper[0] - 0.05
+    wanted = -(near[0] - arm.home[0]) - 20.0 * 0.15
+    assert task.velocity(near)[0] == pytest.approx(max(wanted, -fastest[0]))
+    assert np.all(np.abs(task.velocity(arm.limits.lower)) <= fastest)
