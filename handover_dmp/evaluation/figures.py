@@ -32,6 +32,9 @@ MOST_TRIALS = 8
 MOST_CURVES = 60
 """Curves drawn in one panel, evenly chosen; the percentages beside them count all."""
 
+FEW_CURVES = 10
+"""Up to as many are drawn broad."""
+
 EXCHANGE_BAND_M = 0.03
 """The exchange is shaded while the wrists are within this of their least distance."""
 
@@ -249,12 +252,15 @@ def _bands(group: Sequence[Panel], title: str, learn: str) -> Figure:
         envelope = Envelope.of(panel.case.curves)
         shown = panel.shown[learn]
         chosen = np.unique(np.linspace(0, len(shown.curves) - 1, MOST_CURVES).astype(int))
+        width = 1.4 if len(chosen) <= FEW_CURVES else 0.8
         for dimension, axis in enumerate(column):
             axis.margins(x=0.0)
             _draw_band(axis, u, envelope, dimension)
             for inside, colour in ((False, OUTSIDE_COLOUR), (True, INSIDE_COLOUR)):
                 lines = chosen[shown.inside[chosen, dimension] == inside]
-                axis.plot(u, shown.curves[lines, :, dimension].T, color=colour, lw=0.8, alpha=0.65)
+                axis.plot(
+                    u, shown.curves[lines, :, dimension].T, color=colour, lw=width, alpha=0.65
+                )
             axis.plot(u, envelope.mean[:, dimension], color='#111827', lw=1.8)
             axis.set_title(
                 f'{100 * shown.share[dimension]:.0f} % of {shown.rollouts} within 3σ',

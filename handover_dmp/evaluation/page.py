@@ -79,12 +79,12 @@ def page(
 <p class="soft">{escape(' '.join(facts))}</p>
 <nav><a href="table.txt">table.txt</a><a href="table.csv">table.csv</a><a
 href="table.json">table.json</a></nav>
-<h2>Table I: curves of the decoupled DMP within kσ of people, %</h2>
+<h2>Table I: curves of the decoupled DMP within kσ of P2, %</h2>
 <div class="wide"><table>{_paper_table(rows, summary, learns)}</table></div>
 <h2>All cases, every method</h2>
 <p class="soft">In brackets the 95 % interval from resampled trials. Distance: root mean square to
-what P2 really did; end: mean distance to where P2 was at the exchange. People are held against the
-mean and the band of the other trials, everything else against the band of the table.</p>
+what P2 really did; end: mean distance to where P2 was at the exchange. P2 itself is held
+against mean and band of the other trials: the ceiling for anything that imitates.</p>
 <div class="wide"><table>{_methods_table(summary)}</table></div>
 {'<h2>Figures</h2>' if figures else ''}
 {pictures}

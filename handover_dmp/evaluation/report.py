@@ -74,7 +74,7 @@ def write_report(
     write_text(folder / 'table.json', text)
     write_text(folder / 'table.csv', as_csv([*rows, *summary]))
     write_text(folder / 'table.txt', as_text(rows, summary))
-    title = f'How near to people: {data_set}'
+    title = f'Handovers by the primitive and by people: {data_set}'
     facts = _facts(evaluation)
     write_text(folder / 'index.html', page(title, facts, rows, summary, figures))
     return text
@@ -132,11 +132,11 @@ def _facts(evaluation: Evaluation) -> list[str]:
     band = (
         'Each trial is held against the spread of the others of its case; no model has seen it.'
         if protocol.leave_one_out
-        else 'Each rollout is held against the spread of all people of its case.'
+        else 'Each rollout is held against the spread of all P2 of its case.'
     )
     return [
-        f'{sum(map(len, cases))} handovers between people, {len(cases)} cases.',
-        'A robot that moves as the primitive does takes the place of P2.',
+        f'{sum(map(len, cases))} handovers, {len(cases)} cases.',
+        'The primitive starts where P2 started and moves against the recorded hand of P1.',
         band,
         f'K = {parameters.stiffness:g}, D = {parameters.effective_damping:.3g}, '
         f'μ = {parameters.mu:g}, σ = {parameters.sigma:g}, {parameters.formulation} formulation, '

@@ -26,11 +26,11 @@ TITLES = {
     'decoupled': 'decoupled DMP',
     'classical': 'classical DMP',
     'minimum_jerk': 'minimum jerk',
-    'human': 'people',
+    'human': 'P2 itself',
 }
 SHORT = {'representative': 'nearest'}
 
-WIDTH = 96
+WIDTH = 98
 """Characters that the table needs."""
 
 
@@ -145,7 +145,7 @@ def _paper_table(rows: Sequence[Row], summary: Sequence[Row]) -> Table:
     table = Table(
         box=box.SIMPLE_HEAD,
         padding=(0, 0, 0, 1),
-        title='Table I: curves of the decoupled DMP within kσ of people, %',
+        title='Table I: curves of the decoupled DMP within kσ of P2, %',
     )
     table.add_column('configuration', no_wrap=True)
     table.add_column('exchange')
