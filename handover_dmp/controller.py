@@ -195,7 +195,7 @@ class HandoverController:
         """
         if abs(stamp_s - now_s) > self.options.stamp_tolerance_s:
             return 'stamp of the hand is not of this time'
-        if not self._estimator.update(stamp_s, position):
+        if not self._estimator.update(stamp_s, position, now_s):
             return 'pose of the hand is an outlier, old or not finite'
         self._hand = position
         self._hand_arrival_s = arrival_s
@@ -332,7 +332,7 @@ class HandoverController:
         """Come to rest along the way, within the acceleration limit; the phase stands still."""
         speed = hypot(*primitive.velocity)
         if speed == 0.0:
-            return primitive
+            return self._held(primitive)
         slower = max(0.0, speed - self.options.acceleration_limit * dt) / speed
         velocity = tuple(v * slower for v in primitive.velocity)
         position = tuple(
@@ -340,6 +340,14 @@ class HandoverController:
             for x, b, v in zip(primitive.position, primitive.velocity, velocity, strict=True)
         )
         return primitive._replace(position=position, velocity=velocity)
+
+    def _held(self, primitive: DmpState) -> DmpState:
+        """Hold the place, or where the wrist is by now if something has moved it from there."""
+        assert self._wrist is not None
+        away = hypot(*(c - w for c, w in zip(primitive.position, self._wrist, strict=True)))
+        if away > self.options.tracking_error_limit_m:
+            return primitive._replace(position=self._wrist)
+        return primitive
 
     def _judge_exchange(self, now_s: float, hand: HandEstimate) -> None:
         assert self._wrist is not None and self._primitive is not None

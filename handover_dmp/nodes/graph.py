@@ -192,14 +192,14 @@ class Graph:
             GraphError: it does not answer, or says no.
 
         """
-        client = self._node.create_client(Trigger, service)
+        client = self.node.create_client(Trigger, service)
         try:
             self._wait_for(client.service_is_ready, CALL_TIMEOUT_S, f'{service} is not offered')
             future = client.call_async(Trigger.Request())
             self._wait_for(future.done, CALL_TIMEOUT_S, f'{service} does not answer')
             answer = future.result()
         finally:
-            self._node.destroy_client(client)
+            self.node.destroy_client(client)
         if not answer.success:
             raise GraphError(f'{service}: {answer.message}')
 
@@ -241,9 +241,9 @@ class Graph:
         self.wait_for_state((), duration_s, lambda: None)
 
     def _watch(self) -> None:
-        self._node = rclpy.create_node('handover_dmp_watch', use_global_arguments=False)
+        self.node = rclpy.create_node('handover_dmp_watch', use_global_arguments=False)
         self._executor = SingleThreadedExecutor()
-        self._executor.add_node(self._node)
+        self._executor.add_node(self.node)
         self._listen(STATE, self._on_state)
         if self._lockstep:
             self._listen(CLOCK, self._on_clock)
@@ -251,7 +251,7 @@ class Graph:
             self._listen(POSE_COMMAND, self._on_command)
 
     def _listen(self, topic: Topic, callback: Callable[[Any], None]) -> None:
-        self._node.create_subscription(
+        self.node.create_subscription(
             message_class(topic.type_name), topic.name, callback, qos_profile(topic.quality)
         )
 
@@ -267,12 +267,12 @@ class Graph:
     def _complete(self) -> bool:
         """Whether every topic has the ends that it should have."""
         if set(self._nodes) != set(NODES):
-            return set(self._nodes) <= set(self._node.get_node_names())
+            return set(self._nodes) <= set(self.node.get_node_names())
         ends = [(topic.name, 2) for topic in RECORDED_AND_READ]
         ends += [(topic.name, 1) for topic in RECORDED_ALONE]
         ends.append((JOINT_COMMAND.name, 2))
         return all(
-            self._node.count_publishers(name) >= 1 and self._node.count_subscribers(name) >= least
+            self.node.count_publishers(name) >= 1 and self.node.count_subscribers(name) >= least
             for name, least in ends
         )
 
@@ -302,7 +302,7 @@ class Graph:
                     process.kill()
                     codes[name] = process.wait()
         self._executor.shutdown()
-        self._node.destroy_node()
+        self.node.destroy_node()
         rclpy.try_shutdown()
         return codes
 

@@ -1,0 +1,201 @@
+"""Parameters, services, diagnostics and quality of service of the running graph."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+import time
+from typing import Any
+
+from handover_dmp.nodes.conduct import graph_parameters
+from handover_dmp.nodes.dmp import Dmp
+from handover_dmp.nodes.graph import Graph
+from handover_dmp.nodes.hand_tracker import HandTracker
+from handover_dmp.nodes.parameters import COMMON
+from handover_dmp.nodes.priority_ik import PriorityIkNode
+from handover_dmp.nodes.qos import message_class, qos_profile
+from handover_dmp.nodes.recorder import Recorder
+from handover_dmp.nodes.robot_sim import RobotSim
+from handover_dmp.run import keep_inputs
+from handover_dmp.scenario import Scenario
+from handover_dmp.topics import DIAGNOSTICS, POSE_COMMAND, Quality, STATE, TOPICS
+import pytest
+from rcl_interfaces.msg import ParameterType
+from rcl_interfaces.srv import DescribeParameters, SetParametersAtomically
+from rclpy.parameter import Parameter as RosParameter
+
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(300)]
+
+NODES = (RobotSim, HandTracker, Dmp, PriorityIkNode, Recorder)
+
+
+@pytest.fixture(scope='module')
+def graph(tmp_path_factory: pytest.TempPathFactory, scenario: Scenario) -> Iterator[Graph]:
+    folder: Path = tmp_path_factory.mktemp('graph')
+    keep_inputs(folder, scenario)
+    parameters = graph_parameters(folder, scenario, {}, lockstep=False)
+    with Graph(folder, parameters, lockstep=False) as running:
+        yield running
+
+
+def ask(graph: Graph, kind: Any, service: str, request: Any) -> Any:
+    client = graph.node.create_client(kind, service)
+    end = time.monotonic() + 60.0
+    while not client.service_is_ready():
+        graph.spin(0.02)
+        assert time.monotonic() < end, service
+    future = client.call_async(request)
+    while not future.done():
+        graph.spin(0.02)
+        assert time.monotonic() < end, service
+    graph.node.destroy_client(client)
+    return future.result()
+
+
+def set_together(graph: Graph, node: str, **values: Any) -> Any:
+    request = SetParametersAtomically.Request()
+    request.parameters = [
+        RosParameter(name, value=value).to_parameter_msg() for name, value in values.items()
+    ]
+    return ask(
+        graph, SetParametersAtomically, f'/{node}/set_parameters_atomically', request
+    ).result
+
+
+def listen(graph: Graph, topic: Any, seconds: float) -> list[Any]:
+    heard: list[Any] = []
+    subscription = graph.node.create_subscription(
+        message_class(topic.type_name), topic.name, heard.append, qos_profile(topic.quality)
+    )
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        graph.spin(0.02)
+    graph.node.destroy_subscription(subscription)
+    return heard
+
+
+@pytest.mark.parametrize('node', NODES, ids=lambda node: node.NAME)
+def test_every_parameter_is_described(graph: Graph, node: Any) -> None:
+    names = [parameter.name for parameter in COMMON + node.PARAMETERS]
+    request = DescribeParameters.Request(names=names)
+    answer = ask(graph, DescribeParameters, f'/{node.NAME}/describe_parameters', request)
+    assert [d.name for d in answer.descriptors] == names
+    for descriptor in answer.descriptors:
+        assert descriptor.description, descriptor.name
+        if descriptor.type == ParameterType.PARAMETER_DOUBLE:
+            assert descriptor.floating_point_range, descriptor.name
+        if descriptor.type == ParameterType.PARAMETER_INTEGER:
+            assert descriptor.integer_range, descriptor.name
+
+
+def test_parameters_of_one_request_are_taken_together_or_not_at_all(graph: Graph) -> None:
+    assert set_together(graph, 'dmp', stiffness=300.0, mu=0.6).successful
+    refused = set_together(graph, 'dmp', stiffness=150.0, formulation='no such')
+    assert not refused.successful
+    assert 'no such' in refused.reason
+    refused = set_together(graph, 'dmp', stiffness=150.0, sigma=-1.0)
+    assert not refused.successful
+    refused = set_together(graph, 'dmp', stiffness=150.0, model='another.json')
+    assert not refused.successful
+    from rcl_interfaces.srv import GetParameters
+
+    request = GetParameters.Request(names=['stiffness', 'mu', 'formulation'])
+    values = ask(graph, GetParameters, '/dmp/get_parameters', request).values
+    assert values[0].double_value == 300.0
+    assert values[1].double_value == 0.6
+    assert values[2].string_value == 'stiff'
+    assert set_together(graph, 'priority_ik', orientation='level', separation=True).successful
+    assert not set_together(graph, 'priority_ik', orientation='none', braking_share=7.0).successful
+    assert set_together(graph, 'priority_ik', orientation='none', separation=False).successful
+    assert set_together(graph, 'robot_sim', real_time_factor=2.0).successful
+
+
+def test_pose_and_twist_of_one_command_carry_the_same_stamp(graph: Graph) -> None:
+    from handover_dmp.topics import TWIST_COMMAND
+
+    poses, twists = [], []
+    for topic, heard in ((POSE_COMMAND, poses), (TWIST_COMMAND, twists)):
+        graph.node.create_subscription(
+            message_class(topic.type_name), topic.name, heard.append, qos_profile(topic.quality)
+        )
+    end = time.monotonic() + 20.0
+    while min(len(poses), len(twists)) < 50 and time.monotonic() < end:
+        graph.spin(0.02)
+    stamps = [{(m.header.stamp.sec, m.header.stamp.nanosec) for m in h} for h in (poses, twists)]
+    assert len(stamps[0] & stamps[1]) > 0.8 * len(stamps[0])
+    assert {message.header.frame_id for message in poses + twists} == {'world'}
+
+
+def test_topics_have_the_type_and_quality_of_the_table(graph: Graph) -> None:
+    for topic in TOPICS:
+        offered = graph.node.get_publishers_info_by_topic(topic.name)
+        if topic.name in ('/clock', '/handover/info'):
+            assert not offered, 'not on the wall clock; written by the recorder itself'
+            continue
+        assert offered, topic.name
+        for info in offered:
+            assert info.topic_type == topic.type_name
+            wanted = qos_profile(topic.quality)
+            assert info.qos_profile.reliability == wanted.reliability, topic.name
+            assert info.qos_profile.durability == wanted.durability, topic.name
+    assert {topic.quality for topic in TOPICS} == set(Quality)
+
+
+def test_what_is_latched_reaches_a_late_listener(graph: Graph) -> None:
+    from handover_dmp.topics import ROBOT_DESCRIPTION
+
+    description = listen(graph, ROBOT_DESCRIPTION, 3.0)
+    assert '<robot' in description[-1].data
+    assert [message.data for message in listen(graph, STATE, 3.0)][-1] in ('idle', 'done')
+
+
+def test_every_node_tells_its_condition(graph: Graph) -> None:
+    told = {
+        status.name: {value.key for value in status.values}
+        for message in listen(graph, DIAGNOSTICS, 4.0)
+        for status in message.status
+    }
+    assert set(told) == {'robot_sim', 'hand_tracker', 'dmp', 'priority_ik', 'recorder'}
+    for node in ('robot_sim', 'hand_tracker', 'dmp', 'priority_ik'):
+        assert {'rate (Hz)', 'period error, 99 % (ms)', 'overruns'} <= told[node], node
+    assert 'age of the hand (s)' in told['dmp']
+    assert 'active limits' in told['priority_ik']
+
+
+def test_services_lead_through_the_states(graph: Graph) -> None:
+    def until(*states: str) -> None:
+        assert graph.wait_for_state(states, 30.0, lambda: None), graph.state
+
+    graph.call('/dmp/start')
+    until('reaching')
+    with pytest.raises(Exception, match='handover is on'):
+        graph.call('/dmp/start')
+    graph.call('/dmp/abort')
+    until('aborted')
+    graph.call('/dmp/reset')
+    until('idle')
+    graph.call('/robot_sim/reset')
+    graph.call('/hand_tracker/replay')
+    until('done')
+
+
+def test_changing_parameters_in_motion_does_not_jump(graph: Graph) -> None:
+    graph.call('/dmp/reset')
+    graph.call('/robot_sim/reset')
+    assert graph.wait_for_state(('idle',), 30.0, lambda: None)
+    heard: list[Any] = []
+    subscription = graph.node.create_subscription(
+        message_class(POSE_COMMAND.type_name), POSE_COMMAND.name, heard.append, 100
+    )
+    graph.call('/hand_tracker/replay')
+    assert graph.wait_for_state(('reaching',), 30.0, lambda: None)
+    for k in range(12):
+        set_together(graph, 'dmp', stiffness=200.0 + 50.0 * (k % 3), mu=0.5 + 0.1 * (k % 4))
+    assert graph.wait_for_state(('done',), 30.0, lambda: None)
+    graph.node.destroy_subscription(subscription)
+    ways = [(m.header.stamp.sec + m.header.stamp.nanosec * 1e-9, m.pose.position) for m in heard]
+    assert len(ways) > 100
+    for (t0, a), (t1, b) in pairwise(ways):
+        apart = ((a.x - b.x) ** 2 + (a.y - b.y) ** 2 + (a.z - b.z) ** 2) ** 0.5
+        assert apart < 2.5 * max(t1 - t0, 0.005) + 0.005
