@@ -37,8 +37,12 @@ from handover_dmp.topics import (
 import numpy as np
 from sensor_msgs.msg import JointState
 
+# In periods: how soon after an answer the next may be given; how long a stream of commands is waited
+# for that answers on arrival; how often an answer is due without one; and what no step exceeds.
 SOONEST = 0.5
-LATEST = 0.75
+PATIENCE = 1.5
+UNASKED = 0.95
+STREAM_ENDED = 3.0
 LONGEST_STEP = 4.0
 TIMEOUTS = (
     Parameter('joint_state_timeout_s', 'older: nothing is commanded, s', 0.005, 10.0),
@@ -99,6 +103,7 @@ class PriorityIkNode(HandoverNode):
         self._pose: PoseStamped | None = None
         self._twist: TwistStamped | None = None
         self._answered_s: float | None = None
+        self._streamed_s = float('-inf')
         self._command: Any = None
         self._status: Any = None
         self._fault = 'no joint states yet'
@@ -151,8 +156,9 @@ class PriorityIkNode(HandoverNode):
         if self.lockstep:
             self._lockstep.look()
         elif self._matched():
-            self._take(self.arrival_s())
-            self._tick(SOONEST)
+            self._streamed_s = self.arrival_s()
+            self._take(self._streamed_s)
+            self._answer_after(SOONEST)
 
     def _on_hand(self, message: PoseStamped) -> None:
         if message.header.frame_id == FRAME:
@@ -192,13 +198,17 @@ class PriorityIkNode(HandoverNode):
             self._take(now_s)
         self._solve(now_s, elapsed_s, tick_ns)
 
-    def _tick(self, least: float = LATEST) -> None:
-        """Answer on the clock, unless the arrival of a command has just been answered."""
+    def _tick(self) -> None:
+        """Answer on the clock where no stream of commands sets the pace."""
+        since = self.arrival_s() - self._streamed_s
+        self._answer_after(UNASKED if since > STREAM_ENDED * self._period_s else PATIENCE)
+
+    def _answer_after(self, periods: float) -> None:
         now_s = self.arrival_s()
         if self._answered_s is None:
             self._answered_s = now_s - self._period_s
         elapsed_s = now_s - self._answered_s
-        if 0.0 <= elapsed_s < least * self._period_s:
+        if 0.0 <= elapsed_s < periods * self._period_s:
             return
         if self._pose is not None:
             self._take(now_s)

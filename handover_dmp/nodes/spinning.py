@@ -28,6 +28,7 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
 
     Args:
         make_node: makes the node; a `HandoverError` there ends the process with its one line.
+            A node ends itself by setting `ended`.
         arguments: ROS arguments; those of the process if left out.
 
     Returns:
@@ -51,7 +52,7 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
     gc.disable()
     node.create_timer(1.0, lambda: gc.collect(1))
     try:
-        while not ended and rclpy.ok() and not _orphaned():
+        while not ended and rclpy.ok() and not _orphaned() and not getattr(node, 'ended', False):
             executor.spin_once(timeout_sec=POLL_S)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
