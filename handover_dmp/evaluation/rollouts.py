@@ -166,9 +166,11 @@ def roll_out(
 
     """
     told = hands or case.hands
-    chosen = list(tested)
+    # Everyone is the usual case, and a slice copies nothing.
+    everyone = tuple(tested) == tuple(range(len(case)))
+    chosen: slice | list[int] = slice(None) if everyone else list(tested)
     longest = int(told.samples[chosen].max())
-    offsets = np.broadcast_to(goal_offset, (len(chosen), 3))
+    offsets = np.broadcast_to(goal_offset, (len(tested), 3))
     positions, _ = model.rollout_batch(
         told.times[:longest],
         told.positions[chosen, :longest] + offsets[:, None],
