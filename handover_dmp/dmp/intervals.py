@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from handover_dmp.errors import DataError
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dtbtrs
@@ -104,7 +105,11 @@ class Intervals:
         return path
 
     def run_batch(
-        self, goals: Array, goal_velocities: Array, starts: Array
+        self,
+        goals: Array,
+        goal_velocities: Array,
+        starts: Array,
+        out: tuple[Array, Array] | None = None,
     ) -> tuple[Array, Array]:
         """
         Solve the recursion from rest for many goals.
@@ -116,23 +121,36 @@ class Intervals:
             goals: g, m, (b, m + 1, d).
             goal_velocities: ġ, m/s, (b, m + 1, d).
             starts: x0, m, (b, d).
+            out: what an earlier call for as many returned, to be written over.
 
         Returns:
             x, m, and ẋ, m/s, (b, m + 1, d) each, with time first in memory and b last.
 
+        Raises:
+            DataError: `out` is of another size or order.
+
         """
         batch, samples, dimensions = goals.shape
         count = samples - 1
-        positions = np.empty((samples, dimensions, batch))
-        velocities = np.empty((samples, dimensions, batch))
+        shape = (samples, dimensions, batch)
+        positions, velocities = (
+            (np.empty(shape), np.empty(shape))
+            if out is None
+            else (out[0].transpose(1, 2, 0), out[1].transpose(1, 2, 0))
+        )
+        if any(
+            each.shape != shape or not each.flags.c_contiguous for each in (positions, velocities)
+        ):
+            raise DataError('out is not what an earlier call for as many rollouts returned')
         seen = np.abs(np.concatenate([self.goal, self.goal_velocity])).max(axis=0, initial=0.0)
         first = int(np.argmax(np.append(seen > NOTHING * seen.max(initial=0.0), True)))
         common = self.run(self.forcing)
         np.add(common[:, : first + 1, 0].T[:, :, None], starts.T, out=positions[: first + 1])
         velocities[: first + 1] = common[:, : first + 1, 1].T[:, :, None]
 
-        targets = _time_first(goals[:, first:count])
-        rates = _time_first(goal_velocities[:, first:count])
+        # until they are needed, goals wait where the motion will be: memory is what takes the time
+        _turn(goals[:, first:count], positions[first + 1 :])
+        _turn(goal_velocities[:, first:count], velocities[first + 1 :])
         flat_positions = positions.reshape(samples, -1)
         flat_velocities = velocities.reshape(samples, -1)
         columns = [
@@ -150,13 +168,13 @@ class Intervals:
             for k, matrix in zip(
                 range(begin, end, length), self._blocks(begin, end, length), strict=True
             ):
+                after = slice(k + 1, k + 1 + length)
                 rows[0], rows[1] = flat_positions[k], flat_velocities[k]
-                rows[-2 * length : -length] = targets[k - first : k - first + length]
-                rows[-length:] = rates[k - first : k - first + length]
+                rows[-2 * length : -length] = flat_positions[after]
+                rows[-length:] = flat_velocities[after]
                 for part in columns:
-                    out = slice(k + 1, k + 1 + length)
-                    np.matmul(matrix[:length], rows[:, part], out=flat_positions[out, part])
-                    np.matmul(matrix[length:], rows[:, part], out=flat_velocities[out, part])
+                    np.matmul(matrix[:length], rows[:, part], out=flat_positions[after, part])
+                    np.matmul(matrix[length:], rows[:, part], out=flat_velocities[after, part])
         return positions.transpose(2, 0, 1), velocities.transpose(2, 0, 1)
 
     def _blocks(self, begin: int, end: int, length: int) -> Array:
@@ -193,8 +211,8 @@ class Intervals:
         return matrices.reshape(groups, 2 * length, -1)
 
 
-def _time_first(values: Array) -> Array:
-    """Bring (b, n, d) to (n, d·b) in memory."""
+def _turn(values: Array, out: Array) -> None:
+    """Copy (b, n, d) to (n, d, b)."""
     batch, samples, dimensions = values.shape
-    flat = np.ascontiguousarray(values.reshape(batch, samples * dimensions).T)
-    return flat.reshape(samples, dimensions * batch)
+    flat = values.reshape(batch, samples * dimensions)
+    np.copyto(out.reshape(samples * dimensions, batch), flat.T)

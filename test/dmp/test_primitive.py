@@ -213,6 +213,19 @@ def test_another_duration_on_the_way_jumps_neither_position_nor_velocity(model):
     assert slower.goal_weight(state.phase) == pytest.approx(model.goal_weight(state.phase))
 
 
+def test_a_batch_goes_into_the_memory_of_an_earlier_one(model):
+    times = np.linspace(0.0, 1.6, 161)
+    goals = np.array([[wandering(t) for t in times], [strolling(t) for t in times]])
+    first = model.rollout_batch(times, goals)
+    expected = [each.copy() for each in first]
+    second = model.rollout_batch(times, goals[::-1], out=first)
+    assert np.shares_memory(second[0], first[0])
+    for each, before in zip(second, expected, strict=True):
+        assert np.array_equal(each, before[::-1])
+    with pytest.raises(DataError, match='out'):
+        model.rollout_batch(times, goals, out=(np.zeros((2, 161, 3)), first[1]))
+
+
 coordinate = st.floats(-5.0, 5.0)
 point = st.tuples(coordinate, coordinate, coordinate)
 TIMES = np.arange(0.0, 1.8, 0.01)
