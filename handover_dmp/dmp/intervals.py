@@ -16,8 +16,8 @@ from scipy.linalg.lapack import dtbtrs
 Array = NDArray[np.float64]
 
 BLOCK = 8  # intervals of a batch that one matrix product covers
-COLUMNS = 1024  # of one product: too few to be worth threads, few enough for the cache
-NOTHING = 1e-18  # a goal that weighs less than this, relative to the heaviest, is not seen
+COLUMNS = 1536  # of one product: too few to be worth threads, few enough for the cache
+NOTHING = 1e-13  # a goal that weighs less than this, relative to the heaviest, is not seen
 
 
 @dataclass(frozen=True, eq=False)
