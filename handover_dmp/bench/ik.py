@@ -1,0 +1,318 @@
+"""The inverse kinematics: time of a step, limits kept, and how well it does where it is hard."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from importlib import import_module
+from statistics import median
+from time import perf_counter
+from typing import Any
+
+from handover_dmp.bench.ik_scenarios import (
+    follow,
+    Follower,
+    limit_drives,
+    minimum_jerk,
+    PERIOD_S,
+    Run,
+)
+from handover_dmp.bench.measurement import Measurement, time_call
+from handover_dmp.robot.interpolator import JointInterpolator
+from handover_dmp.robot.model import RobotModel
+from handover_dmp.robot.priority_ik import IkOptions, PriorityIk, WristTarget
+import numpy as np
+from numpy.typing import NDArray
+import pinocchio as pin
+
+Array = NDArray[np.float64]
+
+LONG_RUN = 100_000
+ROUNDING = 1e-9
+PEERS = ('pink', 'placo')
+
+
+def run(progress: Callable[[str], None]) -> list[Measurement]:
+    """
+    Measure the inverse kinematics of the LWR 4+ beside pink and placo.
+
+    Args:
+        progress: told what is being measured.
+
+    Returns:
+        The figures.
+
+    """
+    model = RobotModel.load('lwr4')
+    plain = PriorityIk(model, IkOptions(self_collision=False, forearm_collision=False))
+    peers = {}
+    missing = []
+    for name in PEERS:
+        progress(f'looking for {name}')
+        with suppress(ImportError, RuntimeError, ValueError):
+            peers[name] = _PEER_FOLLOWERS[name](model)
+        if name not in peers:
+            missing.append(name)
+    note = f'not installed: {", ".join(missing)}' if missing else ''
+    results = _times(model, plain, peers, note, progress)
+    results += _limits_kept(model, progress)
+    results += _quality(model, _follower(plain), peers, note, progress)
+    results.append(_interpolation(model, progress))
+    return results
+
+
+def _follower(ik: PriorityIk) -> Follower:
+    def step(
+        posture: Array, velocity: Array, position: Array, speed: Array
+    ) -> tuple[Array, float]:
+        solution = ik.solve(posture, velocity, WristTarget(position, speed), PERIOD_S)
+        if not solution.solved:
+            raise RuntimeError('no solution')
+        return solution.joint_velocity, solution.speed_scale
+
+    return step
+
+
+def _times(
+    model: RobotModel,
+    plain: PriorityIk,
+    peers: dict[str, Follower],
+    note: str,
+    progress: Callable[[str], None],
+) -> list[Measurement]:
+    """Time a step on one and the same lively path, each follower on its own joints."""
+    start, _ = model.wrist_pose(model.home)
+
+    def loop(time_s: float) -> tuple[Array, Array]:
+        phase = np.pi * time_s
+        return (
+            start + 0.1 * np.array([np.sin(phase), np.sin(phase / 2), np.cos(phase) - 1.0]),
+            0.1 * np.pi * np.array([np.cos(phase), np.cos(phase / 2) / 2, -np.sin(phase)]),
+        )
+
+    progress('time of a step')
+    everything = _follower(PriorityIk(model))
+    timed = {'ours': _follower(plain), 'all': everything, **peers}
+    spent: dict[str, list[float]] = {name: [] for name in timed}
+    floor = []
+    states = {name: (model.home.copy(), np.zeros(model.dof)) for name in timed}
+    for step in range(1500):
+        position, speed = loop(step * PERIOD_S)
+        for name, follower in timed.items():
+            posture, velocity = states[name]
+            begin = perf_counter()
+            with suppress(RuntimeError):
+                velocity, _ = follower(posture, velocity, position, speed)
+            spent[name].append(perf_counter() - begin)
+            states[name] = posture + velocity * PERIOD_S, velocity
+        begin = perf_counter()
+        model.wrist_jacobian(states['ours'][0])
+        floor.append(perf_counter() - begin)
+    micro = {name: 1e6 * median(times) for name, times in spent.items()}
+    least = 1e6 * median(floor)
+    others = {name: micro[name] for name in peers}
+    return [
+        Measurement(
+            'IK step, seven joints, all limits',
+            micro['ours'],
+            'µs',
+            100.0,
+            least,
+            others,
+            note=note,
+        ),
+        Measurement(
+            'IK step with self-collision', micro['all'], 'µs', None, least, {}, note='20 pairs'
+        ),
+    ]
+
+
+def _limits_kept(model: RobotModel, progress: Callable[[str], None]) -> list[Measurement]:
+    """Count broken limits and failed steps under goals that jump, rush and cannot be reached."""
+    limits, chance = model.limits, np.random.default_rng(0)
+    ik = PriorityIk(model)
+    posture, velocity = model.home.copy(), np.zeros(model.dof)
+    goal, speed = model.shoulder, np.zeros(3)
+    broken = failed = 0
+    for step in range(LONG_RUN):
+        if step % 10_000 == 0:
+            progress(f'limits kept: {step} of {LONG_RUN} steps')
+        if step % 500 == 0:
+            posture, velocity = chance.uniform(limits.lower, limits.upper), np.zeros(model.dof)
+            at_limit = chance.random(model.dof) < 0.2
+            posture[at_limit] = limits.upper[at_limit]
+            if step % 2500 == 0:
+                posture[:] = 0.0  # straight: singular
+        if step % 70 == 0:
+            goal = model.shoulder + chance.normal(size=3) * 0.7 * model.reach_m
+            speed = chance.normal(size=3) * chance.choice([0.0, 0.5, 3.0])
+        goal = goal + speed * PERIOD_S
+        solution = ik.solve(posture, velocity, WristTarget(goal, speed), PERIOD_S)
+        change = np.abs(solution.joint_velocity - velocity) / PERIOD_S
+        velocity = solution.joint_velocity
+        posture = posture + velocity * PERIOD_S
+        broken += bool(
+            np.any(np.abs(velocity) > limits.velocity * (1 + ROUNDING))
+            or np.any(change > limits.acceleration * (1 + ROUNDING))
+            or not limits.inside(posture, tolerance=ROUNDING)
+        )
+        failed += not solution.solved
+    return [
+        Measurement(f'IK, steps of {LONG_RUN} that break a limit', float(broken), '', 0.0),
+        Measurement(f'IK, steps of {LONG_RUN} without a solution', float(failed), '', 0.0),
+    ]
+
+
+def _quality(
+    model: RobotModel,
+    ours: Follower,
+    peers: dict[str, Follower],
+    note: str,
+    progress: Callable[[str], None],
+) -> list[Measurement]:
+    progress('driven into joint limits')
+    drives = [(start, path) for start, path, _ in limit_drives(model, duration_s=4.0)]
+    driven = {
+        name: [follow(model, follower, start, path, 4.5) for start, path in drives]
+        for name, follower in {'ours': ours, **peers}.items()
+    }
+    errors = {n: 1e3 * max(float(r.errors.max()) for r in runs) for n, runs in driven.items()}
+    results = [
+        _compared('IK driven into a joint limit, error', errors, 'mm', 0.1, note),
+        _compared(
+            'IK driven into a joint limit, acceleration over its bound',
+            {name: _worst(model, runs, 'acceleration') for name, runs in driven.items()},
+            'times',
+            1.0 + ROUNDING,
+            note,
+        ),
+    ]
+    progress('beyond reach')
+    towards = np.array([1.0, 0.5, 0.3]) / np.linalg.norm([1.0, 0.5, 0.3])
+    start, _ = model.wrist_pose(model.home)
+    beyond = minimum_jerk(start, model.shoulder + (model.reach_m + 0.05) * towards, 1.5)
+    stretched = {
+        name: follow(model, follower, model.home, beyond, 5.0)
+        for name, follower in {'ours': ours, **peers}.items()
+    }
+    edge = model.shoulder + model.reach_m * towards
+    standoff = {n: 1e3 * float(np.linalg.norm(r.wrist[-1] - edge)) for n, r in stretched.items()}
+    jerk = {name: run.rms_jerk(2.0) for name, run in stretched.items()}
+    results += [
+        _compared('IK, target 5 cm beyond reach, standoff', standoff, 'mm', 20.0, note),
+        _compared('IK, target 5 cm beyond reach, RMS jerk at rest', jerk, 'rad/s³', 1.0, note),
+    ]
+    progress('faster than the limits')
+    ends = start + [-0.1, -0.25, 0.0], start + [0.1, 0.25, 0.1]
+    rush = minimum_jerk(*ends, 0.6, bulge=np.array([0.0, 0.0, 0.05]))
+    curve = np.array([rush(time_s)[0] for time_s in np.linspace(0.0, 0.6, 2000)])
+    posture = model.inverse(ends[0])
+    for stopping, target in ((False, 15.0), (True, 10.0)):
+        run = follow(model, ours, posture, rush, 2.5, phase_stopping=stopping)
+        deviation = max(float(np.linalg.norm(curve - at, axis=1).min()) for at in run.wrist)
+        results.append(
+            Measurement(
+                'IK, path 1.6 times too fast, deviation'
+                + (' with phase stopping' if stopping else ''),
+                1e3 * deviation,
+                'mm',
+                target,
+            )
+        )
+    return results
+
+
+def _interpolation(model: RobotModel, progress: Callable[[str], None]) -> Measurement:
+    progress('interpolation')
+    interpolator = JointInterpolator(model.limits)
+    commands = np.random.default_rng(0).uniform(-0.5, 0.5, (40, model.dof)) * model.limits.velocity
+
+    def work() -> None:
+        for command in commands:
+            for _ in range(5):
+                interpolator.step(command, 0.001)
+
+    return Measurement(
+        'interpolation, 1 ms step, a new command every fifth',
+        1e6 * time_call(work) / (5 * len(commands)),
+        'µs',
+    )
+
+
+def _compared(
+    name: str, figures: dict[str, float], unit: str, target: float, note: str
+) -> Measurement:
+    peers = {peer: value for peer, value in figures.items() if peer != 'ours'}
+    return Measurement(name, figures['ours'], unit, target, None, peers, note=note)
+
+
+def _worst(model: RobotModel, runs: Iterable[Run], limit: str) -> float:
+    return max(run.excess(model)[limit] for run in runs)
+
+
+def _pink(model: RobotModel) -> Follower:
+    """Give the pink package the same task: the wrist's position first in weight, posture after."""
+    pink = import_module('pink')
+    limits = import_module('pink.limits')
+    tasks = import_module('pink.tasks')
+    robot = model.pinocchio_model
+    robot.lowerPositionLimit, robot.upperPositionLimit = model.limits.lower, model.limits.upper
+    robot.velocityLimit = model.limits.velocity
+    wrist = tasks.FrameTask(model.wrist_frame, position_cost=1.0, orientation_cost=0.0)
+    posture_task = tasks.PostureTask(cost=1e-3)
+    posture_task.set_target(model.home)
+    configuration = pink.Configuration(robot, robot.createData(), model.home)
+    kept = [limits.ConfigurationLimit(robot), limits.VelocityLimit(robot)]
+
+    def step(
+        posture: Array, velocity: Array, position: Array, speed: Array
+    ) -> tuple[Array, float]:
+        configuration.update(np.clip(posture, model.limits.lower, model.limits.upper))
+        wrist.set_target(pin.SE3(np.eye(3), position + speed * PERIOD_S))
+        try:
+            answer = pink.solve_ik(
+                configuration, [wrist, posture_task], PERIOD_S, solver='daqp', limits=kept
+            )
+        except pink.exceptions.PinkError as error:
+            raise RuntimeError(str(error)) from error
+        return np.asarray(answer), 1.0
+
+    step(model.home, np.zeros(model.dof), *_at_home(model))
+    return step
+
+
+def _placo(model: RobotModel) -> Follower:
+    """Give the placo package the same task: the wrist's position soft, joint limits hard."""
+    placo = import_module('placo')
+    robot = placo.RobotWrapper(str(model.urdf_path), placo.Flags.ignore_collisions)
+    solver = placo.KinematicsSolver(robot)
+    solver.mask_fbase(True)
+    solver.enable_joint_limits(True)
+    solver.enable_velocity_limits(True)
+    solver.dt = PERIOD_S
+    wrist = solver.add_position_task(model.wrist_frame, np.zeros(3))
+    wrist.configure('wrist', 'soft', 1.0)
+    posture_task = solver.add_joints_task()
+    posture_task.set_joints(dict(zip(model.joint_names, model.home, strict=True)))
+    posture_task.configure('posture', 'soft', 1e-6)
+
+    def step(
+        posture: Array, velocity: Array, position: Array, speed: Array
+    ) -> tuple[Array, float]:
+        for name, value in zip(model.joint_names, posture, strict=True):
+            robot.set_joint(name, value)
+        robot.update_kinematics()
+        wrist.target_world = position + speed * PERIOD_S
+        change: Any = solver.solve(False)
+        return np.asarray(change)[-model.dof :] / PERIOD_S, 1.0
+
+    step(model.home, np.zeros(model.dof), *_at_home(model))
+    return step
+
+
+def _at_home(model: RobotModel) -> tuple[Array, Array]:
+    position, _ = model.wrist_pose(model.home)
+    return position, np.zeros(3)
+
+
+_PEER_FOLLOWERS = {'pink': _pink, 'placo': _placo}
