@@ -93,8 +93,10 @@ def run(options: argparse.Namespace) -> int:
     if options.json is not None:
         write_text(options.json, json.dumps(asdict(tuning), indent=1) + '\n')
     console = Console()
-    console.width = max(console.width, 90)
+    console.width = max(console.width, 96)
     console.print(_show(tuning))
+    for warning in _warnings(tuning):
+        console.print(warning, style='yellow', highlight=False)
     console.print(options.output, soft_wrap=True, highlight=False)
     return 0
 
@@ -112,7 +114,17 @@ def _comment(tuning: Tuning, data_set: str) -> str:
             f'95 %: {low:.1f} to {high:.1f}), within 3 sigma {compared.default.within[3]:.1f} -> '
             f'{compared.tuned.within[3]:.1f} %'
         )
-    return '\n'.join(lines)
+    return '\n'.join([*lines, *_warnings(tuning)])
+
+
+def _warnings(tuning: Tuning) -> list[str]:
+    return [
+        f'Keep the defaults for learn {compared.learn}: fewer curves within 3 sigma, '
+        f'{compared.within_change:+.1f} points '
+        f'({compared.within_change_interval[0]:+.1f} to {compared.within_change_interval[1]:+.1f})'
+        for compared in tuning.comparisons
+        if compared.within_change_interval[1] < 0.0
+    ]
 
 
 def _show(tuning: Tuning) -> Group:
