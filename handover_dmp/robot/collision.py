@@ -20,6 +20,10 @@ Array = NDArray[np.float64]
 CLEAR_AT_HOME = 0.04
 """Pairs nearer than this at home, m, are as good as neighbours: their capsules are too wide."""
 SAMPLED_POSTURES = 60
+NEVER_NEAR = 0.06
+"""Pairs that no search brings nearer than this, m, need no watching."""
+SEARCHES = 4
+"""How many of the sampled postures such a search starts from."""
 SURVEY_RANGE = 0.1
 """How much distances may have changed before all of them are computed anew, m."""
 
@@ -123,7 +127,8 @@ class CollisionModel:
         Choose which capsules to watch.
 
         Neighbours along the chain are not watched, nor are pairs that nearly touch at home or
-        overlap in nearly every posture: no motion of the arm can keep those apart.
+        overlap in nearly every posture: no motion can keep those apart. Nor are pairs that
+        never come near each other, as a search from many postures finds.
 
         Args:
             model: the arm.
@@ -198,7 +203,8 @@ class CollisionModel:
             a, b = self.capsules[i], self.capsules[j]
             row = self._rate(jacobian, b.joint, second, normal)
             row -= self._rate(jacobian, a.joint, first, normal)
-            near.append(NearPair(f'{a.name} to {b.name}', distance, row, 0.0))
+            if np.abs(row) @ fastest > allowed(distance):
+                near.append(NearPair(f'{a.name} to {b.name}', distance, row, 0.0))
         return near
 
     def _survey(self, joint_positions: Array) -> None:
@@ -306,9 +312,36 @@ class CollisionModel:
             pin.updateGeometryPlacements(self._model, self._data, self._geometry, data, posture)
             pin.computeDistances(self._geometry, data)
             row[:] = [result.min_distance for result in data.distanceResults]
-        self._geometry.removeAllCollisionPairs()
         rare = (distances[0] > CLEAR_AT_HOME) & (np.mean(distances <= 0.0, axis=0) < 0.9)
+        for k in np.flatnonzero(rare & (distances.min(axis=0) > NEVER_NEAR)).tolist():
+            starts = [postures[at] for at in np.argsort(distances[:, k])[:SEARCHES]]
+            rare[k] = min(self._nearest(data, k, q, low, high) for q in starts) <= NEVER_NEAR
+        self._geometry.removeAllCollisionPairs()
         return [pair for pair, keep in zip(watched, rare, strict=True) if keep]
+
+    def _nearest(self, data: Any, k: int, posture: Array, low: Array, high: Array) -> float:
+        """Search downhill for the least distance of a pair."""
+        pair = self._geometry.collisionPairs[k]
+        a, b = self.capsules[pair.first], self.capsules[pair.second]
+        least, stride = np.inf, 0.3
+        while stride > 0.01:
+            jacobian = pin.computeJointJacobians(self._model, self._data, posture)
+            pin.updateGeometryPlacements(self._model, self._data, self._geometry, data)
+            result = pin.computeDistance(self._geometry, data, k)
+            if result.min_distance > least - 1e-4:
+                stride /= 2.0
+            least = min(least, result.min_distance)
+            if least <= NEVER_NEAR:
+                break
+            first, second = result.getNearestPoint1(), result.getNearestPoint2()
+            normal = _direction(first, second, result.min_distance, result.normal)
+            row = self._rate(jacobian, b.joint, second, normal)
+            row -= self._rate(jacobian, a.joint, first, normal)
+            steepest = float(np.abs(row).max())
+            if steepest < 1e-6:
+                break
+            posture = np.clip(posture - stride / steepest * row, low, high)
+        return least
 
 
 def _capsule(shape: Any, scale: Array) -> tuple[Array, Array, float]:
