@@ -93,11 +93,6 @@ class Case:
     def __len__(self) -> int:
         return len(self.trials)
 
-    @property
-    def name(self) -> str:
-        """Configuration and exchange in one word, good for file names."""
-        return f'{self.configuration}_{self.exchange}'
-
     @cached_property
     def durations_s(self) -> Array:
         """(n,) duration of each trial, s."""
@@ -122,11 +117,6 @@ class Case:
     def hands(self) -> Hands:
         """The hands of all P1 on one clock."""
         return Hands.of(self.trials)
-
-    def without(self, index: int) -> Case:
-        """Return the case without one of its trials."""
-        rest = self.trials[:index] + self.trials[index + 1 :]
-        return Case(self.configuration, self.exchange, rest)
 
 
 def make_cases(trials: Sequence[HandoverTrial], *, at_least: int = 2) -> list[Case]:

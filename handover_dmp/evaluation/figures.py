@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+import re
 from typing import Any
 
 from handover_dmp.evaluation.cases import Case
@@ -31,6 +32,9 @@ MOST_TRIALS = 8
 
 MOST_CURVES = 60
 """Curves drawn in one panel, evenly chosen; the percentages beside them count all."""
+
+NARROWEST = 8.5
+"""Width of a figure, inch, in which title and legend stand beside each other."""
 
 FEW_CURVES = 10
 """Up to as many are drawn broad."""
@@ -125,16 +129,17 @@ def draw(panels: Sequence[Panel], folder: Path) -> Iterator[tuple[str, str]]:
         by_configuration.setdefault(panel.case.configuration, []).append(panel)
     for configuration, group in by_configuration.items():
         title = configuration.replace('_', ' ')
-        name = f'fig03_traces_{configuration}'
+        file = re.sub(r'[^A-Za-z0-9_-]+', '-', configuration).strip('-') or 'unnamed'
+        name = f'fig03_traces_{file}'
         _save(_traces, group, title, folder / name)
         yield name, f'{title}: wrists of P1 and P2, trial after trial, exchanges shaded (Fig. 3)'
-        name = f'fig04-06_rollouts_{configuration}'
+        name = f'fig04-06_rollouts_{file}'
         _save(_rollouts, group, title, folder / name)
         yield name, f'{title}: the DMP against the hand it was learnt with, and another (Figs 4–6)'
         for learn, numbers in (('single', '07-09'), ('mean', '10-12'), ('representative', '13')):
             if learn not in group[0].shown:
                 continue
-            name = f'fig{numbers}_learn_{learn}_{configuration}'
+            name = f'fig{numbers}_learn_{learn}_{file}'
             _save(_bands, group, title, folder / name, learn)
             yield (
                 name,
@@ -202,7 +207,11 @@ def _traces(group: Sequence[Panel], title: str) -> Figure:
 def _rollouts(group: Sequence[Panel], title: str) -> Figure:
     columns = [(panel, tested) for panel in group for tested in _shown(panel)]
     figure, axes = _grid(
-        len(columns), width=3.1 * len(columns), height=6.4, top=1.0, same_scale=True
+        len(columns),
+        width=max(NARROWEST, 3.1 * len(columns)),
+        height=6.4,
+        top=1.0,
+        same_scale=True,
     )
     for column, (panel, tested) in zip(axes.T, columns, strict=True):
         trial = panel.case.trials[tested]
@@ -246,7 +255,9 @@ def _shown(panel: Panel) -> tuple[int, int]:
 
 
 def _bands(group: Sequence[Panel], title: str, learn: str) -> Figure:
-    figure, axes = _grid(len(group), width=5.2 * len(group) + 0.4, height=7.0, top=1.15)
+    figure, axes = _grid(
+        len(group), width=max(NARROWEST, 5.2 * len(group) + 0.4), height=7.0, top=1.15
+    )
     u = np.linspace(0.0, 1.0, group[0].case.curves.shape[1])
     for column, panel in zip(axes.T, group, strict=True):
         envelope = Envelope.of(panel.case.curves)
