@@ -1,0 +1,29 @@
+"""Follow a goal that moves at constant speed: (8) without a lag, the classical primitive with."""
+
+from __future__ import annotations
+
+from handover_dmp.dmp import ClassicalDmp, DecoupledDmp
+from handover_dmp.hand import synthesize
+from handover_dmp.teaching import learn_from_trials
+import numpy as np
+
+SPEED = np.array([0.2, 0.0, 0.0])  # m/s
+PERIOD_S = 0.005
+
+
+def main() -> None:
+    """Print the lag at the end of two seconds, step by step as a controller would."""
+    trial = synthesize(seed=0)[0]
+    for kind in (DecoupledDmp, ClassicalDmp):
+        model = learn_from_trials([trial], primitive=kind, regression='ridge')
+        state = model.initial_state()
+        goal = np.array(model.goal)
+        for _ in range(round(2.0 * model.duration_s / PERIOD_S)):
+            state = model.step(state, tuple(goal), tuple(SPEED), PERIOD_S)
+            goal += SPEED * PERIOD_S
+        lag_mm = 1e3 * np.linalg.norm(goal - state.position)
+        print(f'{kind.__name__:<14} lags {lag_mm:7.3f} mm behind a goal at 0.2 m/s')
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,30 @@
+"""Find better parameters for a data set, and see what they are worth on trials not seen."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import sys
+
+from handover_dmp.evaluation.tuning import tune
+from handover_dmp.hand import read_data_set, synthesize
+
+
+def main(arguments: list[str]) -> None:
+    """Tune on a data set folder, or on a synthetic one; a second word is how many to try."""
+    trials = read_data_set(Path(arguments[0])) if arguments else synthesize(seed=0)
+    found = tune(trials, candidates=int(arguments[1]) if len(arguments) > 1 else 48)
+    print(f'{found.candidates} sets of parameters tried on {found.trials} trials')
+    for name in ('stiffness', 'mu', 'sigma', 'goal_velocity_gain'):
+        before, after = (getattr(one.parameters, name) for one in (found.default, found.best))
+        print(f'{name:<20} {before:8.3f} -> {after:8.3f}')
+    for compared in found.comparisons:
+        low, high = (1e3 * bound for bound in compared.gain_interval_m)
+        print(
+            f'learn {compared.learn}: {1e3 * compared.default.rms_m:.1f} -> '
+            f'{1e3 * compared.tuned.rms_m:.1f} mm from the person on unseen trials '
+            f'(gain {1e3 * compared.gain_m:.1f} mm, 95 %: {low:.1f} to {high:.1f})'
+        )
+
+
+if __name__ == '__main__':
+    main(sys.argv[1:])

@@ -1,0 +1,39 @@
+"""Integrate joint velocities for an arm that takes joint positions, such as KUKA's by its FRI."""
+
+from __future__ import annotations
+
+from handover_dmp.nodes.qos import qos_profile
+from handover_dmp.topics import JOINT_COMMAND, JOINT_STATES
+import numpy as np
+import rclpy.node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+
+class VelocityToPosition(rclpy.node.Node):
+    """Publishes ~/positions, in the order of the parameter `joints`."""
+
+    def __init__(self) -> None:
+        super().__init__('velocity_to_position')
+        self.joints = self.declare_parameter('joints', [f'lbr_A{i}' for i in range(1, 8)]).value
+        self.positions, self.last_ns = None, 0
+        self.publisher = self.create_publisher(Float64MultiArray, '~/positions', 1)
+        for topic, kind in ((JOINT_STATES, JointState), (JOINT_COMMAND, Float64MultiArray)):
+            call = self.measure if kind is JointState else self.move
+            self.create_subscription(kind, topic.name, call, qos_profile(topic.quality))
+
+    def measure(self, message: JointState) -> None:
+        if self.positions is None and set(self.joints) <= set(message.name):
+            self.positions = np.array(message.position)[[*map(message.name.index, self.joints)]]
+
+    def move(self, message: Float64MultiArray) -> None:
+        now_ns = self.get_clock().now().nanoseconds
+        step_s, self.last_ns = (now_ns - self.last_ns) / 1e9, now_ns
+        if self.positions is not None and 0.0 < step_s <= 0.02:  # else it holds
+            self.positions = self.positions + np.array(message.data) * step_s
+            self.publisher.publish(Float64MultiArray(data=self.positions))
+
+
+if __name__ == '__main__':
+    rclpy.init()
+    rclpy.spin(VelocityToPosition())

@@ -1,0 +1,198 @@
+"""Write the tables of docs/parameters.md and docs/topics.md from the code; --check: only look."""
+
+from __future__ import annotations
+
+import argparse
+import ast
+from collections.abc import Iterator, Sequence
+from importlib import import_module
+from pathlib import Path
+import re
+import sys
+from typing import Any
+
+from handover_dmp import topics
+from handover_dmp.nodes.parameters import COMMON, Parameter
+from handover_dmp.settings import defaults
+from handover_dmp.topics import Topic, TOPICS
+
+ROOT = Path(__file__).resolve().parents[1]
+NODES = ('hand_tracker', 'dmp', 'priority_ik', 'robot_sim', 'recorder')
+# Helpers of nodes that have topics of their own, and who uses them.
+HELPERS = {'markers': 'dmp', 'diagnostics': 'every node'}
+BEGIN, END = '<!-- generated: {} -->', '<!-- end -->'
+
+
+def main() -> int:
+    """Write, or check."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--check', action='store_true', help='exit 1 if a table is out of date')
+    check = parser.parse_args().check
+    stale = []
+    for file, parts in documents().items():
+        path = ROOT / 'docs' / file
+        old = path.read_text(encoding='utf-8')
+        new = filled(old, parts)
+        if new != old:
+            stale.append(path)
+            if not check:
+                path.write_text(new, encoding='utf-8')
+    for path in stale:
+        print(f'{path}: {"out of date: python scripts/write_docs.py" if check else "written"}')
+    return int(check and bool(stale))
+
+
+def documents() -> dict[str, dict[str, str]]:
+    """Return the generated parts of each document, by their names."""
+    parameters = {'every node': parameter_table('', COMMON)}
+    for name in NODES:
+        parameters[name] = parameter_table(name, own_parameters(name))
+    parameters['primitive'] = parameter_table('dmp', module('dmp').PRIMITIVE)
+    parameters['settings'] = settings_table()
+    return {'parameters.md': parameters, 'topics.md': {'topics': topic_table()}}
+
+
+def filled(text: str, parts: dict[str, str]) -> str:
+    """Put the parts between their marks; every mark has to have its part and the reverse."""
+    for name, part in parts.items():
+        begin = BEGIN.format(name)
+        if text.count(begin) != 1:
+            raise SystemExit(f'{begin} is not there once')
+        before, _, rest = text.partition(begin)
+        _, end, after = rest.partition(END)
+        if not end:
+            raise SystemExit(f'{begin} has no {END}')
+        text = f'{before}{begin}\n{part}{END}{after}'
+    return text
+
+
+def module(node: str) -> Any:
+    """Import the module of a node."""
+    return import_module(f'handover_dmp.nodes.{node}')
+
+
+def own_parameters(node: str) -> Sequence[Parameter]:
+    """Return what a node declares beyond what all nodes do."""
+    classes = [
+        value for value in vars(module(node)).values() if getattr(value, 'NAME', None) == node
+    ]
+    parameters: Sequence[Parameter] = classes[0].PARAMETERS
+    return parameters
+
+
+def parameter_table(node: str, parameters: Sequence[Parameter]) -> str:
+    """Write one table."""
+    known = defaults(node or 'dmp')
+    rows = []
+    for parameter in parameters:
+        default = known.get(parameter.name)
+        if parameter.choices:
+            allowed = ', '.join(f'`{choice}`' for choice in parameter.choices)
+        elif parameter.low is not None and parameter.high is not None:
+            allowed = f'{number(parameter.low)} to {number(parameter.high)}'
+        else:
+            allowed = kind(default)
+        when = 'at the start' if parameter.read_only else 'any time'
+        rows.append((f'`{parameter.name}`', shown(default), allowed, when, parameter.description))
+    return table(('parameter', 'default', 'values', 'set', 'what it is'), rows)
+
+
+def settings_table() -> str:
+    """List what stands in `config/handover.yaml` without being a parameter of a running node."""
+    rows = []
+    comments = dict(yaml_comments())
+    for node in NODES:
+        declared = {parameter.name for parameter in (*COMMON, *own_parameters(node))}
+        if node == 'dmp':
+            declared |= {parameter.name for parameter in module('dmp').PRIMITIVE}
+        everywhere = {'robot', 'base_position', 'base_yaw'}
+        for name, value in defaults(node).items():
+            if name not in declared | everywhere:
+                rows.append((f'`{node}`', f'`{name}`', shown(value), comments[node, name]))
+    return table(('section', 'setting', 'default', 'what it is'), rows)
+
+
+def yaml_comments() -> Iterator[tuple[tuple[str, str], str]]:
+    """Read the comment at the end of each line of the file of defaults."""
+    section, path = '', []
+    text = (ROOT / 'config' / 'handover.yaml').read_text(encoding='utf-8')
+    for line in text.splitlines():
+        match = re.match(r'( *)([\w/*]+):(?: +([^#]*))?(?:#\s*(.*))?$', line)
+        if match is None:
+            continue
+        depth, key = len(match[1]) // 2, match[2]
+        if depth == 0:
+            section = key
+        path = [*path[:depth], key]
+        if (match[3] or '').strip():
+            yield (section, '.'.join(path[2:])), match[4] or ''
+
+
+def topic_table() -> str:
+    """Write who says what to whom, and how."""
+    published, subscribed = ends('advertise'), ends('subscribe')
+    rows = []
+    for topic in TOPICS:
+        reliability, durability, depth = topic.quality.value
+        quality = f'{reliability.replace("_", " ")}, {durability.replace("_", " ")}, {depth}'
+        rows.append(
+            (
+                f'`{topic.name}`', f'`{topic.type_name}`', quality,
+                ', '.join(published.get(topic, ['`recorder`, into the bag'])),
+                ', '.join(subscribed.get(topic, [])) or '–', topic.meaning,
+            )
+        )  # fmt: skip
+    return table(('topic', 'type', 'quality of service', 'from', 'to', 'what it says'), rows)
+
+
+def ends(method: str) -> dict[Topic, list[str]]:
+    """Find which node calls `advertise` or `subscribe` with which topic."""
+    found: dict[Topic, list[str]] = {}
+    for file in (*NODES, *HELPERS):
+        path = ROOT / 'handover_dmp' / 'nodes' / f'{file}.py'
+        for call in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+            if (
+                isinstance(call, ast.Call)
+                and isinstance(call.func, ast.Attribute)
+                and call.func.attr == method
+                and isinstance(call.args[0], ast.Name)
+            ):
+                node = HELPERS.get(file, file)
+                found.setdefault(getattr(topics, call.args[0].id), []).append(
+                    node if ' ' in node else f'`{node}`'
+                )
+    return found
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Write a Markdown table."""
+    lines = [header, ['---'] * len(header), *rows]
+    return ''.join(f'| {" | ".join(cell.replace("|", "/") for cell in row)} |\n' for row in lines)
+
+
+def shown(value: Any) -> str:
+    """Write a default."""
+    if value is None:
+        return 'not set'
+    if isinstance(value, bool):
+        return f'`{str(value).lower()}`'
+    if isinstance(value, float):
+        return f'`{number(value)}`'
+    if value in ('', ['']):
+        return 'empty'
+    return f'`{value}`'
+
+
+def kind(value: Any) -> str:
+    """Name the type of a parameter that has no range."""
+    kinds = {bool: '`true`, `false`', str: 'text', list: 'list'}
+    return kinds.get(type(value), 'list of numbers')
+
+
+def number(value: float) -> str:
+    """Write a number as short as it goes."""
+    return f'{value:,.10g}'.replace(',', ' ') if abs(value) < 1e6 else f'{value:.3g}'
+
+
+if __name__ == '__main__':
+    sys.exit(main())

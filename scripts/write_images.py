@@ -1,0 +1,34 @@
+"""Make the pictures of the README anew, from a run: python scripts/write_images.py [RUN]."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import shutil
+import sys
+from tempfile import TemporaryDirectory
+
+from handover_dmp.cli.main import main as handover_dmp
+
+IMAGES = Path(__file__).resolve().parents[1] / 'docs' / 'images'
+MOST_BYTES = 3_000_000
+
+
+def main(run: Path) -> None:
+    """Film the run at half its speed, and take its figure of the three axes."""
+    film = IMAGES / 'handover.webp'
+    words = ['--no-video', '--image', str(film), '--speed', '0.5', '--size', '800x600']
+    if handover_dmp(['render', str(run), *words]):
+        raise SystemExit(f'{run}: cannot be filmed')
+    shutil.copyfile(run / 'figures' / 'positions.png', IMAGES / 'positions.png')
+    if film.stat().st_size > MOST_BYTES:
+        raise SystemExit(f'{film}: too large for a README')
+
+
+if __name__ == '__main__':
+    if len(sys.argv) > 1:
+        main(Path(sys.argv[1]))
+    else:
+        with TemporaryDirectory() as folder:
+            if handover_dmp(['simulate', '-o', str(Path(folder) / 'run')]):
+                raise SystemExit('the handover failed')
+            main(Path(folder) / 'run')
