@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import inf, nan
 
 from handover_dmp.controller import HandoverController, HandoverOptions, HandoverState
-from handover_dmp.dmp import DecoupledDmp
+from handover_dmp.dmp import DecoupledDmp, relearn
 from handover_dmp.scenario import example_model
 import numpy as np
 import pytest
@@ -169,7 +169,7 @@ def test_changed_parameters_do_not_jump(model: DecoupledDmp) -> None:
     loop.step(5)
     loop.controller.start()
     loop.step(round(0.6 * model.duration_s / PERIOD_S))
-    loop.controller.model = model.with_parameters(stiffness=400.0, mu=0.4)
+    loop.controller.model = relearn(model, stiffness=400.0, mu=0.9)
     loop.step(round(1.5 * model.duration_s / PERIOD_S))
     assert loop.largest_acceleration <= loop.controller.options.acceleration_limit * (1 + 1e-9)
     assert loop.state in (HandoverState.EXCHANGE, HandoverState.DONE)

@@ -51,12 +51,14 @@ def run_and_report(
 
     if not 0.01 <= options.scale <= 100.0:
         raise UsageError(f'--scale {options.scale:g} is not between 0.01 and 100')
+    console = Console(stderr=True)
     bar = Progress(
         TextColumn('{task.description:<22}'),
         BarColumn(),
         TimeElapsedColumn(),
-        console=Console(stderr=True),
+        console=console,
         transient=True,
+        disable=not console.is_terminal,
     )
     with bar:
         task = bar.add_task('placing the arm', total=1.0)

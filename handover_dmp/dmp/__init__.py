@@ -12,7 +12,7 @@ from typing import Any, TYPE_CHECKING
 if TYPE_CHECKING:
     from handover_dmp.dmp.classical import ClassicalDmp
     from handover_dmp.dmp.decoupled import DecoupledDmp
-    from handover_dmp.dmp.learning import learn, learn_jointly, learn_mean
+    from handover_dmp.dmp.learning import learn, learn_jointly, learn_mean, relearn
     from handover_dmp.dmp.model_file import load_model, save_model
     from handover_dmp.dmp.parameters import DmpParameters
     from handover_dmp.dmp.state import DmpState, Rollout
@@ -27,6 +27,7 @@ _HOMES = {
     'learn_jointly': 'learning',
     'learn_mean': 'learning',
     'load_model': 'model_file',
+    'relearn': 'learning',
     'save_model': 'model_file',
 }
 
@@ -40,6 +41,7 @@ __all__ = [
     'learn_jointly',
     'learn_mean',
     'load_model',
+    'relearn',
     'save_model',
 ]
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeVar
+from dataclasses import replace
+from typing import Any, TypeVar
 
 from handover_dmp.dmp.basis import equally_spaced
 from handover_dmp.dmp.decoupled import DecoupledDmp
@@ -119,6 +120,42 @@ def learn_mean(
         source=source,
         primitive=primitive,
     )
+
+
+def relearn(model: AnyPrimitive, **changes: Any) -> AnyPrimitive:
+    """
+    Learn the movement of a model anew for other parameters.
+
+    Weights belong to the K, D, μ and σ that they were learnt with; with others they would make
+    another movement, and near τ, where 1 − w_g was next to 0, any movement at all. What the model
+    does towards its own goal serves as the demonstration. By ridge regression, which takes some
+    milliseconds, so that it can be done in motion.
+
+    Args:
+        model: the learnt movement.
+        changes: fields of `DmpParameters`.
+
+    Returns:
+        The same movement with those parameters; `model` itself if they are its own.
+
+    Raises:
+        DataError: a parameter is outside of its range.
+
+    """
+    parameters = replace(model.parameters, **changes)
+    if parameters == model.parameters:
+        return model
+    times = np.linspace(0.0, model.duration_s, ROWS)
+    movement = model.rollout(times, model.goal, velocity=model.start_velocity)
+    learnt = learn(
+        times,
+        movement.positions,
+        parameters,
+        regression='ridge',
+        source=model.source,
+        primitive=type(model),
+    )
+    return learnt.with_goal_offset(model.goal_offset)
 
 
 def learn_jointly(

@@ -10,7 +10,7 @@ from typing import Any
 
 from geometry_msgs.msg import PoseStamped
 from handover_dmp.controller import HandoverController, HandoverOptions
-from handover_dmp.dmp import DecoupledDmp
+from handover_dmp.dmp import DecoupledDmp, relearn
 from handover_dmp.hand import GoalEstimator, HandFilter
 from handover_dmp.nodes.conversions import (
     labelled,
@@ -28,6 +28,7 @@ from handover_dmp.nodes.lockstep import Lockstep
 from handover_dmp.nodes.markers import Markers
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import declare, on_change, Parameter, Values
+from handover_dmp.nodes.phase_lock import PhaseLock
 from handover_dmp.nodes.spinning import run
 from handover_dmp.scenario import example_model, read_model
 from handover_dmp.topics import (
@@ -117,7 +118,7 @@ class Dmp(HandoverNode):
             period_s, self._answer, self._publish, ready=self._ready, jumped=self._jumped
         )
         if not self.lockstep:
-            self.every(period_s, self._tick)
+            self._phase_lock = PhaseLock(self.every(period_s, self._tick))
         Diagnostics(self, self._periods, self._condition)
         self._say()
 
@@ -149,6 +150,7 @@ class Dmp(HandoverNode):
             self._clock_of_periods.look()
         else:
             self._take_hands(self.now_s(), self.arrival_s())
+            self._phase_lock.arrived()
 
     def _take_hands(self, now_s: float, arrival_s: float) -> None:
         for stamp_s, position in self._hands:
@@ -209,6 +211,7 @@ class Dmp(HandoverNode):
         self._step(now_s, now_s, elapsed_s, tick_ns)
 
     def _tick(self) -> None:
+        self._phase_lock.ticked()
         arrival_s = self.arrival_s()
         last_s, self._last_s = self._last_s, arrival_s
         if last_s is not None and arrival_s < last_s:
@@ -271,9 +274,7 @@ def _estimator(values: Values) -> GoalEstimator:
 
 
 def _with_parameters(model: DecoupledDmp, values: Values) -> DecoupledDmp:
-    return model.with_parameters(
-        **{parameter.name: values[parameter.name] for parameter in PRIMITIVE}
-    )
+    return relearn(model, **{parameter.name: values[parameter.name] for parameter in PRIMITIVE})
 
 
 def _path(model: DecoupledDmp) -> Sequence[Sequence[float]]:

@@ -20,6 +20,7 @@ from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.lockstep import Lockstep
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import ARM, on_change, Parameter, Values
+from handover_dmp.nodes.phase_lock import PhaseLock
 from handover_dmp.nodes.spinning import run
 from handover_dmp.robot.model import BasePlacement, RobotModel
 from handover_dmp.robot.priority_ik import IkOptions, ORIENTATIONS, PriorityIk, WristTarget
@@ -37,12 +38,6 @@ from handover_dmp.topics import (
 import numpy as np
 from sensor_msgs.msg import JointState
 
-# In periods: how soon after an answer the next may be given; how long a stream of commands is waited
-# for that answers on arrival; how often an answer is due without one; and what no step exceeds.
-SOONEST = 0.5
-PATIENCE = 1.5
-UNASKED = 0.95
-STREAM_ENDED = 3.0
 LONGEST_STEP = 4.0
 TIMEOUTS = (
     Parameter('joint_state_timeout_s', 'older: nothing is commanded, s', 0.005, 10.0),
@@ -103,7 +98,6 @@ class PriorityIkNode(HandoverNode):
         self._pose: PoseStamped | None = None
         self._twist: TwistStamped | None = None
         self._answered_s: float | None = None
-        self._streamed_s = float('-inf')
         self._command: Any = None
         self._status: Any = None
         self._fault = 'no joint states yet'
@@ -112,7 +106,7 @@ class PriorityIkNode(HandoverNode):
         self._connect()
         self._lockstep = Lockstep(self._period_s, self._answer, self._publish, ready=self._ready)
         if not self.lockstep:
-            self.every(self._period_s / 2, self._tick)
+            self._phase_lock = PhaseLock(self.every(self._period_s, self._tick))
         Diagnostics(self, self._periods, self._condition)
 
     def _connect(self) -> None:
@@ -156,9 +150,8 @@ class PriorityIkNode(HandoverNode):
         if self.lockstep:
             self._lockstep.look()
         elif self._matched():
-            self._streamed_s = self.arrival_s()
-            self._take(self._streamed_s)
-            self._answer_after(SOONEST)
+            self._take(self.arrival_s())
+            self._phase_lock.arrived()
 
     def _on_hand(self, message: PoseStamped) -> None:
         if message.header.frame_id == FRAME:
@@ -199,21 +192,13 @@ class PriorityIkNode(HandoverNode):
         self._solve(now_s, elapsed_s, tick_ns)
 
     def _tick(self) -> None:
-        """Answer on the clock where no stream of commands sets the pace."""
-        since = self.arrival_s() - self._streamed_s
-        self._answer_after(UNASKED if since > STREAM_ENDED * self._period_s else PATIENCE)
-
-    def _answer_after(self, periods: float) -> None:
         now_s = self.arrival_s()
-        if self._answered_s is None:
-            self._answered_s = now_s - self._period_s
-        elapsed_s = now_s - self._answered_s
-        if 0.0 <= elapsed_s < periods * self._period_s:
-            return
+        last_s, self._answered_s = self._answered_s, now_s
+        self._phase_lock.ticked()
         if self._pose is not None:
             self._take(now_s)
-        self._answered_s = now_s
-        elapsed_s = min(max(elapsed_s, 0.0), LONGEST_STEP * self._period_s)
+        elapsed_s = self._period_s if last_s is None else max(now_s - last_s, 0.0)
+        elapsed_s = min(elapsed_s, LONGEST_STEP * self._period_s)
         self._solve(now_s, elapsed_s, self.get_clock().now().nanoseconds)
 
     def _solve(self, now_s: float, elapsed_s: float, time_ns: int) -> None:
