@@ -8,9 +8,8 @@ import pytest
 
 TIMES = np.linspace(0.0, 1.5, 301)
 U = TIMES / 1.5
-REACH = (10 * U**3 - 15 * U**4 + 6 * U**5)[:, None] * [0.4, -0.2, 0.1] + 0.05 * np.sin(np.pi * U)[
-    :, None
-] * [0.0, 1.0, 1.0]
+BELL = 10 * U**3 - 15 * U**4 + 6 * U**5
+REACH = np.outer(BELL, [0.4, -0.2, 0.1]) + np.outer(np.sin(np.pi * U) ** 3, [0.0, 0.05, 0.05])
 
 
 @pytest.mark.parametrize(
