@@ -145,7 +145,7 @@ def run(options: argparse.Namespace) -> int:
 
         raise UsageError(f'--learn {unknown[0]!r}: known are {", ".join(LEARN)}')
     from handover_dmp.evaluation.protocol import evaluate, Protocol
-    from handover_dmp.evaluation.report import write_figures, write_report
+    from handover_dmp.evaluation.report import write_report
     from handover_dmp.evaluation.table import renderable, WIDTH
     from handover_dmp.files import write_text
     from handover_dmp.hand import read_data_set
@@ -164,6 +164,8 @@ def run(options: argparse.Namespace) -> int:
         )
         figures: list[tuple[str, str]] = []
         if not options.no_figures:
+            from handover_dmp.evaluation.panels import write_figures
+
             figures = write_figures(evaluation, options.output, progress('drawing'))
     text = write_report(evaluation, options.data_set.name, options.output, figures)
     if options.json is not None:

@@ -1,8 +1,8 @@
-"""The folder that an evaluation leaves: tables, figures, and the page that shows them."""
+"""The folder that an evaluation leaves: its tables, and the page that shows them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 import json
 from pathlib import Path
@@ -10,14 +10,10 @@ from typing import Any
 
 from handover_dmp import __version__
 from handover_dmp.evaluation.cases import Case
-from handover_dmp.evaluation.figures import draw, figure_count, Panel, Shown
 from handover_dmp.evaluation.page import page
-from handover_dmp.evaluation.protocol import CaseScores, Evaluation, Protocol
-from handover_dmp.evaluation.rollouts import learn_from_trials, nearest_to_mean, roll_out
-from handover_dmp.evaluation.scores import BANDS
+from handover_dmp.evaluation.protocol import Evaluation
 from handover_dmp.evaluation.table import as_csv, as_text, PAPER
 from handover_dmp.files import write_text
-import numpy as np
 
 
 def as_json(evaluation: Evaluation, data_set: str) -> dict[str, Any]:
@@ -78,51 +74,6 @@ def write_report(
     facts = _facts(evaluation)
     write_text(folder / 'index.html', page(title, facts, rows, summary, figures))
     return text
-
-
-def write_figures(
-    evaluation: Evaluation, folder: Path, progress: Callable[[int, int], None] | None = None
-) -> list[tuple[str, str]]:
-    """
-    Draw the figures of an evaluation into `figures/`.
-
-    Args:
-        evaluation: what to draw.
-        folder: where `figures/` goes.
-        progress: is told how many of how many are drawn.
-
-    Returns:
-        Name and caption of each.
-
-    """
-    panels = [_panel(judged, evaluation.protocol) for judged in evaluation.cases]
-    figures = []
-    for figure in draw(panels, folder / 'figures'):
-        figures.append(figure)
-        if progress is not None:
-            progress(len(figures), figure_count(panels))
-    return figures
-
-
-def _panel(judged: CaseScores, protocol: Protocol) -> Panel:
-    case = judged.case
-    everyone = range(len(case))
-    representative = nearest_to_mean(case.curves)
-    learnt = learn_from_trials(case, [representative], 'decoupled', protocol.learning)
-    shown = {}
-    for learn in protocol.learn:
-        scores = judged.scores[learn, 'decoupled']
-        rows, columns = judged.kept[learn].T
-        fits = scores.sigmas <= BANDS[-1]
-        totals = scores.totals(np.ones((1, len(case))))
-        shown[learn] = Shown(
-            curves=judged.curves[learn],
-            inside=fits[rows, columns],
-            share=fits[scores.counted].mean(axis=0),
-            within=dict(zip(BANDS, totals.within_percent[0].tolist(), strict=True)),
-            rollouts=int(scores.counted.sum()),
-        )
-    return Panel(case, representative, roll_out(*learnt, case, everyone), shown)
 
 
 def _facts(evaluation: Evaluation) -> list[str]:

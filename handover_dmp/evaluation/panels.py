@@ -1,0 +1,57 @@
+"""From an evaluation to its figures: which rollouts are shown, and what stands beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from handover_dmp.evaluation.figures import draw, figure_count, Panel, Shown
+from handover_dmp.evaluation.protocol import CaseScores, Evaluation, Protocol
+from handover_dmp.evaluation.rollouts import learn_from_trials, nearest_to_mean, roll_out
+from handover_dmp.evaluation.scores import BANDS
+import numpy as np
+
+
+def write_figures(
+    evaluation: Evaluation, folder: Path, progress: Callable[[int, int], None] | None = None
+) -> list[tuple[str, str]]:
+    """
+    Draw the figures of an evaluation into `figures/`.
+
+    Args:
+        evaluation: what to draw.
+        folder: where `figures/` goes.
+        progress: is told how many of how many are drawn.
+
+    Returns:
+        Name and caption of each.
+
+    """
+    panels = [_panel(judged, evaluation.protocol) for judged in evaluation.cases]
+    figures = []
+    for figure in draw(panels, folder / 'figures'):
+        figures.append(figure)
+        if progress is not None:
+            progress(len(figures), figure_count(panels))
+    return figures
+
+
+def _panel(judged: CaseScores, protocol: Protocol) -> Panel:
+    case = judged.case
+    everyone = range(len(case))
+    representative = nearest_to_mean(case.curves)
+    learnt = learn_from_trials(case, [representative], 'decoupled', protocol.learning)
+    shown = {}
+    for learn in protocol.learn:
+        scores = judged.scores[learn, 'decoupled']
+        rows, columns = judged.kept[learn].T
+        fits = scores.sigmas <= BANDS[-1]
+        totals = scores.totals(np.ones((1, len(case))))
+        shown[learn] = Shown(
+            curves=judged.curves[learn],
+            inside=fits[rows, columns],
+            share=fits[scores.counted].mean(axis=0),
+            within=dict(zip(BANDS, totals.within_percent[0].tolist(), strict=True)),
+            rollouts=int(scores.counted.sum()),
+        )
+    return Panel(case, representative, roll_out(*learnt, case, everyone), shown)
