@@ -141,12 +141,12 @@ def paint(stage: Stage, options: Film, times: Iterable[float]) -> Iterator[Pictu
     font = ImageFont.load_default(size)
     for time_s in times:
         picture = Image.fromarray(stage.scene.image(time_s, options.width, options.height))
-        words = [f'{time_s - begin:.2f} s'.replace('-', '\N{EN DASH}')]
+        words = [f'{time_s - begin:.2f} s']
         words += [word for word in (stage.state_at(time_s),) if word]
-        words += [f'{options.speed:g}\N{MULTIPLICATION SIGN}'] if options.speed != 1.0 else []
+        words += [f'{options.speed:g} x'] if options.speed != 1.0 else []
         draw = ImageDraw.Draw(picture)
         for column, word in enumerate(words):
-            draw.text((size * (1 + 5 * column), size), word, INK, font)
+            draw.text((size * (1 + 6 * column), options.height - 2 * size), word, INK, font)
         yield np.asarray(picture)
 
 
@@ -171,7 +171,7 @@ def save_animation(pictures: Sequence[Image.Image], path: Path, period_s: float)
         DataError: it cannot be written.
 
     """
-    kind: dict[str, Any] = {'quality': 80, 'method': 4, 'minimize_size': True}
+    kind: dict[str, Any] = {'quality': 92, 'method': 4}
     if path.suffix == '.gif':
         pictures = _with_one_palette(pictures)
         kind = {'optimize': True, 'disposal': 1}
