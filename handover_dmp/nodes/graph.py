@@ -120,7 +120,7 @@ class Graph:
             for name in self._nodes:
                 self.start(name)
             self._wait_for(self._complete, START_TIMEOUT_S, 'the nodes do not find each other')
-            if not self._lockstep and 'dmp' in self._nodes:
+            if not self._lockstep and set(self._nodes) == set(NODES):
                 self._wait_for(
                     lambda: self._commanded, START_TIMEOUT_S, 'dmp does not command the wrist'
                 )
