@@ -47,6 +47,7 @@ EXTRAS = {
         # colcon-core does not work with newer setuptools
         'colcon-common-extensions>=0.3',
         'hypothesis>=6.100',
+        'psutil>=5.9',
         'pytest>=8.0',
         'pytest-timeout>=2.3',
         'rosbags>=0.10',
@@ -68,9 +69,11 @@ EXTRAS = {
         'types-PyYAML',
     ],
     'bench': [
+        'atheris>=2.3; platform_system == "Linux" and python_version >= "3.11"',
         'movement-primitives>=0.9',
         'pin-pink>=3.0',
         'placo>=0.6',
+        'psutil>=5.9',
         'pydmps>=0.2',
         'rosbags>=0.10',
         'scikit-learn>=1.4',

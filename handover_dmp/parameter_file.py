@@ -9,10 +9,12 @@ from pathlib import Path
 from handover_dmp.dmp import DmpParameters
 from handover_dmp.errors import DataError
 from handover_dmp.files import write_text
+from handover_dmp.plain_yaml import load_plain
 import yaml
 
 NODE = 'dmp'
 DURATION_SCALE = 'duration_scale'
+LARGEST_FILE_BYTES = 200_000
 
 
 @dataclass(frozen=True)
@@ -64,11 +66,15 @@ def read_parameters(path: Path) -> TunedParameters:
 
     """
     try:
-        tree = yaml.safe_load(path.read_text(encoding='utf-8'))
+        if path.stat().st_size > LARGEST_FILE_BYTES:
+            raise DataError(f'{path}: larger than {LARGEST_FILE_BYTES // 1000} kB')
+        text = path.read_text(encoding='utf-8')
     except (OSError, UnicodeDecodeError) as error:
         raise DataError(f'{path}: cannot be read: {error}') from error
-    except yaml.YAMLError as error:
-        raise DataError(f'{path}: not YAML: {" ".join(str(error).split())}') from error
+    try:
+        tree = load_plain(text)
+    except DataError as error:
+        raise DataError(f'{path}: {error}') from error
     try:
         section = dict(tree[NODE]['ros__parameters'])
     except (KeyError, TypeError, ValueError) as error:
@@ -76,9 +82,9 @@ def read_parameters(path: Path) -> TunedParameters:
     known = {each.name for each in fields(DmpParameters)}
     given = {name: value for name, value in section.items() if name in known}
     scale = section.get(DURATION_SCALE, 1.0)
-    if not isinstance(scale, (int, float)) or not (math.isfinite(scale) and scale > 0.0):
-        raise DataError(f'{path}: {DURATION_SCALE} is {scale!r}, not a number above 0')
+    if not isinstance(scale, (int, float)) or not 0.0 < scale < math.inf:
+        raise DataError(f'{path}: {DURATION_SCALE} is not a number above 0')
     try:
         return TunedParameters(replace(DmpParameters(), **given), float(scale))
-    except DataError as error:
+    except (DataError, OverflowError) as error:
         raise DataError(f'{path}: {error}') from error

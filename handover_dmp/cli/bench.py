@@ -19,7 +19,9 @@ SUBJECTS = {
     'bag': 'recording',
     'evaluate': 'Table I',
     'soak': '30 minutes of handovers with random faults; only when named',
+    'fuzz': 'a million damaged files for every reader; only when named',
 }
+WHEN_NAMED = ('soak', 'fuzz')
 COMPARE = 'compare'
 
 
@@ -43,11 +45,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'words',
         nargs='*',
         metavar='SUBJECT',
-        help='what to measure (default: all but soak), or `compare` and two files of --json',
+        help='what to measure (default: all but soak and fuzz), or `compare` and two files',
     )
     parser.add_argument('--json', type=Path, metavar='FILE', help='write the figures as JSON')
     parser.add_argument(
         '--markdown', type=Path, metavar='FILE', help='write the table as Markdown'
+    )
+    parser.add_argument(
+        '--minutes',
+        type=float,
+        metavar='MIN',
+        help='how long soak lasts, and fuzz at most (default: 30 and 60)',
     )
     parser.add_argument(
         '--tolerance',
@@ -91,7 +99,9 @@ def _measure(options: argparse.Namespace) -> int:
     unknown = [word for word in options.words if word not in SUBJECTS]
     if unknown:
         raise UsageError(f'no subject {unknown[0]!r}: choose from {", ".join(SUBJECTS)}')
-    subjects = options.words or [subject for subject in SUBJECTS if subject != 'soak']
+    subjects = options.words or [subject for subject in SUBJECTS if subject not in WHEN_NAMED]
+    if options.minutes is not None and not 0.0 < options.minutes < 1e5:
+        raise UsageError(f'--minutes is {options.minutes:g}, not a number above 0')
 
     description = machine()
     results: list[Measurement] = []
@@ -102,10 +112,12 @@ def _measure(options: argparse.Namespace) -> int:
         for subject in subjects:
             try:
                 measure = import_module(f'handover_dmp.bench.{subject}').run
+                limited = options.minutes is not None and subject in WHEN_NAMED
                 results += measure(
                     lambda what, subject=subject: bar.update(
                         task, description=f'{subject}: {what}'
-                    )
+                    ),
+                    **({'minutes': options.minutes} if limited else {}),
                 )
             except ModuleNotFoundError as error:
                 if str(error.name).startswith('handover_dmp'):

@@ -45,14 +45,15 @@ class DmpParameters:
         for name, low, high in _RANGES:
             try:
                 value = float(getattr(self, name))
-            except (TypeError, ValueError) as error:
-                raise DataError(f'{name} is not a number: {getattr(self, name)!r}') from error
+            except (TypeError, ValueError, OverflowError) as error:
+                given = _shown(getattr(self, name))
+                raise DataError(f'{name} is not a number: {given}') from error
             if not (isfinite(value) and low <= value <= high):
                 raise DataError(f'{name} is {value:g}; it must be from {low:g} to {high:g}')
             object.__setattr__(self, name, value)
         if self.formulation not in FORMULATIONS:
             raise DataError(
-                f'formulation is {self.formulation!r}; known: {", ".join(FORMULATIONS)}'
+                f'formulation is {_shown(self.formulation)}; known: {", ".join(FORMULATIONS)}'
             )
 
     @property
@@ -94,3 +95,8 @@ _RANGES = (
     ('mu', -10.0, 10.0),
     ('sigma', 1e-4, 10.0),
 )
+
+
+def _shown(value: object) -> str:
+    """Quote a text; whatever else a file holds may be too large to be shown."""
+    return repr(value)[:40] if isinstance(value, str) else f'of type {type(value).__name__}'

@@ -55,8 +55,8 @@ def read_qualisys(path: str | Path, markers: Sequence[str] | None = None) -> Mar
             layout = layout or _layout(header, markers, len(cells), where)
             if len(values) > _MOST_VALUES:
                 raise DataError(f'{where}: more than can be held')
-            stamps.append(layout.stamp(cells, len(stamps), where))
             values.extend(layout.values(cells, where))
+            stamps.append(layout.stamp(cells, len(stamps), where))
     if layout is None:
         raise DataError(f'{path}: holds no frames')
     told = header.get('NO_OF_FRAMES', [''])[0]

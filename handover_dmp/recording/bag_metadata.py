@@ -10,6 +10,7 @@ from typing import Any
 
 from handover_dmp.errors import DataError
 from handover_dmp.files import write_text
+from handover_dmp.plain_yaml import load_plain
 from handover_dmp.recording.qos import Qos
 import yaml
 
@@ -139,27 +140,6 @@ def bag_information(
     }
 
 
-def load_plain(text: str) -> Any:
-    """
-    Read YAML of plain values, without aliases, of which a small text can unfold into a huge one.
-
-    Args:
-        text: the YAML text.
-
-    Returns:
-        What it says.
-
-    Raises:
-        DataError: not YAML, or with aliases.
-
-    """
-    try:
-        return yaml.load(text, Loader=_PlainLoader)
-    except (yaml.YAMLError, RecursionError, ValueError) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise DataError(f'not proper YAML: {reason}') from error
-
-
 def dump_information(information: dict[str, Any]) -> str:
     """Return the YAML text of it, as it also stands within each file."""
     return str(yaml.dump(information, Dumper=_PlainDumper, sort_keys=False))
@@ -200,12 +180,3 @@ class _PlainDumper(yaml.SafeDumper):
 
     def ignore_aliases(self, data: Any) -> bool:
         return True
-
-
-class _PlainLoader(yaml.SafeLoader):
-    """Reads no aliases."""
-
-    def compose_node(self, parent: Any, index: Any) -> Any:
-        if self.check_event(yaml.AliasEvent):
-            raise yaml.YAMLError('aliases are not part of the metadata of a bag')
-        return super().compose_node(parent, index)

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from handover_dmp.errors import DataError
 from handover_dmp.files import replacing
+from handover_dmp.plain_yaml import load_plain
 from handover_dmp.recording.bag_metadata import (
     bag_information,
     FileStatistics,
-    load_plain,
     read_metadata,
     TopicMetadata,
     write_metadata,

@@ -1,0 +1,337 @@
+"""
+Fuzzing of every reader: whatever a file holds, it gives a value or one of our errors.
+
+`handover_dmp bench fuzz` lets libFuzzer, by way of `atheris`, look for files that give a
+traceback, take longer than ten seconds or more than 500 MB: one process a reader, guided by the
+coverage of the reader's own code, from examples of good files. The tests throw files at the same
+readers that hypothesis has damaged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+import io
+import json
+from pathlib import Path
+import re
+import struct
+import subprocess
+import sys
+import tempfile
+from time import monotonic, sleep
+
+from handover_dmp.bench.measurement import Measurement
+from handover_dmp.errors import HandoverError
+
+INPUTS = 1_000_000
+MINUTES = 60.0
+HANG_S = 10
+MOST_MB = 500
+INSTRUMENTED = ['handover_dmp', 'c3d', 'mcap', 'mcap_ros2', 'yaml', 'csv']
+_LONGEST_INPUT = 4096
+
+
+@dataclass(frozen=True)
+class Reader:
+    """
+    A reader and the files that it reads.
+
+    Attributes:
+        module: where the function is.
+        function: that reads, given a path.
+        file: name that the file must have.
+        share: of all inputs; slow readers get less.
+        examples: makes good files, to begin with.
+        in_folder: whether the function is given the folder of the file instead.
+        beside: makes what else lies in that folder, name to content.
+
+    """
+
+    module: str
+    function: str
+    file: str
+    share: float
+    examples: Callable[[], list[bytes]]
+    in_folder: bool = False
+    beside: Callable[[], dict[str, bytes]] = dict
+
+    def place_in(self, folder: Path) -> Path:
+        """
+        Put what lies beside the file into a folder.
+
+        Args:
+            folder: which.
+
+        Returns:
+            Where the file belongs.
+
+        """
+        for name, content in self.beside().items():
+            (folder / name).write_bytes(content)
+        return folder / self.file
+
+    def read(self, path: Path) -> bool:
+        """
+        Read a file.
+
+        Args:
+            path: the file, named as `file` says.
+
+        Returns:
+            Whether it held something; if not, the documented error has said so.
+
+        """
+        read = getattr(import_module(self.module), self.function)
+        try:
+            found = read(path.parent if self.in_folder else path)
+            # Readers of bags give one message after another.
+            if hasattr(found, '__next__'):
+                for _ in found:
+                    pass
+        except HandoverError as error:
+            if '\n' in str(error):
+                raise AssertionError(f'an error of more than one line: {error!r}') from error
+            return False
+        return True
+
+
+def _trial() -> list[bytes]:
+    rows = [f'{0.01 * k},0.1,{0.01 * k},1.0,0.5,{-0.01 * k},1.1' for k in range(12)]
+    text = '\n'.join(['t,p1_x,p1_y,p1_z,p2_x,p2_y,p2_z', *rows]) + '\n'
+    return [text.encode(), b'\xef\xbb\xbf' + text.replace('\n', '\r\n').encode()]
+
+
+def _index() -> list[bytes]:
+    head = 'file,configuration,exchange,trial\n'
+    return [
+        (head + 'a_give_1.csv,a,give,1\n').encode(),
+        (head + 'b.csv,"b, c",take,2\n../x.csv,b,give,3\n').encode(),
+    ]
+
+
+def _qualisys() -> list[bytes]:
+    head = ['NO_OF_FRAMES\t3', 'NO_OF_MARKERS\t2', 'FREQUENCY\t120', 'DATA_INCLUDED\t3D']
+    head += ['MARKER_NAMES\tM_wrist\tA_wrist']
+    titles = 'Frame\tTime\tM X\tM Y\tM Z\tA X\tA Y\tA Z'
+    rows = [f'{k}\t{k / 120:.5f}\t1.5\t2\t3\t4\t5\t6' for k in range(3)]
+    plain = [row.split('\t', 2)[2] for row in rows]
+    return ['\r\n'.join(lines).encode() for lines in ([*head, titles, *rows], [*head, *plain])]
+
+
+def _c3d() -> list[bytes]:
+    """By the C3D manual: a block of header, one of parameters, one of scaled 16-bit points."""
+
+    def parameter(name: str, kind: int, dimensions: list[int], data: bytes) -> bytes:
+        rest = bytes([kind & 0xFF, len(dimensions), *dimensions]) + data + b'\0'
+        head = struct.pack('bb', len(name), 1) + name.encode()
+        return head + struct.pack('<h', len(rest) + 2) + rest
+
+    header = struct.pack('<BBHHHHHfHH', 2, 80, 1, 0, 1, 8, 10, 0.5, 3, 0)
+    header = (header + struct.pack('<f', 100.0)).ljust(512, b'\0')
+    section = b'\1\x50\1\x54' + struct.pack('bb', 5, -1) + b'POINT' + struct.pack('<h', 3) + b'\0'
+    for name, value in (('USED', 1), ('FRAMES', 8), ('DATA_START', 3)):
+        section += parameter(name, 2, [], struct.pack('<h', value))
+    section += parameter('SCALE', 4, [], struct.pack('<f', 0.5))
+    section += parameter('RATE', 4, [], struct.pack('<f', 100.0))
+    section += parameter('UNITS', -1, [2], b'mm') + parameter('LABELS', -1, [4, 1], b'hand')
+    points = b''.join(struct.pack('<hhhh', k, -k, 100, -(k == 5)) for k in range(8))
+    return [header + (section + b'\0\0').ljust(512, b'\0') + points.ljust(512, b'\0')]
+
+
+def _mcap() -> list[bytes]:
+    from mcap.writer import CompressionType, Writer
+
+    files = []
+    for compression, chunked in ((CompressionType.NONE, False), (CompressionType.ZSTD, True)):
+        stream = io.BytesIO()
+        writer = Writer(stream, 300, compression, use_chunking=chunked)
+        writer.start(profile='ros2')
+        text = 'string data\nfloat64[] values\nstring<=4 x\nstring[2] names'
+        schema = writer.register_schema('a/msg/A', 'ros2msg', text.encode())
+        channel = writer.register_channel('/a', 'cdr', schema)
+        body = b'\0\1\0\0\3\0\0\0ab\0\0\1\0\0\0' + bytes(64)
+        for number in range(4):
+            writer.add_message(channel, number, body, number)
+        writer.add_metadata('rosbag2', {'serialized_metadata': 'version: 9'})
+        writer.finish()  # type: ignore[no-untyped-call]
+        files.append(stream.getvalue())
+    return files
+
+
+def _metadata() -> list[bytes]:
+    from handover_dmp.recording import BagWriter
+
+    with tempfile.TemporaryDirectory() as folder:
+        with BagWriter(Path(folder) / 'bag') as bag:
+            bag.add_topic('/a', 'std_msgs/msg/String')
+        return [(Path(folder) / 'bag' / 'metadata.yaml').read_bytes()]
+
+
+def _model() -> list[bytes]:
+    from handover_dmp.dmp import learn, save_model
+    import numpy as np
+
+    times = np.linspace(0.0, 1.0, 40)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / 'model.json'
+        save_model(learn(times, np.column_stack([times**2, times]), basis=4), path)
+        text = path.read_text(encoding='utf-8')
+    return [json.dumps(json.loads(text)).encode()]
+
+
+def _parameters() -> list[bytes]:
+    return [
+        b'dmp:\n  ros__parameters:\n    stiffness: 200.0\n    mu: 0.75\n    formulation: stiff\n'
+        b'    duration_scale: 1.1\n    other: [1, 2.5, {a: b}]\n',
+        b'dmp: {ros__parameters: {sigma: 1e-2, damping: &a 3, phase_at_end: *a, x: 2001-09-09}}\n',
+    ]
+
+
+READERS = {
+    'trial CSV': Reader('handover_dmp.hand', 'read_trial', 'a_give_1.csv', 0.25, _trial),
+    'data set CSV': Reader(
+        'handover_dmp.hand', 'read_data_set', 'trials.csv', 0.1, _index, in_folder=True,
+        beside=lambda: {'a_give_1.csv': _trial()[0]},
+    ),
+    'Qualisys TSV': Reader(
+        'handover_dmp.hand.qualisys', 'read_qualisys', 'a.tsv', 0.2, _qualisys
+    ),
+    'C3D': Reader('handover_dmp.hand.c3d_file', 'read_c3d', 'a.c3d', 0.15, _c3d),
+    'MCAP': Reader('handover_dmp.recording', 'read_bag', 'bag_0.mcap', 0.1, _mcap),
+    'bag metadata YAML': Reader(
+        'handover_dmp.recording.bag_metadata', 'read_metadata', 'metadata.yaml', 0.02, _metadata,
+        in_folder=True,
+    ),
+    'model JSON': Reader('handover_dmp.dmp', 'load_model', 'model.json', 0.15, _model),
+    'parameter YAML': Reader(
+        'handover_dmp.parameter_file', 'read_parameters', 'parameters.yaml', 0.03, _parameters
+    ),
+}  # fmt: skip
+
+
+def run(
+    progress: Callable[[str], None], minutes: float = MINUTES, inputs: int = INPUTS
+) -> list[Measurement]:
+    """
+    Fuzz every reader.
+
+    Args:
+        progress: told which reader has its turn.
+        minutes: how long at most, all readers together, min.
+        inputs: how many files, all readers together.
+
+    Returns:
+        Inputs, crashes and greatest memory of each reader.
+
+    """
+    import_module('atheris')
+    figures: list[Measurement] = []
+    end_s = monotonic() + 60.0 * minutes
+    total = crashes = 0
+    worst_mb = 0.0
+    for name, reader in READERS.items():
+        count = round(inputs * reader.share)
+        begun_s = monotonic()
+        seconds = max(1, round(end_s - begun_s))
+        outcome = _fuzz(name, count, seconds, progress)
+        total += outcome.inputs
+        crashes += bool(outcome.fault)
+        worst_mb = max(worst_mb, outcome.peak_mb)
+        note = outcome.fault or f'{outcome.inputs / (monotonic() - begun_s):.0f} a second'
+        figures.append(Measurement(f'fuzz: {name}', outcome.inputs, 'inputs', note=note))
+    return [
+        *figures,
+        Measurement('fuzz: inputs', total, 'inputs', target=inputs, higher_is_better=True),
+        Measurement('fuzz: tracebacks, hangs', crashes, 'readers', target=0.0),
+        Measurement(
+            'fuzz: most memory', worst_mb, 'MB', target=MOST_MB, note='with Python and libraries'
+        ),
+    ]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """
+    What fuzzing one reader came to.
+
+    Attributes:
+        inputs: how many files it read.
+        peak_mb: most memory of its process, MB.
+        fault: last words of what went wrong; empty if nothing did.
+
+    """
+
+    inputs: int
+    peak_mb: float
+    fault: str
+
+
+def _fuzz(name: str, count: int, seconds: int, progress: Callable[[str], None]) -> Outcome:
+    with tempfile.TemporaryDirectory() as folder:
+        corpus = Path(folder) / 'corpus'
+        corpus.mkdir()
+        for number, example in enumerate(READERS[name].examples()):
+            (corpus / f'example_{number}').write_bytes(example)
+        log = Path(folder) / 'log'
+        with log.open('wb') as stream:
+            process = subprocess.Popen(
+                [
+                    sys.executable, '-m', 'handover_dmp.bench.fuzz', name, str(corpus),
+                    f'-runs={count}', f'-max_total_time={seconds}', f'-timeout={HANG_S}',
+                    f'-rss_limit_mb={MOST_MB}', f'-max_len={_LONGEST_INPUT}', '-seed=1',
+                    '-print_final_stats=1', f'-artifact_prefix={folder}/',
+                ],
+                stdout=stream,
+                stderr=stream,
+            )  # fmt: skip
+            while process.poll() is None:
+                progress(f'{name}: {_last(r"^#([0-9]+)", log):.0f} of {count}')
+                sleep(1.0)
+        words = log.read_text(encoding='utf-8', errors='replace')
+        fault = '' if process.returncode == 0 else _fault(words, Path(folder), process.returncode)
+        return Outcome(
+            int(_last(r'number_of_executed_units: *([0-9]+)', log)),
+            _last(r'peak_rss_mb: *([0-9]+)', log),
+            fault,
+        )
+
+
+def _last(pattern: str, log: Path) -> float:
+    words = log.read_text(encoding='utf-8', errors='replace')
+    found = re.findall(pattern, words, re.MULTILINE)
+    return float(found[-1]) if found else 0.0
+
+
+def _fault(words: str, folder: Path, code: int) -> str:
+    """Say what went wrong, and with which input."""
+    said = re.search(r'Uncaught Python exception: ===\n(.*)|ERROR: (.*)', words)
+    reason = said.group(1) or said.group(2) if said else f'ended with code {code}'
+    place = re.findall(r'^  File "(.*)", line ([0-9]+)', words, re.MULTILINE)
+    where = f' at {Path(place[-1][0]).name}:{place[-1][1]}' if place else ''
+    kinds = ('crash', 'timeout', 'oom')
+    found = [path for kind in kinds for path in folder.glob(f'{kind}-*')]
+    content = f' with {found[0].read_bytes()[:2000]!r}' if found else ''
+    return reason + where + content
+
+
+def _fuzz_here(name: str, arguments: list[str]) -> None:
+    """Be the process that libFuzzer drives; never returns."""
+    import atheris
+
+    reader = READERS[name]
+    with atheris.instrument_imports(include=INSTRUMENTED):
+        import_module(reader.module)
+    path = reader.place_in(Path(tempfile.mkdtemp(dir=Path(arguments[0]).parent)))
+
+    def read(data: bytes) -> None:
+        path.write_bytes(data)
+        reader.read(path)
+
+    atheris.Setup([sys.argv[0], *arguments], read)
+    atheris.Fuzz()
+
+
+if __name__ == '__main__':
+    _fuzz_here(sys.argv[1], sys.argv[2:])

@@ -1,0 +1,318 @@
+"""The long soak: handovers in lockstep with faults at random, every period checked."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+import gc
+from time import monotonic
+
+from handover_dmp.bench.measurement import Measurement
+from handover_dmp.controller import HandoverState, MOVING
+from handover_dmp.faults import FaultyHand, InvariantChecker, tracker_faults
+from handover_dmp.handover import Handover, Period
+from handover_dmp.robot.arm import ArmState, CommandOutcome, SimulatedArm
+from handover_dmp.robot.priority_ik import WristTarget
+from handover_dmp.robot.wrist_controller import WristController
+from handover_dmp.scenario import make_scenario, Scenario
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+import psutil
+
+Array = NDArray[np.float64]
+
+MINUTES = 30.0
+SEEDS = 4
+WARM_UP = 20
+MOST_FAULTS = 3
+FAULT_S = (0.02, 1.0)
+"""Shortest and longest fault, s."""
+EXTRA_S = 12.0
+"""Beyond a handover without faults, for what was stopped to be taken up again, s."""
+TAKEN_UP_S = 0.5
+"""After a stop, until somebody lets the motion go on, s."""
+STOPPED_S = 0.6
+"""Within which an arm that has stopped by itself stands still, s."""
+STILL_RAD_S = 0.01
+MOST_GROWTH = 5.0
+
+JOINT_STATE_FAULTS = ('stale', 'lack a joint', 'not finite', 'permuted', 'among unknown joints')
+TARGET_FAULTS = ('dmp silent', 'wrist command not finite')
+COMMAND_FAULTS = (
+    'priority_ik silent',
+    'joint command not finite',
+    'joint command too short',
+    'joint command over the limits',
+    'joint commands in a flood',
+)
+ORDERS = ('abort', 'reset', 'start')
+
+
+class Span:
+    """A fault that lasts from one time to another."""
+
+    def __init__(self, name: str, from_s: float, until_s: float) -> None:
+        """
+        Name a fault and its time.
+
+        Args:
+            name: of the fault.
+            from_s: beginning, s.
+            until_s: end, s.
+
+        """
+        self.name = name
+        self.from_s = from_s
+        self.until_s = until_s
+
+    def holds(self, now_s: float) -> bool:
+        """Tell whether it is on at a time, s."""
+        return self.from_s <= now_s < self.until_s
+
+
+class FaultyWristController(WristController):
+    """What `priority_ik` runs, with inputs that fail."""
+
+    spans: Sequence[Span] = ()
+
+    def _fails(self, name: str, now_s: float) -> bool:
+        return any(span.name == name and span.holds(now_s) for span in self.spans)
+
+    def set_joint_state(
+        self,
+        names: Sequence[str],
+        positions: ArrayLike,
+        velocities: ArrayLike,
+        arrival_s: float,
+    ) -> bool:
+        """Take joint states as the fault of the moment leaves them."""
+        names = list(names)
+        place, speed = np.array(positions, float), np.array(velocities, float)
+        if self._fails('stale', arrival_s):
+            return False
+        if self._fails('lack a joint', arrival_s):
+            names, place, speed = names[:-1], place[:-1], speed[:-1]
+        if self._fails('not finite', arrival_s):
+            place[2] = np.nan
+        if self._fails('permuted', arrival_s):
+            names, place, speed = names[::-1], place[::-1], speed[::-1]
+        if self._fails('among unknown joints', arrival_s):
+            names = ['gripper', *names]
+            place, speed = np.append(7.0, place), np.append(7.0, speed)
+        return super().set_joint_state(names, place, speed, arrival_s)
+
+    def set_target(self, target: WristTarget, arrival_s: float) -> bool:
+        """Take a wrist command as the fault of the moment leaves it."""
+        if self._fails('dmp silent', arrival_s):
+            return False
+        if self._fails('wrist command not finite', arrival_s):
+            target = WristTarget(target.position * np.nan, target.velocity)
+        return super().set_target(target, arrival_s)
+
+
+class FaultyArm(SimulatedArm):
+    """The arm, with commands that fail on the way to it."""
+
+    spans: Sequence[Span] = ()
+
+    def command(self, velocities: Sequence[float] | Array) -> CommandOutcome:
+        """Take a joint command as the fault of the moment leaves it."""
+        sent = np.array(velocities, float)
+        for span in self.spans:
+            if span.holds(self.time_s):
+                if span.name == 'priority_ik silent':
+                    return CommandOutcome.IGNORED
+                if span.name == 'joint command not finite':
+                    sent = np.full(len(sent), np.nan)
+                elif span.name == 'joint command too short':
+                    sent = sent[:-1]
+                elif span.name == 'joint command over the limits':
+                    sent = sent * 100.0 + 10.0 * np.sign(sent)
+                elif span.name == 'joint commands in a flood':
+                    for _ in range(50):
+                        super().command(sent)
+        return super().command(sent)
+
+
+class Soak:
+    """
+    One handover after another on the same arm model, each with faults of its own.
+
+    Attributes:
+        broken: what no fault may break and one did, a line each.
+        periods: how many were checked.
+        done: how many handovers came to their end.
+        handovers: how many there were.
+        faults: name to how often it struck.
+        stops: how often the arm stopped by itself.
+
+    """
+
+    def __init__(self, scenarios: Sequence[Scenario], seed: int = 0) -> None:
+        """
+        Prepare.
+
+        Args:
+            scenarios: what is handed over, in turns.
+            seed: of all that is drawn at random.
+
+        """
+        self._scenarios = scenarios
+        self._random = np.random.default_rng(seed)
+        self.broken: list[str] = []
+        self.periods = 0
+        self.done = 0
+        self.handovers = 0
+        self.faults: Counter[str] = Counter()
+        self.stops = 0
+
+    def hand_over(self) -> None:
+        """Run one handover with faults, and check every period of it."""
+        scenario = self._scenarios[self.handovers % len(self._scenarios)]
+        self.handovers += 1
+        spans = self._draw(scenario.trial.duration_s)
+        self.faults.update(span.name for span in spans)
+        handover = self._prepare(scenario, spans)
+        try:
+            self._run(handover, spans)
+        finally:
+            handover.close()
+
+    def _draw(self, duration_s: float) -> list[Span]:
+        random = self._random
+        of_the_tracker = [f'tracker {name}' for name in tracker_faults(0)]
+        of_joint_states = [f'joint states {name}' for name in JOINT_STATE_FAULTS]
+        names = (*of_the_tracker, *of_joint_states, *TARGET_FAULTS, *COMMAND_FAULTS, *ORDERS)
+        spans = []
+        for _ in range(random.integers(0, MOST_FAULTS + 1)):
+            from_s = random.uniform(0.2, duration_s)
+            until_s = from_s + random.uniform(*FAULT_S)
+            spans.append(Span(str(random.choice(names)), from_s, until_s))
+        return spans
+
+    def _prepare(self, scenario: Scenario, spans: Sequence[Span]) -> Handover:
+        handover = Handover(scenario)
+        arm = FaultyArm(scenario.robot)
+        arm.reset(scenario.start_posture)
+        arm.spans = spans
+        handover.arm.close()
+        handover.arm = arm
+        wrist = FaultyWristController(scenario.robot, handover.wrist_controller.ik)
+        wrist.spans = [
+            Span(span.name.removeprefix('joint states '), span.from_s, span.until_s)
+            for span in spans
+        ]
+        handover.wrist_controller = wrist
+        faults = tracker_faults(int(self._random.integers(2**31)))
+        for span in spans:
+            fault = faults.get(span.name.removeprefix('tracker '))
+            if fault is not None and span.name.startswith('tracker '):
+                handover.hand = FaultyHand(handover.hand, fault, span.from_s, span.until_s)
+        return handover
+
+    def _run(self, handover: Handover, spans: Sequence[Span]) -> None:
+        checker = InvariantChecker(
+            handover.scenario.robot.limits,
+            handover.period_s,
+            handover.controller.options.acceleration_limit,
+        )
+        orders = {span.name: span.from_s for span in spans if span.name in ORDERS}
+        handover.begin()
+        longest_s = handover.longest_s + EXTRA_S
+        idle_since_s: float | None = None
+        stopped_since_s: float | None = None
+        while handover.time_s < longest_s and handover.controller.state is not HandoverState.DONE:
+            now_s = handover.time_s
+            for name in [name for name, at_s in orders.items() if now_s >= at_s]:
+                getattr(handover.controller, name)()
+                del orders[name]
+            period = handover.step()
+            broken = checker.check(period)
+            was_stopped_s = stopped_since_s
+            stopped_since_s = self._since(
+                handover.arm.report.state is ArmState.STOPPED, stopped_since_s, now_s
+            )
+            self.stops += was_stopped_s is None and stopped_since_s is not None
+            broken += _not_still(period, stopped_since_s, now_s)
+            idle = handover.controller.state not in MOVING and now_s > handover.hand.start_s
+            idle_since_s = self._since(idle, idle_since_s, now_s)
+            if stopped_since_s is not None and now_s - stopped_since_s > STOPPED_S + TAKEN_UP_S:
+                handover.arm.resume()
+            if idle_since_s is not None and now_s - idle_since_s > TAKEN_UP_S:
+                handover.controller.start()
+            self.broken += [f'handover {self.handovers}, {line}' for line in broken]
+        self.periods += checker.checked
+        self.done += handover.controller.state is HandoverState.DONE
+
+    @staticmethod
+    def _since(holds: bool, since_s: float | None, now_s: float) -> float | None:
+        if not holds:
+            return None
+        return now_s if since_s is None else since_s
+
+
+def _not_still(period: Period, stopped_since_s: float | None, now_s: float) -> list[str]:
+    if stopped_since_s is None or now_s - stopped_since_s < STOPPED_S:
+        return []
+    speed = float(np.abs(period.joint_velocities).max())
+    return [f'a stopped arm moves at {speed:.3f} rad/s'] if speed > STILL_RAD_S else []
+
+
+def run(
+    progress: Callable[[str], None], minutes: float = MINUTES, most: int | None = None
+) -> list[Measurement]:
+    """
+    Hand over again and again with faults at random until the time is over.
+
+    Args:
+        progress: told how far it is.
+        minutes: how long, min of the wall clock.
+        most: handovers after which it ends before; None: as many as the time allows.
+
+    Returns:
+        The figures.
+
+    """
+    progress('making the scenarios')
+    soak = Soak([make_scenario(seed=seed) for seed in range(SEEDS)])
+    process = psutil.Process()
+    begun_s = monotonic()
+    first = 0
+    while monotonic() - begun_s < 60.0 * minutes and soak.handovers != most:
+        soak.hand_over()
+        if soak.handovers == WARM_UP:
+            first = _resident(process)
+        passed = (monotonic() - begun_s) / 60.0
+        progress(f'{soak.handovers} handovers, {len(soak.broken)} faults, {passed:.1f} min')
+    growth = 100.0 * (_resident(process) / first - 1.0) if first else 0.0
+    struck = ', '.join(f'{name} {count}' for name, count in sorted(soak.faults.items()))
+    return [
+        Measurement(
+            'soak: invariants broken',
+            len(soak.broken),
+            'times',
+            target=0.0,
+            note='; '.join(soak.broken[:5]) or f'in {soak.periods} periods',
+        ),
+        Measurement('soak: handovers', soak.handovers, 'handovers', note=f'struck by: {struck}'),
+        Measurement(
+            'soak: handovers that came to their end',
+            100.0 * soak.done / max(soak.handovers, 1),
+            '%',
+            target=100.0,
+            higher_is_better=True,
+            note=f'the arm stopped by itself {soak.stops} times and was told to go on',
+        ),
+        Measurement(
+            'soak: growth of the memory',
+            growth,
+            '%',
+            target=MOST_GROWTH,
+            note=f'after the first {WARM_UP} handovers',
+        ),
+    ]
+
+
+def _resident(process: psutil.Process) -> int:
+    gc.collect()
+    return int(process.memory_info().rss)

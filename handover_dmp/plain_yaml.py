@@ -1,0 +1,44 @@
+"""YAML of plain values from anywhere: nothing in it runs, and nothing in it unfolds."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from handover_dmp.errors import DataError
+import yaml
+
+# What the constructors of the library raise at tags and numbers that do not fit their text.
+MISFIT = (
+    yaml.YAMLError, RecursionError, ValueError, OverflowError, LookupError, AttributeError,
+    TypeError,
+)  # fmt: skip
+
+
+def load_plain(text: str) -> Any:
+    """
+    Read YAML of plain values, without aliases, of which a small text can unfold into a huge one.
+
+    Args:
+        text: the YAML text.
+
+    Returns:
+        What it says.
+
+    Raises:
+        DataError: not YAML, or with aliases.
+
+    """
+    try:
+        return yaml.load(text, Loader=_PlainLoader)
+    except MISFIT as error:
+        reason = ' '.join(str(error).split())[:200] or type(error).__name__
+        raise DataError(f'not proper YAML: {reason}') from error
+
+
+class _PlainLoader(yaml.SafeLoader):
+    """Reads no aliases."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.AliasEvent):
+            raise yaml.YAMLError('aliases are not understood')
+        return super().compose_node(parent, index)

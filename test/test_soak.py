@@ -1,0 +1,61 @@
+"""The long soak, cut short: it must hold, and it must notice when something does not."""
+
+from __future__ import annotations
+
+from handover_dmp.bench import soak
+from handover_dmp.bench.soak import COMMAND_FAULTS, JOINT_STATE_FAULTS, Soak, Span, TARGET_FAULTS
+from handover_dmp.controller import HandoverController
+from handover_dmp.robot.arm import SimulatedArm
+from handover_dmp.scenario import make_scenario, Scenario
+import numpy as np
+import pytest
+
+STRIKES = [f'joint states {name}' for name in JOINT_STATE_FAULTS]
+STRIKES += [*TARGET_FAULTS, *COMMAND_FAULTS]
+
+
+class Struck(Soak):
+    """One fault, in mid-motion, for as long as the arm needs to stop by itself."""
+
+    fault = ''
+
+    def _draw(self, duration_s: float) -> list[Span]:
+        return [Span(self.fault, 1.1, 1.5)]
+
+
+@pytest.fixture(scope='module')
+def scenario() -> Scenario:
+    return make_scenario()
+
+
+@pytest.mark.parametrize('fault', STRIKES)
+def test_every_fault_of_the_graph_stops_the_arm_or_does_nothing(
+    scenario: Scenario, fault: str
+) -> None:
+    struck = Struck([scenario])
+    struck.fault = fault
+    struck.hand_over()
+    assert struck.broken == []
+    assert struck.done == 1
+    harmless = ('permuted', 'unknown', 'over the limits', 'flood', 'dmp', 'wrist command')
+    assert struck.stops == (0 if any(word in fault for word in harmless) else 1)
+
+
+def test_random_faults() -> None:
+    figures = soak.run(lambda _text: None, minutes=2.0, most=8)
+    assert [figure.name for figure in figures if figure.reached is False] == []
+
+
+def test_an_arm_that_breaks_its_limits_is_noticed(
+    scenario: Scenario, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        HandoverController, '_accelerated', lambda _self, _before, after, _dt: after
+    )
+    monkeypatch.setattr(
+        SimulatedArm, 'joint_velocities', property(lambda arm: 3.0 * np.ones(arm.model.dof))
+    )
+    struck = Struck([scenario])
+    struck.fault = 'tracker jumped by 1 m'
+    struck.hand_over()
+    assert any('faster than its limit' in line for line in struck.broken)
