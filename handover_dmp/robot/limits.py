@@ -83,9 +83,8 @@ class VelocityBox:
         if not 0.0 < braking_share <= 1.0:
             raise ValueError(f'braking share {braking_share} is not in (0, 1]')
         self._limits = limits
-        self._braking = braking_share * limits.acceleration
-        self._signs = np.array([[1.0], [-1.0]])
-        self._ends = np.array([limits.upper, -limits.lower])
+        self._braking = braking_share * np.array([limits.acceleration] * 2)
+        self._fastest = np.array([limits.velocity] * 2)
         self._period = 0.0
 
     def bounds(
@@ -105,18 +104,21 @@ class VelocityBox:
         """
         if dt != self._period:
             self._prepare(dt)
-        distance = self._ends - self._signs * joint_positions
-        towards = np.abs(distance)
+        distance, towards = np.empty_like(self._step), np.empty_like(self._step)
+        np.subtract(self._limits.upper, joint_positions, out=distance[0])
+        np.subtract(joint_positions, self._limits.lower, out=distance[1])
+        np.abs(distance, out=towards)
         towards *= self._twice
         towards += self._square
         np.sqrt(towards, out=towards)
         towards -= self._step
-        np.minimum(towards, self._limits.velocity, out=towards)
+        np.minimum(towards, self._fastest, out=towards)
         np.copysign(towards, distance, out=towards)
-        towards *= self._signs
+        upper, lower = towards
+        np.negative(lower, out=lower)
         np.maximum(towards, previous_velocity - self._change, out=towards)
         np.minimum(towards, previous_velocity + self._change, out=towards)
-        return towards[1], towards[0]
+        return lower, upper
 
     def brake(self, joint_positions: Array, previous_velocity: Array, dt: float) -> Array:
         """

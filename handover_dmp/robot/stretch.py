@@ -25,7 +25,7 @@ def smallest_singular(jacobian: Array) -> tuple[float, Array]:
         direction in space, (3,).
 
     """
-    solved = eigenpy.SelfAdjointEigenSolver(jacobian @ jacobian.T)
+    solved = eigenpy.SelfAdjointEigenSolver(jacobian.dot(jacobian.T))
     return math.sqrt(max(solved.eigenvalues()[0], 0.0)), solved.eigenvectors()[:, 0]
 
 

@@ -98,6 +98,7 @@ class PostureTask:
         self._low = limits.lower + margin
         self._high = limits.upper - margin
         self._fastest = fastest
+        self._slowest = -fastest
         self._gain = gain
         self._push = 20.0 * gain
 
@@ -112,9 +113,14 @@ class PostureTask:
             (n,), rad/s.
 
         """
-        back = np.minimum(np.maximum(joint_positions, self._low), self._high) - joint_positions
-        wanted = self._gain * (self._home - joint_positions) + self._push * back
-        return np.minimum(np.maximum(wanted, -self._fastest), self._fastest)
+        wanted = self._home - joint_positions
+        wanted *= self._gain
+        back = np.minimum(np.maximum(joint_positions, self._low), self._high)
+        back -= joint_positions
+        if back.any():
+            wanted += self._push * back
+        np.maximum(wanted, self._slowest, out=wanted)
+        return np.minimum(wanted, self._fastest, out=wanted)
 
 
 def _at_most(vector: Array, length: float) -> Array:

@@ -39,8 +39,8 @@ def test_the_arm_follows_from_where_it_is_put(robot, length):
     ahead = (partner - path[0])[:2]
     if length < 0.6:  # a longer way ends out of reach from behind its start
         assert (path[0, :2] - placed.shoulder[:2]) @ ahead / np.linalg.norm(ahead) > 0.05
-    distances = np.linalg.norm(path - placed.shoulder, axis=1)
-    assert distances.max() < 0.95 * arm.reach_m
+        distances = np.linalg.norm(path - placed.shoulder, axis=1)
+        assert distances.max() < 0.95 * arm.reach_m
 
 
 def test_does_not_depend_on_where_the_arm_stands_now(lwr4):
