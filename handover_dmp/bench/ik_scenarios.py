@@ -5,18 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from handover_dmp.robot.errors import UnreachableError
 from handover_dmp.robot.model import RobotModel
+import numpy as np
+from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
 PERIOD_S = 0.005
 
 Follower = Callable[[Array, Array, Array, Array], tuple[Array, float]]
-"""(joint positions, last joint velocity, wrist position, wrist velocity) to (joint velocity, s)."""
+"""(joint positions, last joint velocity, wrist position and velocity) to (joint velocity, s)."""
 
 
 @dataclass(frozen=True, eq=False)
