@@ -47,7 +47,6 @@ class Period:
         wrist_position: (3,), m, measured.
         wrist_rotation: (3, 3), measured.
         hand: poses of the partner's hand that arrived.
-        human_position: (3,), m, where P2 was in the recording.
         command: of the wrist.
         answer: of the inverse kinematics.
 
@@ -59,7 +58,6 @@ class Period:
     wrist_position: Array
     wrist_rotation: Array
     hand: list[HandSample]
-    human_position: Array
     command: WristCommand
     answer: JointCommand
 
@@ -93,7 +91,6 @@ class Handover:
         self.arm = SimulatedArm(scenario.robot)
         self.arm.reset(scenario.start_posture)
         self.hand = TrackedHand(Replay.from_trial(trial), sensor)
-        self._human = Replay.from_motion(trial.times, trial.p2)
         self._time_ns = 0
         self._phase_rate = 1.0
         self._rotation: Array | None = None
@@ -149,11 +146,9 @@ class Handover:
         self._phase_rate = answer.speed_scale
         if answer.velocities is not None:
             self.arm.command(answer.velocities)
-        human = self._human.newest(max(0.0, now_s - self.hand.start_s))
-        assert human is not None
         period = Period(
-            self._time_ns, positions, velocities, wrist, rotation, samples, human.position,
-            command, answer,
+            self._time_ns, positions, velocities, wrist, rotation, samples, command,
+            answer,
         )  # fmt: skip
         self.arm.advance(self.period_s)
         self._time_ns += round(self.period_s * NANOSECONDS)

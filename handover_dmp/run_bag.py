@@ -7,7 +7,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from handover_dmp.handover import NANOSECONDS, Period
+from handover_dmp.hand.filtering import interpolate
+from handover_dmp.handover import NANOSECONDS, Period, REPLAY_AT_S
 from handover_dmp.recording import BagWriter, Qos
 from handover_dmp.recording.messages import (
     clock,
@@ -35,6 +36,7 @@ from handover_dmp.topics import (
     TWIST_COMMAND,
     WRIST_POSE,
 )
+import numpy as np
 import pinocchio
 
 
@@ -60,12 +62,22 @@ def write_run_bag(
         _write(bag, INFO, string(json.dumps(info)), start_ns)
         state = None
         rotation = periods[0].wrist_rotation
-        for period in periods:
+        for period, human in zip(periods, _human_path(scenario, periods), strict=True):
+            _write(bag, HUMAN_POSE, pose_stamped(period.time_ns, human), period.time_ns)
             for topic, message in _messages(period, scenario.robot.joint_names, rotation):
                 _write(bag, topic, message, period.time_ns)
             if period.command.state is not state:
                 state = period.command.state
                 _write(bag, STATE, string(state.value), period.time_ns)
+
+
+def _human_path(scenario: Scenario, periods: Sequence[Period]) -> list[list[float]]:
+    """Where P2 was in the recording at each period, at rest before and after."""
+    trial = scenario.trial
+    since = np.array([period.time_ns for period in periods]) / NANOSECONDS - REPLAY_AT_S
+    times = trial.times[0] + np.clip(since, 0.0, trial.duration_s)
+    path: list[list[float]] = interpolate(trial.times, trial.p2)(times).tolist()
+    return path
 
 
 def _messages(
@@ -88,7 +100,6 @@ def _messages(
             HAND_POSE,
             pose_stamped(round(sample.stamp_s * NANOSECONDS), sample.position.tolist()),
         )
-    yield HUMAN_POSE, pose_stamped(time_ns, period.human_position.tolist())
     yield POSE_COMMAND, _pose(time_ns, command.position, commanded_rotation)
     yield TWIST_COMMAND, twist_stamped(time_ns, command.velocity)
     yield PHASE, _labelled(command.numbers(time_ns / NANOSECONDS))
