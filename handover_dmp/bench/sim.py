@@ -83,7 +83,7 @@ def run(progress: Callable[[str], None]) -> list[Measurement]:
 
 
 def _handover_speed() -> float:
-    """Simulated by real time of whole handovers, in the median."""
+    """Run whole handovers; give simulated by real time, in the median."""
     scenario = make_scenario()
     speeds = []
     for _ in range(9):
