@@ -9,6 +9,7 @@ from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING
 
+from handover_dmp.errors import UsageError
 from handover_dmp.evaluation import LEARN
 
 if TYPE_CHECKING:
@@ -44,8 +45,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='band, mean and model from all other trials, the one left out as the test',
     )
     add_learning_arguments(parser)
+    add_running_arguments(parser)
+    parser.add_argument('--no-figures', action='store_true', help='the tables alone')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write the table as JSON, too')
+
+
+def add_running_arguments(parser: argparse.ArgumentParser) -> None:
+    """
+    Declare what decides about chance and about processes.
+
+    Args:
+        parser: parser of a verb.
+
+    """
     parser.add_argument(
-        '--seed', type=int, default=0, help='of the bootstrap (default: %(default)s)'
+        '--seed', type=int, default=0, help='of everything random (default: %(default)s)'
     )
     parser.add_argument(
         '--jobs',
@@ -54,8 +68,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='N',
         help='processes, -1 for one a processor; changes no result (default: %(default)s)',
     )
-    parser.add_argument('--no-figures', action='store_true', help='the tables alone')
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write the table as JSON, too')
+
+
+def check_running_options(options: argparse.Namespace) -> None:
+    """
+    Check what `add_running_arguments` declared.
+
+    Args:
+        options: the parsed words.
+
+    Raises:
+        UsageError: a negative seed, or a number of processes that makes no sense.
+
+    """
+    if options.seed < 0:
+        raise UsageError(f'--seed {options.seed} is negative')
+    if options.jobs == 0 or options.jobs < -1:
+        raise UsageError(f'--jobs {options.jobs}: give a number above 0, or -1 for all processors')
 
 
 def add_learning_arguments(parser: argparse.ArgumentParser) -> None:
@@ -134,15 +163,14 @@ def run(options: argparse.Namespace) -> int:
         0.
 
     Raises:
-        UsageError: an unknown word in `--learn`.
+        UsageError: an unknown word in `--learn`, a senseless seed or number of processes.
         DataError: the data set cannot be evaluated.
 
     """
+    check_running_options(options)
     learn = tuple(dict.fromkeys(word.strip() for word in options.learn.split(',')))
     unknown = [word for word in learn if word not in LEARN]
     if unknown:
-        from handover_dmp.errors import UsageError
-
         raise UsageError(f'--learn {unknown[0]!r}: known are {", ".join(LEARN)}')
     from handover_dmp.evaluation.protocol import evaluate, Protocol
     from handover_dmp.evaluation.report import write_report

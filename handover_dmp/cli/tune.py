@@ -6,7 +6,14 @@ import argparse
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
-from handover_dmp.cli.evaluate import add_learning_arguments, progress_bar, read_learning
+from handover_dmp.cli.evaluate import (
+    add_learning_arguments,
+    add_running_arguments,
+    check_running_options,
+    progress_bar,
+    read_learning,
+)
+from handover_dmp.errors import UsageError
 
 if TYPE_CHECKING:
     from handover_dmp.evaluation.tuning import Tuning
@@ -38,14 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='N',
         help='how many sets of parameters to try (default: %(default)s)',
     )
-    parser.add_argument('--seed', type=int, default=0, help='of the search (default: %(default)s)')
-    parser.add_argument(
-        '--jobs',
-        type=int,
-        default=1,
-        metavar='N',
-        help='processes, -1 for one a processor; changes no result (default: %(default)s)',
-    )
+    add_running_arguments(parser)
     parser.add_argument('--json', type=Path, metavar='FILE', help='write what was found as JSON')
 
 
@@ -60,12 +60,11 @@ def run(options: argparse.Namespace) -> int:
         0.
 
     Raises:
-        UsageError: fewer than one candidate.
+        UsageError: fewer than one candidate, a senseless seed or number of processes.
         DataError: the data set cannot be used.
 
     """
-    from handover_dmp.errors import UsageError
-
+    check_running_options(options)
     if options.candidates < 1:
         raise UsageError(f'--candidates {options.candidates} is not above 0')
     from dataclasses import asdict

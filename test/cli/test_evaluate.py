@@ -132,6 +132,10 @@ def test_faults_are_named_in_one_line(data_set, tmp_path, capsys):
     assert code == 1 and 'sigma' in line
     code, line = fault(capsys, str(data_set), *out, '--parameters', str(tmp_path / 'no.yaml'))
     assert code == 1 and 'no.yaml' in line
+    code, line = fault(capsys, str(data_set), *out, '--jobs', '0')
+    assert code == 2 and '--jobs' in line
+    code, line = fault(capsys, str(data_set), *out, '--seed', '-1')
+    assert code == 2 and '--seed' in line
     assert not (tmp_path / 'out').exists()
 
 
