@@ -58,6 +58,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except HandoverError as error:
         print(f'handover_dmp {options.verb}: {error}', file=sys.stderr)
         return error.exit_code
+    except OSError as error:
+        # A folder that is a file, a full disk, no permission: the user's to mend, not a fault here.
+        if error.filename is None:
+            raise
+        print(f'handover_dmp {options.verb}: {error.filename}: {error.strerror}', file=sys.stderr)
+        return 1
     except KeyboardInterrupt:
         print(f'handover_dmp {options.verb}: interrupted', file=sys.stderr)
         return 130

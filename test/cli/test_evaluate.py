@@ -136,6 +136,9 @@ def test_faults_are_named_in_one_line(data_set, tmp_path, capsys):
     assert code == 2 and '--jobs' in line
     code, line = fault(capsys, str(data_set), *out, '--seed', '-1')
     assert code == 2 and '--seed' in line
+    (tmp_path / 'file').write_text('not a folder')
+    code, line = fault(capsys, str(data_set), '-o', str(tmp_path / 'file'), '--no-figures')
+    assert code == 1 and 'file' in line
     assert not (tmp_path / 'out').exists()
 
 
