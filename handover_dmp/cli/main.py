@@ -59,7 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f'handover_dmp {options.verb}: {error}', file=sys.stderr)
         return error.exit_code
     except OSError as error:
-        # A folder that is a file, a full disk, no permission: the user's to mend, not a fault here.
+        # A folder that is a file, a full disk, no permission: for the user to mend.
         if error.filename is None:
             raise
         print(f'handover_dmp {options.verb}: {error.filename}: {error.strerror}', file=sys.stderr)
