@@ -1,0 +1,142 @@
+"""The main job, as a user runs it: the graph, the bag, the report, the pictures."""
+
+from __future__ import annotations
+
+from collections import Counter
+import json
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+
+from handover_dmp.nodes.graph import NODES
+import pytest
+
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(300)]
+
+LEFT_BEHIND = {
+    'bag', 'figures', 'index.html', 'logs', 'model.json', 'parameters.yaml', 'report.json',
+    'report.md', 'trial.csv',
+}  # fmt: skip
+
+
+def command(*words: str) -> list[str]:
+    return [sys.executable, '-m', 'handover_dmp', *words]
+
+
+def run(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(command(*words), cwd=folder, capture_output=True, text=True)
+
+
+def test_leaves_a_run_that_others_can_read(tmp_path: Path) -> None:
+    done = run('demo', '--json', 'told.json', folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert 'handed over' in done.stdout
+    (folder,) = (tmp_path / 'runs').iterdir()
+    assert folder.name.endswith('_give_engine_bay')
+    assert {entry.name for entry in folder.iterdir()} == LEFT_BEHIND
+    report = json.loads((folder / 'report.json').read_text())
+    assert json.loads((tmp_path / 'told.json').read_text()) == report
+    assert report['handed_over'] is True
+    assert report['exchange_gap_m'] < 0.02
+    assert report['limits']['met'] is True
+    assert set(report['nodes']) == set(NODES)
+    for name in ('positions', 'scene_start', 'scene_middle', 'scene_exchange'):
+        assert (folder / 'figures' / f'{name}.png').read_bytes()[:4] == b'\x89PNG'
+        assert f'figures/{name}.png' in (folder / 'report.md').read_text()
+    for name in NODES:
+        assert (folder / 'logs' / f'{name}.log').read_text() == '', name
+
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import get_typestore, Stores
+
+    counts: Counter[str] = Counter()
+    with AnyReader([folder / 'bag'], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as bag:
+        for connection, _, data in bag.messages():
+            bag.deserialize(data, connection.msgtype)
+            counts[connection.topic] += 1
+    assert counts['/wrist/pose'] > 300
+    assert counts['/handover/info'] == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('exchange', ['give', 'take'])
+@pytest.mark.parametrize('number', [1, 2, 3, 4])
+def test_hands_over_to_every_recorded_person(
+    kth_folder: Path, tmp_path: Path, exchange: str, number: int
+) -> None:
+    trial = kth_folder / f'raw_{exchange}_{number}.csv'
+    done = run('demo', '--trial', str(trial), '-o', 'run', folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    report = json.loads((tmp_path / 'run' / 'report.json').read_text())
+    assert report['handed_over'] is True
+    assert report['limits']['met'] is True
+    assert 'base at' in (tmp_path / 'run' / 'report.md').read_text()
+
+
+def test_says_so_when_a_node_dies(tmp_path: Path) -> None:
+    demo = subprocess.Popen(
+        command('demo', '-o', 'run'), cwd=tmp_path, stderr=subprocess.PIPE, text=True
+    )
+    victim = None
+    end = time.monotonic() + 120.0
+    while victim is None and time.monotonic() < end:
+        time.sleep(0.1)
+        for child in Path(f'/proc/{demo.pid}/task/{demo.pid}/children').read_text().split():
+            words = Path(f'/proc/{child}/cmdline').read_bytes().split(b'\0')
+            if b'handover_dmp.nodes.dmp' in words:
+                victim = int(child)
+    assert victim is not None
+    os.kill(victim, signal.SIGKILL)
+    said = demo.communicate(timeout=120)[1].strip().splitlines()
+    assert demo.returncode == 1
+    assert said == ['handover_dmp demo: dmp ended with code -9']
+
+
+@pytest.mark.parametrize('verb', ['demo', 'simulate'])
+@pytest.mark.parametrize(
+    ('content', 'fault'),
+    [
+        (None, 'no such file'),
+        ('', 'is empty'),
+        ('t,p1_x,p1_y,p1_z,p2_x,p2_y,p2_z\n0,0,0,0,0,0,0\n', 'at least 10'),
+    ],
+)
+def test_bad_trials_give_one_line_and_leave_nothing(
+    tmp_path: Path, verb: str, content: str | None, fault: str
+) -> None:
+    trial = tmp_path / 'trial.csv'
+    if content is not None:
+        trial.write_text(content)
+    done = run(verb, '--trial', str(trial), '-o', 'run', folder=tmp_path)
+    assert done.returncode == 1
+    (line,) = done.stderr.strip().splitlines()
+    assert str(trial) in line
+    assert fault in line
+    assert not (tmp_path / 'run').exists()
+
+
+def test_an_unreachable_way_names_the_distance(tmp_path: Path) -> None:
+    done = run('simulate', '--scale', '6', folder=tmp_path)
+    assert done.returncode == 1
+    assert 'm are missing' in done.stderr
+    assert not (tmp_path / 'runs').exists()
+
+
+def test_simulates_the_same_every_time(tmp_path: Path) -> None:
+    for name in ('one', 'two'):
+        assert run('simulate', '-o', name, folder=tmp_path).returncode == 0
+    bags = [(tmp_path / name / 'bag' / 'bag_0.mcap').read_bytes() for name in ('one', 'two')]
+    reports = [
+        json.loads((tmp_path / name / 'report.json').read_text()) for name in ('one', 'two')
+    ]
+    for report in reports:
+        for changing in ('run', 'bag'):
+            del report[changing]
+    assert reports[0] == reports[1]
+    assert len(bags[0]) > 100_000
+    done = run('simulate', '-o', 'one', folder=tmp_path)
+    assert done.returncode == 1
+    assert 'never overwritten' in done.stderr
