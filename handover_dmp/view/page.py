@@ -172,7 +172,6 @@ class _Drawing:
 
     def _draw_robot(self) -> None:
         import pinocchio as pin
-        from pinocchio.visualize import MeshcatVisualizer
 
         robot, scene = self._stage.robot, self._stage.scene
         model = robot.pinocchio_model
@@ -182,10 +181,6 @@ class _Drawing:
             pin.GeometryType.VISUAL,
             package_dirs=[str(folder) for folder in robot.urdf_path.parents],
         )
-        viewer = MeshcatVisualizer(model, pin.GeometryModel(), visual)
-        viewer.initViewer(viewer=self._root)
-        viewer.loadViewerModel(rootNodeName='robot')
-        viewer.display(robot.home)
         data, shapes = model.createData(), visual.createData()
         tracks: dict[str, list[tuple[Array, Array]]] = {g.name: [] for g in visual.geometryObjects}
         for time_s in self._times:
@@ -195,10 +190,18 @@ class _Drawing:
                 turn = pin.Quaternion(place.rotation).coeffs()
                 tracks[shape.name].append((place.translation.copy(), turn))
         for shape in visual.geometryObjects:
-            if shape.parentJoint:
-                name = viewer.getViewerNodeName(shape, pin.GeometryType.VISUAL)
-                node = self._root[name]
-                self._move(node, tracks[shape.name])
+            node = self._root[f'robot/{shape.name}']
+            node.set_object(self._shape(shape), self._material(shape.meshColor))
+            self._move(node, tracks[shape.name])
+
+    def _shape(self, shape: Any) -> Any:
+        """Give a shape of the robot; MeshCat's own readers of mesh files lose parts of some."""
+        import coal
+        from pinocchio.visualize.meshcat_visualizer import loadPrimitive
+
+        if isinstance(shape.geometry, coal.BVHModelBase):
+            return self._geometry.TriangularMeshGeometry(*_mesh(shape.geometry))
+        return loadPrimitive(shape)
 
     def _draw_person_and_object(self) -> None:
         scene = self._stage.scene
@@ -235,11 +238,9 @@ class _Drawing:
         faces: list[NDArray[np.int64]] = []
         for mesh in part.meshes:
             piece = coal.MeshLoader().load(str(mesh.path), np.array(mesh.scale, dtype=float))
-            triangles = [piece.tri_indices(i) for i in range(piece.num_tris)]
-            faces.append(
-                np.array([[t[0], t[1], t[2]] for t in triangles]) + sum(map(len, corners))
-            )
-            turned = Rotation.from_quat(mesh.orientation).apply(np.array(piece.vertices()))
+            points, triangles = _mesh(piece)
+            faces.append(triangles + sum(map(len, corners)))
+            turned = Rotation.from_quat(mesh.orientation).apply(points)
             corners.append(turned + mesh.position)
         return self._geometry.TriangularMeshGeometry(np.vstack(corners), np.vstack(faces))
 
@@ -287,6 +288,12 @@ class _Drawing:
             track.values = np.round(values, 6).tolist()
             clip.tracks[name] = track
         self._clips[node.path] = clip
+
+
+def _mesh(surface: Any) -> tuple[Array, NDArray[np.int64]]:
+    """Return the corners and the triangles of a surface, (n, 3) and (m, 3)."""
+    triangles = [surface.tri_indices(index) for index in range(surface.num_tris)]
+    return np.array(surface.vertices()), np.array([[t[0], t[1], t[2]] for t in triangles])
 
 
 def _cylinder(radius: float, length: float) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import importlib.util
 import json
 from pathlib import Path
@@ -13,15 +14,19 @@ import subprocess
 import sys
 import time
 from types import ModuleType
+from typing import Any
 from urllib.error import HTTPError
 from urllib.request import urlopen
+from xml.etree import ElementTree
 
 from handover_dmp.cli.main import main
+from handover_dmp.robot.descriptions import example_robot_data_folder
 import numpy as np
 from PIL import Image
 import pytest
 
 pytest.importorskip('meshcat')
+umsgpack = pytest.importorskip('umsgpack')
 CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser')
 PATIENCE_S = 120.0
 
@@ -110,15 +115,36 @@ def test_the_page_asks_for_nothing_from_elsewhere(page: Path) -> None:
     assert 'WebSocket' not in text.rpartition('<script>')[2]
 
 
+def messages_of(page: Path) -> list[dict[str, Any]]:
+    """Unpack what the viewer is told, as the viewer does."""
+    packed = re.search(r'^const commands = (.*);$', page.read_text(encoding='utf-8'), re.MULTILINE)
+    return [umsgpack.unpackb(base64.b64decode(one)) for one in json.loads(packed[1])]
+
+
+def test_no_part_of_an_arm_is_lost(runs: ModuleType, tmp_path: Path) -> None:
+    """Count the triangles in the mesh files of the UR5 (Collada, several meshes a file)."""
+    folder = runs.write_run(tmp_path / 'run', 'ur5')
+    page = tmp_path / 'page.html'
+    assert main(['view', str(folder), '-o', str(page)]) == 0
+    drawn = sum(
+        geometry['data']['index']['array'].data.__len__() // 12  # three numbers of four bytes
+        for message in messages_of(page)
+        if message['type'] == 'set_object' and message['path'].startswith('/meshcat/robot')
+        for geometry in message['object']['geometries']
+    )
+    model = runs.RobotModel.load('ur5')
+    counted = 0
+    for mesh in ElementTree.fromstring(model.urdf_text).iterfind('link/visual/geometry/mesh'):
+        name = mesh.get('filename').removeprefix('package://example-robot-data/')
+        text = (example_robot_data_folder() / name).read_text(encoding='utf-8')
+        counted += sum(map(int, re.findall(r'<triangles[^>]* count="(\d+)"', text)))
+    assert counted > 10_000
+    assert drawn == pytest.approx(counted, rel=0.01)
+
+
 def test_poses_in_the_page_are_those_of_the_run(runs: ModuleType, page: Path) -> None:
-    """Unpack the messages as the viewer does, and follow the wrist by the robot's last link."""
-    import base64
-
-    import umsgpack
-
-    text = page.read_text(encoding='utf-8')
-    packed = json.loads(re.search(r'^const commands = (.*);$', text, re.MULTILINE)[1])
-    messages = [umsgpack.unpackb(base64.b64decode(one)) for one in packed]
+    """Follow the wrist by the robot's last link."""
+    messages = messages_of(page)
     (animation,) = (m for m in messages if m['type'] == 'set_animation')
     drawn = {m['path'] for m in messages if m['type'] == 'set_object'}
     model = runs.RobotModel.load('lwr4', base=runs.BASE)
