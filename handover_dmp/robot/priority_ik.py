@@ -240,6 +240,10 @@ class PriorityIk:
             self.options.posture_gain,
             self.options.limit_margin,
         )
+        self._limit_names = [
+            tuple(f'{joint} {limit}' for limit in ('acceleration', 'velocity', 'position'))
+            for joint in model.joint_names
+        ]
         self._fastest = model.limits.velocity.tolist()
         self._hardest = model.limits.acceleration.tolist()
         self._elbow = _elbow(model)
@@ -306,7 +310,7 @@ class PriorityIk:
             position,
             velocity,
             partner,
-            np.maximum(upper, -lower),
+            (lower, upper),
             dt,
         )
         turning, turning_speed = self._orientation(position, rotation, angular, target, partner)
@@ -419,7 +423,7 @@ class PriorityIk:
         position: Array,
         velocity: Array,
         partner: Partner | None,
-        fastest: Array,
+        box: tuple[Array, Array],
         dt: float,
     ) -> tuple[list[str], Array, Array]:
         """Give names, rows (k, n) and bounds (k,) of level 1: rows q̇ ≥ bounds."""
@@ -435,6 +439,7 @@ class PriorityIk:
         near: list[NearPair] = []
         if self._collisions is not None:
             if options.self_collision:
+                fastest = np.maximum(box[1], -box[0])
                 near += self._collisions.near_pairs(
                     joint_positions, world_jacobian, self._closing, fastest
                 )
@@ -481,12 +486,9 @@ class PriorityIk:
     def _active(
         self, velocity: Array, previous: Array, lower: Array, upper: Array, dt: float
     ) -> list[str]:
-        inside = (lower + TOUCHING < velocity) & (velocity < upper - TOUCHING)
-        if inside.all():
-            return []
         names: list[str] = []
         limits = zip(
-            self.model.joint_names,
+            self._limit_names,
             velocity.tolist(),
             previous.tolist(),
             lower.tolist(),
@@ -499,11 +501,11 @@ class PriorityIk:
             if low + TOUCHING < speed < high - TOUCHING:
                 continue
             if abs(speed - before) >= hardest * dt - TOUCHING:
-                names.append(f'{joint} acceleration')
+                names.append(joint[0])
             elif abs(speed) >= fastest - TOUCHING:
-                names.append(f'{joint} velocity')
+                names.append(joint[1])
             else:
-                names.append(f'{joint} position')
+                names.append(joint[2])
         return names
 
 

@@ -94,13 +94,10 @@ class PostureTask:
             margin: rad before a limit from where the joint is pushed away, 20 times as hard.
 
         """
-        self._home = home
-        self._low = limits.lower + margin
-        self._high = limits.upper - margin
-        self._fastest = fastest
-        self._slowest = -fastest
         self._gain = gain
         self._push = 20.0 * gain
+        columns = (home, limits.lower + margin, limits.upper - margin, fastest)
+        self._joints = [tuple(map(float, joint)) for joint in zip(*columns, strict=True)]
 
     def velocity(self, joint_positions: Array) -> Array:
         """
@@ -113,14 +110,20 @@ class PostureTask:
             (n,), rad/s.
 
         """
-        wanted = self._home - joint_positions
-        wanted *= self._gain
-        back = np.minimum(np.maximum(joint_positions, self._low), self._high)
-        back -= joint_positions
-        if back.any():
-            wanted += self._push * back
-        np.maximum(wanted, self._slowest, out=wanted)
-        return np.minimum(wanted, self._fastest, out=wanted)
+        gain, push = self._gain, self._push
+        wanted = []
+        # plain floats and no min(), max(): for a handful of joints twice as fast as arrays
+        for position, (home, low, high, fastest) in zip(
+            joint_positions.tolist(), self._joints, strict=True
+        ):
+            speed = gain * (home - position)
+            if position < low:
+                speed += push * (low - position)
+            elif position > high:
+                speed += push * (high - position)
+            speed = speed if speed < fastest else fastest
+            wanted.append(speed if speed > -fastest else -fastest)
+        return np.array(wanted)
 
 
 def _at_most(vector: Array, length: float) -> Array:
