@@ -142,4 +142,4 @@ def answering(time_ns: int, velocities: Iterable[float]) -> Float64MultiArray:
 def period_of(message: Float64MultiArray) -> int | None:
     """Return the time of the period that a joint command answers, ns; None if it names none."""
     label = message.layout.dim[0].label if message.layout.dim else ''
-    return int(label) if label.isdecimal() else None
+    return int(label) if label.isdecimal() and len(label) < 20 else None

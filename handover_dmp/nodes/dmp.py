@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
+from math import isfinite, nan
 from pathlib import Path
 import sys
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
-from handover_dmp.controller import HandoverController, HandoverOptions
+from handover_dmp.controller import HandoverController, HandoverOptions, MOVING
 from handover_dmp.dmp import DecoupledDmp, relearn
 from handover_dmp.hand import GoalEstimator, HandFilter
 from handover_dmp.nodes.conversions import (
@@ -45,6 +46,7 @@ from handover_dmp.topics import (
 import numpy as np
 from std_msgs.msg import Float64MultiArray, Header, String
 
+LONGEST_STALL_S = 0.5
 PRIMITIVE = (
     Parameter('stiffness', 'K of (8)', 0.001, 10000.0),
     Parameter('damping', 'D of (8); 0: critical, 2 sqrt(K)', 0.0, 1000.0),
@@ -111,11 +113,18 @@ class Dmp(HandoverNode):
         self._phase_rate_ns = -1
         self._rotation: Any = None
         self._last_s: float | None = None
+        self._stepped_s: float | None = None
+        self._signal_s: float | None = None
         self._faults: dict[str, int] = {}
         self._connect()
         self._markers = Markers(self, _path(learnt))
         self._clock_of_periods = Lockstep(
-            period_s, self._answer, self._publish, ready=self._ready, jumped=self._jumped
+            period_s,
+            self._answer,
+            self._publish,
+            begun=lambda: self._newest_hand_ns >= 0,
+            ready=self._ready,
+            jumped=self._jumped,
         )
         if not self.lockstep:
             self._phase_lock = PhaseLock(self.every(period_s, self._tick))
@@ -168,12 +177,18 @@ class Dmp(HandoverNode):
 
     def _on_ik_status(self, message: Float64MultiArray) -> None:
         values = values_of(message)
-        self._phase_rate = values['speed_scale']
-        self._phase_rate_ns = round(values['time_s'] * NANOSECONDS)
+        scale, time_s = values.get('speed_scale', nan), values.get('time_s', nan)
+        if not (0.0 <= scale <= 1.0 and isfinite(time_s)):
+            self._fault('status of the inverse kinematics makes no sense')
+            return
+        self._phase_rate = scale
+        self._phase_rate_ns = round(time_s * NANOSECONDS)
         self._clock_of_periods.look()
 
     def _on_signal(self, message: Header) -> None:
-        self._controller.signal(nanoseconds(message.stamp) / NANOSECONDS)
+        self._signal_s = nanoseconds(message.stamp) / NANOSECONDS
+        if self._stepped_s is not None:
+            self._controller.signal(self._signal_s)
 
     # Services and parameters
 
@@ -200,8 +215,7 @@ class Dmp(HandoverNode):
         hand_period_ns = round(self.values['lockstep_hand_period_s'] * NANOSECONDS)
         timeout_ns = round(self._controller.options.hand_timeout_s * NANOSECONDS)
         hand_age_ns = tick_ns - self._newest_hand_ns
-        expected = self._newest_hand_ns >= 0 and hand_age_ns < timeout_ns
-        hand = not expected or hand_age_ns < hand_period_ns
+        hand = hand_age_ns < hand_period_ns or hand_age_ns >= timeout_ns
         answered_ns = self._clock_of_periods.answered_ns
         return hand and self._phase_rate_ns in (answered_ns, -1)
 
@@ -222,6 +236,7 @@ class Dmp(HandoverNode):
 
     def _step(self, now_s: float, arrival_s: float, elapsed_s: float, time_ns: int) -> None:
         self._periods.tick()
+        self._watch_time(now_s, arrival_s)
         command = self._controller.step(now_s, elapsed_s, self._phase_rate, arrival_s)
         if command is None:
             return
@@ -233,6 +248,16 @@ class Dmp(HandoverNode):
         self._say()
         controller = self._controller
         self._markers.update(time, controller.hand, controller.wrist, controller.exchange)
+
+    def _watch_time(self, now_s: float, arrival_s: float) -> None:
+        """Take up nothing that began before this node did, or before it stalled for long."""
+        last_s, self._stepped_s = self._stepped_s, arrival_s
+        if last_s is None:
+            if self._signal_s is not None and self._signal_s >= now_s:
+                self._controller.signal(self._signal_s)
+        elif self._controller.state in MOVING and not 0 <= arrival_s - last_s <= LONGEST_STALL_S:
+            self._fault('time jumped, or this node stalled: aborted')
+            self._controller.abort()
 
     def _publish(self) -> None:
         if self._pose is not None:

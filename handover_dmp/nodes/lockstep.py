@@ -3,8 +3,8 @@ Answering each period of simulated time once, however slow the machine.
 
 `robot_sim` does not step on before the joint command of a period has come, so every node has one
 answer a period to give: when it has been asked, and when all that the answer needs is there. A
-message that was lost makes `robot_sim` ask again; then the same answer is given again, and after
-some times of asking an answer without the input that does not come.
+message that was lost makes `robot_sim` ask again; then the same answer is given again. An input
+that does not come for long is done without, and from then on not waited for until it comes again.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 from handover_dmp.nodes.conversions import NANOSECONDS
 
-ASKED_IN_VAIN = 3
+ASKED_IN_VAIN = 20
 JUMP_PERIODS = 10
 
 
@@ -26,6 +26,7 @@ class Lockstep:
         answer: Callable[[int, float], None],
         again: Callable[[], None],
         *,
+        begun: Callable[[], bool] = lambda: True,
         ready: Callable[[int], bool] = lambda _tick_ns: True,
         jumped: Callable[[], None] = lambda: None,
     ) -> None:
@@ -37,6 +38,7 @@ class Lockstep:
             answer: computes and publishes the answer to a period, given its time, ns, and the
                 time since the last one answered, s.
             again: publishes the last answer again.
+            begun: whether every input has come once; before that there is no answer.
             ready: whether all that the answer needs is there.
             jumped: called before the answer where time went back or far ahead.
 
@@ -44,7 +46,9 @@ class Lockstep:
         self._period_ns = round(period_s * NANOSECONDS)
         self._answer = answer
         self._again = again
+        self._begun = begun
         self._ready = ready
+        self._waits = ASKED_IN_VAIN
         self._jumped = jumped
         self._asked_ns: int | None = None
         self._times_asked = 0
@@ -70,8 +74,10 @@ class Lockstep:
         tick_ns = self._asked_ns
         if tick_ns is None or tick_ns == self.answered_ns:
             return
-        if not self._ready(tick_ns) and self._times_asked < ASKED_IN_VAIN:
+        ready = self._begun() and self._ready(tick_ns)
+        if not ready and (self._times_asked < self._waits or not self._begun()):
             return
+        self._waits = ASKED_IN_VAIN if ready else 1
         elapsed_ns = self._period_ns
         if self.answered_ns is not None:
             elapsed_ns = tick_ns - self.answered_ns

@@ -104,6 +104,7 @@ class PriorityIkNode(HandoverNode):
         self._active: tuple[str, ...] = ()
         self._refused = 0
         self._connect()
+        self._taken_ns: int | None = None
         self._lockstep = Lockstep(self._period_s, self._answer, self._publish, ready=self._ready)
         if not self.lockstep:
             self._phase_lock = PhaseLock(self.every(self._period_s, self._tick))
@@ -183,11 +184,16 @@ class PriorityIkNode(HandoverNode):
 
     def _ready(self, tick_ns: int) -> bool:
         pose = self._pose
-        return pose is not None and self._matched() and nanoseconds(pose.header.stamp) == tick_ns
+        if pose is not None and self._matched() and nanoseconds(pose.header.stamp) == tick_ns:
+            return True
+        # who has not commanded for so long is gone, and is not waited for
+        timeout_ns = round(self._controller.options.command_timeout_s * NANOSECONDS)
+        return self._taken_ns is not None and tick_ns - self._taken_ns > timeout_ns
 
     def _answer(self, tick_ns: int, elapsed_s: float) -> None:
         now_s = tick_ns / NANOSECONDS
         if self._pose is not None:
+            self._taken_ns = tick_ns
             self._take(now_s)
         self._solve(now_s, elapsed_s, tick_ns)
 
