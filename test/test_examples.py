@@ -11,6 +11,7 @@ import sys
 from handover_dmp.hand import synthesize, write_data_set
 import pytest
 
+pytestmark = pytest.mark.timeout(1800)  # on a machine that does much else
 EXAMPLES = Path(__file__).resolve().parents[1] / 'examples'
 MOST_LINES = 40
 HEADER_LINES = 14  # of the licence, and the line below
@@ -22,7 +23,6 @@ def run(name: str, *words: str | Path) -> str:
         [sys.executable, str(EXAMPLES / f'{name}.py'), *map(str, words)],
         capture_output=True,
         text=True,
-        timeout=240,
     )
     assert result.returncode == 0, result.stderr
     return result.stdout

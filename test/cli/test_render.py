@@ -14,6 +14,7 @@ from PIL import Image, ImageSequence
 import pytest
 
 imageio_ffmpeg = pytest.importorskip('imageio_ffmpeg')
+pytestmark = pytest.mark.timeout(1800)  # on a machine that does much else
 SMALL = ('--size', '160x120', '--rate', '10', '--jobs', '1')
 
 
