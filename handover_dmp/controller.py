@@ -173,6 +173,19 @@ class HandoverController:
             return float('inf')
         return max(0.0, arrival_s - self._hand_arrival_s)
 
+    def estimate(self, now_s: float) -> HandEstimate | None:
+        """
+        Tell where the hand is and how fast it moves.
+
+        Args:
+            now_s: the time, s, on the clock of the stamps.
+
+        Returns:
+            The estimate; None before the first pose.
+
+        """
+        return self._estimator.estimate(now_s)
+
     def forget_hand(self) -> None:
         """Start anew with the hand, e.g. after time has jumped; the wrist brakes until then."""
         self._estimator.reset()
@@ -268,7 +281,7 @@ class HandoverController:
             return None
         if self._primitive is None:
             self._primitive = self.model.initial_state(self._wrist)
-        hand = self._estimator.estimate(now_s)
+        hand = self.estimate(now_s)
         age = self.hand_age_s(now_s if arrival_s is None else arrival_s)
         self._start_if_signalled(now_s, hand)
         fresh = hand is not None and age <= self.options.hand_timeout_s

@@ -21,6 +21,7 @@ from handover_dmp.hand.sensor import SensorModel
 from handover_dmp.hand.tracking import TrackedHand
 from handover_dmp.robot.arm import SimulatedArm
 from handover_dmp.robot.priority_ik import PriorityIk, WristTarget
+from handover_dmp.robot.separation import Partner
 from handover_dmp.robot.wrist_controller import JointCommand, WristController
 from handover_dmp.scenario import Scenario
 import numpy as np
@@ -140,8 +141,10 @@ class Handover:
         place, velocity = np.array(command.position), np.array(command.velocity)
         target = WristTarget(place, velocity, self._rotation, STILL)
         self.wrist_controller.set_target(target, now_s)
-        if samples:
-            self.wrist_controller.set_hand(samples[-1].position, now_s)
+        estimate = self.controller.estimate(now_s)
+        if samples and estimate is not None:
+            known = Partner(np.array(estimate.position), np.array(estimate.velocity))
+            self.wrist_controller.set_hand(known, now_s)
         answer = self.wrist_controller.update(now_s, self.period_s)
         self._phase_rate = answer.speed_scale
         if answer.velocities is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from datetime import datetime
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 import json
 from pathlib import Path
 import platform
@@ -102,10 +102,18 @@ def run_info(scenario: Scenario, scale: float) -> dict[str, Any]:
         'versions': {
             'handover_dmp': __version__,
             'python': platform.python_version(),
-            **{library: version(library) for library in LIBRARIES},
+            **{library: _version(library) for library in LIBRARIES},
         },
         'machine': f'{platform.system()} {platform.machine()}',
     }
+
+
+def _version(library: str) -> str:
+    """Its version; a system's ROS brings some libraries without telling Python."""
+    try:
+        return version(library)
+    except PackageNotFoundError:
+        return 'unknown'
 
 
 def finish(folder: Path, scenario: Scenario) -> dict[str, Any]:

@@ -87,10 +87,6 @@ class Dmp(HandoverNode):
     PARAMETERS = (
         Parameter('model', 'file of the learnt movement; empty: a synthetic one', read_only=True),
         Parameter('rate_hz', 'of the commands, Hz', 10.0, 1000.0, read_only=True),
-        Parameter(
-            'lockstep_hand_period_s', 'how often the hand comes in lockstep, s', 0.001, 1.0,
-            read_only=True,
-        ),
         *HANDOVER,
         *(replace(parameter, read_only=True) for parameter in HAND_FILTER),
     )  # fmt: skip
@@ -212,12 +208,12 @@ class Dmp(HandoverNode):
 
     def _ready(self, tick_ns: int) -> bool:
         """Whether the hand of this period and the arm's answer to the last one are there."""
-        hand_period_ns = round(self.values['lockstep_hand_period_s'] * NANOSECONDS)
-        timeout_ns = round(self._controller.options.hand_timeout_s * NANOSECONDS)
-        hand_age_ns = tick_ns - self._newest_hand_ns
-        hand = hand_age_ns < hand_period_ns or hand_age_ns >= timeout_ns
+        hand = self.hand_is_there(
+            tick_ns, self._newest_hand_ns, self._controller.options.hand_timeout_s
+        )
         answered_ns = self._clock_of_periods.answered_ns
-        return hand and self._phase_rate_ns in (answered_ns, -1)
+        followed = answered_ns is None or self._phase_rate_ns >= answered_ns
+        return hand and (followed or self._phase_rate_ns < 0)
 
     def _answer(self, tick_ns: int, elapsed_s: float) -> None:
         now_s = tick_ns / NANOSECONDS

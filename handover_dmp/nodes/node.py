@@ -16,6 +16,8 @@ from rclpy.publisher import Publisher
 from rclpy.timer import Timer
 from std_srvs.srv import Trigger
 
+ROUNDING_S = 1e-6
+
 
 class HandoverNode(Node):  # type: ignore[misc]
     """A node of the graph."""
@@ -91,6 +93,22 @@ class HandoverNode(Node):  # type: ignore[misc]
         steady = wall or not simulated
         clock = Clock(clock_type=ClockType.STEADY_TIME) if steady else None
         return self.create_timer(period_s, callback, clock=clock)
+
+    def hand_is_there(self, tick_ns: int, newest_ns: int, timeout_s: float) -> bool:
+        """
+        Tell, in lockstep, whether there is no pose of the hand to be waited for.
+
+        Args:
+            tick_ns: time of the period, ns.
+            newest_ns: stamp of the newest pose, ns.
+            timeout_s: age at which the hand is given up, s.
+
+        Returns:
+            Whether it is there, or given up.
+
+        """
+        age_s = (tick_ns - newest_ns) / NANOSECONDS
+        return age_s < self.values['lockstep_hand_period_s'] - ROUNDING_S or age_s >= timeout_s
 
     def now_s(self) -> float:
         """Return the time of stamps, s."""

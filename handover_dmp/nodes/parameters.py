@@ -73,6 +73,9 @@ class Parameter:
 COMMON = (
     Parameter('lockstep', 'wait for each other on simulated time', read_only=True),
     Parameter(
+        'lockstep_hand_period_s', 'how often the hand comes then, s', 0.001, 1.0, read_only=True
+    ),
+    Parameter(
         'executor', 'which executor of rclpy', choices=('events', 'default'), read_only=True
     ),
 )

@@ -6,6 +6,7 @@ import sys
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped, TwistStamped
+from handover_dmp.hand import GoalEstimator
 from handover_dmp.nodes.conversions import (
     answering,
     labelled,
@@ -24,6 +25,7 @@ from handover_dmp.nodes.phase_lock import PhaseLock
 from handover_dmp.nodes.spinning import run
 from handover_dmp.robot.model import BasePlacement, RobotModel
 from handover_dmp.robot.priority_ik import IkOptions, ORIENTATIONS, PriorityIk, WristTarget
+from handover_dmp.robot.separation import Partner
 from handover_dmp.robot.wrist_controller import WristController, WristControllerOptions
 from handover_dmp.topics import (
     FRAME,
@@ -95,6 +97,8 @@ class PriorityIkNode(HandoverNode):
         on_change(self, TIMEOUTS + TASKS, self._change)
         self._period_s = 1.0 / self.values['rate_hz']
         self._periods = Periods(self._period_s)
+        self._hand = GoalEstimator()
+        self._newest_hand_ns = -NANOSECONDS
         self._pose: PoseStamped | None = None
         self._twist: TwistStamped | None = None
         self._answered_s: float | None = None
@@ -155,8 +159,18 @@ class PriorityIkNode(HandoverNode):
             self._phase_lock.arrived()
 
     def _on_hand(self, message: PoseStamped) -> None:
-        if message.header.frame_id == FRAME:
-            self._controller.set_hand(position_of(message), self.arrival_s())
+        if message.header.frame_id != FRAME:
+            self._refused += 1
+            return
+        self._newest_hand_ns = nanoseconds(message.header.stamp)
+        stamp_s = self._newest_hand_ns / NANOSECONDS
+        self._hand.update(stamp_s, position_of(message))
+        estimate = self._hand.estimate(stamp_s)
+        if estimate is not None:
+            known = Partner(np.array(estimate.position), np.array(estimate.velocity))
+            self._controller.set_hand(known, stamp_s if self.lockstep else self.arrival_s())
+        if self.lockstep:
+            self._lockstep.look()
 
     def _matched(self) -> bool:
         """Whether pose and twist of one command are there."""
@@ -184,11 +198,14 @@ class PriorityIkNode(HandoverNode):
 
     def _ready(self, tick_ns: int) -> bool:
         pose = self._pose
-        if pose is not None and self._matched() and nanoseconds(pose.header.stamp) == tick_ns:
-            return True
-        # who has not commanded for so long is gone, and is not waited for
-        timeout_ns = round(self._controller.options.command_timeout_s * NANOSECONDS)
-        return self._taken_ns is not None and tick_ns - self._taken_ns > timeout_ns
+        return (
+            pose is not None
+            and nanoseconds(pose.header.stamp) == tick_ns
+            and self._matched()
+            and self.hand_is_there(
+                tick_ns, self._newest_hand_ns, self._controller.options.hand_timeout_s
+            )
+        )
 
     def _answer(self, tick_ns: int, elapsed_s: float) -> None:
         now_s = tick_ns / NANOSECONDS

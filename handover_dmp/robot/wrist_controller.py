@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.priority_ik import IkSolution, PriorityIk, WristTarget
+from handover_dmp.robot.separation import Partner
 from handover_dmp.settings import setting
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -119,7 +120,7 @@ class WristController:
         self._commanded: Array | None = None
         self._target: WristTarget | None = None
         self._target_arrival_s = float('-inf')
-        self._hand: Array | None = None
+        self._hand: Partner | None = None
         self._hand_arrival_s = float('-inf')
         self._order: tuple[tuple[str, ...], list[int]] = ((), [])
 
@@ -196,17 +197,16 @@ class WristController:
         self._target_arrival_s = arrival_s
         return True
 
-    def set_hand(self, position: ArrayLike, arrival_s: float) -> None:
+    def set_hand(self, hand: Partner, arrival_s: float) -> None:
         """
-        Take the position of the partner's hand, for separation and for what points at it.
+        Take what is known of the partner's hand, for separation and for what points at it.
 
         Args:
-            position: (3,), m, in `world`.
+            hand: its position, and its velocity where that is known.
             arrival_s: when it came, s.
 
         """
-        hand = np.asarray(position, dtype=float)
-        if np.all(np.isfinite(hand)):
+        if np.isfinite([*hand.position, *hand.velocity]).all():
             self._hand = hand
             self._hand_arrival_s = arrival_s
 
@@ -257,7 +257,7 @@ class WristController:
         near = float(np.linalg.norm(place - target.position)) < self.options.hold_distance_m
         return near and turned < HELD_ROTATION
 
-    def _is_stalled(self, target: WristTarget, hand: Array | None) -> bool:
+    def _is_stalled(self, target: WristTarget, hand: Partner | None) -> bool:
         """
         Whether even an arm that could change its speed at once would hardly get any nearer.
 
