@@ -1,3 +1,17 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """
 The handover as the wrist sees it: idle, reaching, exchange, done, aborted.
 
@@ -260,6 +274,11 @@ class HandoverController:
     def abort(self) -> None:
         """Brake and hold; nothing but `start` or `reset` leads on from there."""
         self.state = HandoverState.ABORTED
+
+    def hold(self) -> None:
+        """Abort where the wrist is: for commands that stayed away so long that the arm stands."""
+        self.abort()
+        self._primitive = None
 
     def step(
         self, now_s: float, dt: float, phase_rate: float = 1.0, arrival_s: float | None = None

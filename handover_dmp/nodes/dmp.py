@@ -1,3 +1,17 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Node `dmp`: the partner's hand in, the command of the wrist out, 200 times a second."""
 
 from __future__ import annotations
@@ -7,6 +21,7 @@ from dataclasses import asdict, replace
 from math import isfinite, nan
 from pathlib import Path
 import sys
+from time import monotonic
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
@@ -110,6 +125,7 @@ class Dmp(HandoverNode):
         self._rotation: Any = None
         self._last_s: float | None = None
         self._stepped_s: float | None = None
+        self._stepped_monotonic_s = monotonic()
         self._signal_s: float | None = None
         self._faults: dict[str, int] = {}
         self._connect()
@@ -248,12 +264,16 @@ class Dmp(HandoverNode):
     def _watch_time(self, now_s: float, arrival_s: float) -> None:
         """Take up nothing that began before this node did, or before it stalled for long."""
         last_s, self._stepped_s = self._stepped_s, arrival_s
+        stepped_s, self._stepped_monotonic_s = self._stepped_monotonic_s, monotonic()
         if last_s is None:
             if self._signal_s is not None and self._signal_s >= now_s:
                 self._controller.signal(self._signal_s)
         elif self._controller.state in MOVING and not 0 <= arrival_s - last_s <= LONGEST_STALL_S:
             self._fault('time jumped, or this node stalled: aborted')
-            self._controller.abort()
+            if self._stepped_monotonic_s - stepped_s > LONGEST_STALL_S:
+                self._controller.hold()
+            else:
+                self._controller.abort()
 
     def _publish(self) -> None:
         if self._pose is not None:

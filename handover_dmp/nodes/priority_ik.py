@@ -1,3 +1,17 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Node `priority_ik`: the command of the wrist in, joint velocities out; the wrist as measured."""
 
 from __future__ import annotations
@@ -197,15 +211,12 @@ class PriorityIkNode(HandoverNode):
     # Periods
 
     def _ready(self, tick_ns: int) -> bool:
-        pose = self._pose
-        return (
-            pose is not None
-            and nanoseconds(pose.header.stamp) == tick_ns
-            and self._matched()
-            and self.hand_is_there(
-                tick_ns, self._newest_hand_ns, self._controller.options.hand_timeout_s
-            )
-        )
+        options, pose = self._controller.options, self._pose
+        if pose is not None and self._matched() and nanoseconds(pose.header.stamp) == tick_ns:
+            return self.hand_is_there(tick_ns, self._newest_hand_ns, options.hand_timeout_s)
+        # who has not commanded for so long is gone, and is not waited for
+        timeout_ns = round(options.command_timeout_s * NANOSECONDS)
+        return self._taken_ns is not None and tick_ns - self._taken_ns > timeout_ns
 
     def _answer(self, tick_ns: int, elapsed_s: float) -> None:
         now_s = tick_ns / NANOSECONDS
