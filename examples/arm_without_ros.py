@@ -41,7 +41,7 @@ def main() -> None:
             errors.append(robot.wrist_pose(arm.joint_positions)[0] - target.position)
             fastest = np.maximum(fastest, np.abs(arm.joint_velocities))
             arm.advance(PERIOD_S)
-    second_turn = np.linalg.norm(errors, axis=1)[len(errors) // 2 :]
+    second_turn = np.linalg.norm(errors, axis=1)[len(errors) // 2:]  # fmt: skip
     print(f'at most {1e3 * second_turn.max():.2f} mm off in the second turn')
     print('share of the velocity limits:', np.round(fastest / robot.limits.velocity, 2))
 

@@ -112,12 +112,12 @@ class Handover:
 
     @property
     def time_s(self) -> float:
-        """Simulated time, s."""
+        """Return the simulated time, s."""
         return self._time_ns / NANOSECONDS
 
     @property
     def longest_s(self) -> float:
-        """Simulated time after which a handover that is not done will not be, s."""
+        """Return the simulated time after which a handover that is not done will not be, s."""
         return self.hand.start_s + self.scenario.trial.duration_s + LONGEST_EXTRA_S
 
     def begin(self, replay_at_s: float = REPLAY_AT_S) -> None:

@@ -36,7 +36,8 @@ class Loop:
     """A controller, a wrist that is where it was told to be, and a hand that moves on a line."""
 
     def __init__(self, model: DecoupledDmp, **options: object) -> None:
-        self.controller = HandoverController(model, HandoverOptions(**options))  # type: ignore[arg-type]
+        rules = HandoverOptions(**options)  # type: ignore[arg-type]
+        self.controller = HandoverController(model, rules)
         self.hand = np.array(model.goal) - np.array(model.goal_offset)
         self.hand_velocity = np.zeros(3)
         self.now_s = 0.0

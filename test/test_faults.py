@@ -80,10 +80,10 @@ def test_no_fault_of_the_tracker_breaks_an_invariant(handover: Handover, name: s
     speed = speeds(periods)
     assert speed[at[FROM_S]] > 0.2, 'the fault must come in mid-motion'
     if name in BRAKES:
-        still = speed[at[round(FROM_S + HAND_TIMEOUT_S + BRAKING_S, 3)] : at[UNTIL_S]]
+        still = speed[at[round(FROM_S + HAND_TIMEOUT_S + BRAKING_S, 3)]: at[UNTIL_S]]  # fmt: skip
         assert still.max() < 0.01
     if name in GOES_ON:
-        assert speed[at[FROM_S] : at[FROM_S + 0.2]].min() > 0.05
+        assert speed[at[FROM_S]: at[FROM_S + 0.2]].min() > 0.05  # fmt: skip
 
 
 def test_a_jump_is_not_followed_at_once(handover: Handover) -> None:

@@ -96,10 +96,10 @@ def test_damage_gives_a_value_or_one_clear_line(
             st.one_of(
                 st.binary(max_size=30),
                 st.sampled_from(PIECES),
-                st.integers(0, 1500).map(lambda start: bytes(content[start : start + 30])),
+                st.integers(0, 1500).map(lambda start: bytes(content[start:][:30])),
             )
         )
-        content[place : place + length] = piece
+        content[place: place + length] = piece  # fmt: skip
     path = READERS[name].place_in(tmp_path)
     path.write_bytes(content)
     READERS[name].read(path)

@@ -316,7 +316,7 @@ def _placo(model: RobotModel) -> Follower:
         robot.update_kinematics()
         wrist.target_world = position + speed * PERIOD_S
         change: Any = solver.solve(False)
-        return np.asarray(change)[-model.dof :] / PERIOD_S, 1.0
+        return np.asarray(change)[-model.dof:] / PERIOD_S, 1.0  # fmt: skip
 
     step(model.home, np.zeros(model.dof), *_at_home(model))
     return step

@@ -62,7 +62,7 @@ class Run:
     def rms_jerk(self, last_s: float) -> float:
         """Give the root mean square of all joints' jerk during the last seconds, rad/s³."""
         jerk = np.diff(self.velocities, n=2, axis=0) / PERIOD_S**2
-        return float(np.sqrt(np.mean(jerk[-round(last_s / PERIOD_S) :] ** 2)))
+        return float(np.sqrt(np.mean(jerk[-round(last_s / PERIOD_S):] ** 2)))  # fmt: skip
 
     def excess(self, model: RobotModel) -> dict[str, float]:
         """Give the largest use of each limit, 1 being the limit; of position, rad beyond it."""

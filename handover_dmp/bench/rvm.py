@@ -50,7 +50,7 @@ def run(progress: Callable[[str], None]) -> list[Measurement]:
     progress('sparse learning')
     results = [sparse_bayes(design, target) for target in targets]
     seconds = median(
-        time_call(lambda target=target: sparse_bayes(design, target), rounds=9)  # type: ignore[misc]
+        time_call(lambda target=target: sparse_bayes(design, target), rounds=9)
         for target in targets
     )
     errors = [_error(design[:, result.active] @ result.mean, truth) for result in results]

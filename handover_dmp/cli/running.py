@@ -19,15 +19,12 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from handover_dmp.errors import UsageError
 
-if TYPE_CHECKING:
-    from handover_dmp.scenario import Scenario
-
 Tell = Callable[[str, float], None]
-Conduct = Callable[[Path, 'Scenario', dict[str, Any], Tell], None]
+Conduct = Callable[[Path, Any, dict[str, Any], Tell], None]
 
 
 def add_run_arguments(parser: argparse.ArgumentParser) -> None:

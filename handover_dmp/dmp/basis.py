@@ -52,7 +52,7 @@ class Basis:
 
     @property
     def size(self) -> int:
-        """Number m of basis functions."""
+        """Return the number m of basis functions."""
         return self.centres.size
 
     def activations(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -163,8 +163,8 @@ class Intervals:
         velocities[: first + 1] = common[:, : first + 1, 1].T[:, :, None]
 
         # until they are needed, goals wait where the motion will be: memory is what takes the time
-        _turn(goals[:, first:count], positions[first + 1 :])
-        _turn(goal_velocities[:, first:count], velocities[first + 1 :])
+        _turn(goals[:, first:count], positions[first + 1:])  # fmt: skip
+        _turn(goal_velocities[:, first:count], velocities[first + 1:])  # fmt: skip
         flat_positions = positions.reshape(samples, -1)
         flat_velocities = velocities.reshape(samples, -1)
         columns = [
@@ -184,7 +184,7 @@ class Intervals:
             ):
                 after = slice(k + 1, k + 1 + length)
                 rows[0], rows[1] = flat_positions[k], flat_velocities[k]
-                rows[-2 * length : -length] = flat_positions[after]
+                rows[-2 * length: -length] = flat_positions[after]  # fmt: skip
                 rows[-length:] = flat_velocities[after]
                 for part in columns:
                     np.matmul(matrix[:length], rows[:, part], out=flat_positions[after, part])

@@ -156,7 +156,7 @@ class Primitive(ABC):
 
     @property
     def dimensions(self) -> int:
-        """Number of dimensions d."""
+        """Return the number of dimensions d."""
         return int(self.start.size)
 
     def with_parameters(self: Self, **changes: Any) -> Self:
@@ -508,7 +508,7 @@ class Primitive(ABC):
 
     @property
     def _advance(self) -> Callable[[Any, DmpState, Vector, Vector, Step], DmpState]:
-        """What moves on by a step over which goal weight and shape are smooth."""
+        """Tell what moves on by a step over which goal weight and shape are smooth."""
         return type(self)._advance_any
 
     def _advance_any(

@@ -63,7 +63,7 @@ class Hands:
         speeds = np.zeros_like(positions)
         for index, trial in enumerate(trials):
             positions[index, : samples[index]] = trial.p1
-            positions[index, samples[index] :] = trial.p1[-1]
+            positions[index, samples[index]:] = trial.p1[-1]  # fmt: skip
             speeds[index, : samples[index]] = velocities(trial.times, trial.p1)
         return cls(longest - longest[0], positions, speeds, samples)
 
@@ -129,7 +129,7 @@ class Case:
 
     @cached_property
     def hands(self) -> Hands:
-        """The hands of all P1 on one clock."""
+        """Return the hands of all P1 on one clock."""
         return Hands.of(self.trials)
 
 

@@ -170,7 +170,7 @@ def _units(case: Case, protocol: Protocol) -> Iterator[_Unit]:
         tasks = plan(case, learn, leave_one_out=protocol.leave_one_out)
         for method in PRIMITIVES:
             for first in range(0, len(tasks), _CHUNK):
-                yield _Unit(case, band, learn, method, tasks[first : first + _CHUNK])
+                yield _Unit(case, band, learn, method, tasks[first: first + _CHUNK])  # fmt: skip
 
 
 def _band(case: Case, *, leave_one_out: bool) -> Envelope:

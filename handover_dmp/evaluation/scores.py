@@ -50,7 +50,7 @@ class Scores:
 
     @property
     def curves(self) -> int:
-        """Number of curves: three a rollout."""
+        """Return the number of curves: three a rollout."""
         return int(self.counted.sum() * self.sigmas.shape[-1])
 
     @property

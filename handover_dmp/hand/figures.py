@@ -60,7 +60,7 @@ def draw_segmentation(segmented: SegmentedMotion, path: str | Path) -> None:
         distance = np.linalg.norm(positions[:, 3:] - positions[:, :3], axis=1)
         top.plot(times, distance, color='black', lw=1.4)
         for k, (name, colour) in enumerate(_PARTNERS):
-            speed = np.linalg.norm(velocities[:, 3 * k : 3 * k + 3], axis=1)
+            speed = np.linalg.norm(velocities[:, 3 * k: 3 * k + 3], axis=1)  # fmt: skip
             bottom.plot(times, speed, color=colour, lw=1.2, label=name if first == 0 else None)
     _mark_handovers(segmented, top, bottom)
     _line(top, thresholds.near_m, 'near')

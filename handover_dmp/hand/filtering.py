@@ -152,7 +152,7 @@ def _fit(
         bands[k, : count - k] = gram.diagonal(-k)
         products = _THIRD_DIFFERENCE[k:] * _THIRD_DIFFERENCE[: _DEGREE + 1 - k]
         for offset, product in enumerate(products):
-            bands[k, offset : offset + count - _DEGREE] += penalty * product
+            bands[k, offset: offset + count - _DEGREE] += penalty * product  # fmt: skip
     # A straight line passes unchanged; without it, less is lost to rounding.
     slope = (samples[-1] - samples[0]) / elapsed[-1]
     line = samples[0] + elapsed[:, None] * slope

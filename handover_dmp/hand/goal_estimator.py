@@ -303,7 +303,7 @@ class _Track:
             self.count = 1
             return ''
         index = len(poses) if stamp > poses[-1][0] else bisect_left(poses, (stamp,))
-        for near in poses[max(index - 1, 0) : index + 1]:
+        for near in poses[max(index - 1, 0): index + 1]:  # fmt: skip
             if abs(near[0] - stamp) <= _SAME_STAMP_S:
                 return 'repeated'
         if index == 0 or poses[-1][0] - stamp > self.parameters.late_limit_s:

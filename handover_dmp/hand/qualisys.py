@@ -114,7 +114,7 @@ class _Layout:
             raise DataError(f'{where}: {len(cells)} values instead of {count}')
         found: list[float] = []
         for name, first in self.columns.items():
-            place = cells[first : first + 3]
+            place = cells[first: first + 3]  # fmt: skip
             if any(cell.strip().lower() in _NOT_SEEN for cell in place):
                 place = ['0'] * 3
             found += parse_numbers(place, (name,) * 3, where)

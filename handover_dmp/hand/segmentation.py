@@ -271,10 +271,8 @@ class _Stretch:
             return Passage(at_s, f'P2 reaches only {way:.2f} m')
         start, p1_first = onset, False
         p1_onset = _onset(p1_speed, free_from, exchange, thresholds)
-        if (
-            p1_onset is not None
-            and (p1_speed[onset : exchange + 1] > thresholds.reach_speed).any()
-        ):
+        reaching = slice(onset, exchange + 1)
+        if p1_onset is not None and (p1_speed[reaching] > thresholds.reach_speed).any():
             start = min(onset, p1_onset)
             p1_first = _started(p1_speed, p1_onset, exchange) < _started(p2_speed, onset, exchange)
         start = max(start - round(thresholds.margin_s * RATE_HZ), free_from)
@@ -289,7 +287,7 @@ class _Stretch:
         slow = _first(close & (self.closing[near:apart] < thresholds.moving_speed))
         if slow is None:
             return near + int(np.argmin(together))
-        moments = together[slow : slow + round(_MOMENTS_S * RATE_HZ)]
+        moments = together[slow: slow + round(_MOMENTS_S * RATE_HZ)]  # fmt: skip
         return near + slow + int(np.argmax(moments <= moments.min() + _MET_M))
 
 
@@ -297,7 +295,7 @@ def _onset(
     speed: NDArray[np.float64], free_from: int, exchange: int, thresholds: Segmentation
 ) -> int | None:
     """Return where the last reach before the exchange left its rest."""
-    fast = np.flatnonzero(speed[free_from : exchange + 1] > thresholds.reach_speed)
+    fast = np.flatnonzero(speed[free_from: exchange + 1] > thresholds.reach_speed)  # fmt: skip
     if len(fast) == 0:
         return None
     last_fast = free_from + int(fast[-1])
@@ -307,7 +305,7 @@ def _onset(
 
 def _started(speed: NDArray[np.float64], onset: int, exchange: int) -> int:
     """Return where a hand has started to reach, in proportion to how fast it gets."""
-    reach = speed[onset : exchange + 1]
+    reach = speed[onset: exchange + 1]  # fmt: skip
     return onset + int(np.argmax(reach > _STARTED * reach.max()))
 
 

@@ -103,7 +103,7 @@ class HandoverTrial:
 
     @property
     def rate_hz(self) -> float:
-        """Sampling rate by the median period, Hz."""
+        """Return the sampling rate by the median period, Hz."""
         return float(1.0 / np.median(np.diff(self.times)))
 
 

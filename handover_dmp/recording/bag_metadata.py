@@ -95,7 +95,7 @@ class FileStatistics:
 
     @property
     def message_count(self) -> int:
-        """Number of messages."""
+        """Return the number of messages."""
         return sum(self.counts.values())
 
     @property

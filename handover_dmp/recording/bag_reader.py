@@ -102,7 +102,7 @@ class BagInformation:
 
     @property
     def message_count(self) -> int:
-        """Number of messages."""
+        """Return the number of messages."""
         return sum(topic.count for topic in self.topics.values())
 
     @property

@@ -117,7 +117,7 @@ class BagWriter:
 
     @property
     def message_count(self) -> int:
-        """Number of messages written so far."""
+        """Return the number of messages written so far."""
         return sum(file.message_count for file in self._ended) + self._file.message_count
 
     def add_topic(self, name: str, type_name: str, qos: Qos | Iterable[Qos] = COMMAND) -> None:
@@ -312,7 +312,7 @@ class _BagFile:
 
     @property
     def statistics(self) -> FileStatistics:
-        """What has reached the file."""
+        """Tell what has reached the file."""
         writer = self._writer
         if writer.first_ns is None:
             return FileStatistics(self.name)

@@ -102,7 +102,7 @@ class McapFileWriter:
 
     @property
     def message_count(self) -> int:
-        """Number of messages written so far, those of the open chunk among them."""
+        """Return the number of messages written so far, those of the open chunk among them."""
         opened = sum(len(entries) // 2 for entries in self._index.values())
         return sum(self.counts.values()) + opened
 

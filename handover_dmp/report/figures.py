@@ -337,7 +337,7 @@ def draw_timing(run: RunRecord) -> Figure:
     for ax, topic in zip(axes, topics, strict=False):
         periods = np.diff(np.sort(run.stamps[topic])) * 1e3
         _histogram(ax, periods, topic, 'time between messages, ms')
-    rest = axes[len(topics) :]
+    rest = axes[len(topics):]  # fmt: skip
     if age is not None and np.isfinite(age).any():
         begin, end = _shown_span(run)
         used = (run.phase_times >= begin) & (run.phase_times <= end) & np.isfinite(age)

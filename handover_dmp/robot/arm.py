@@ -178,7 +178,7 @@ class SimulatedArm:
 
     @property
     def time_s(self) -> float:
-        """Simulated time since the last reset, s."""
+        """Return the simulated time since the last reset, s."""
         return self._steps * self._time_step_s
 
     @property
@@ -193,7 +193,7 @@ class SimulatedArm:
 
     @property
     def reference_positions(self) -> Array:
-        """What the motors follow: the integral of the interpolated commands, (n,), rad."""
+        """Tell what the motors follow: the integral of the interpolated commands, (n,), rad."""
         return np.array(self._reference)
 
     @property
@@ -203,7 +203,7 @@ class SimulatedArm:
 
     @property
     def report(self) -> ArmReport:
-        """What the arm has to say about its commands since the last reset."""
+        """Tell what the arm has to say about its commands since the last reset."""
         return ArmReport(
             state=self._state,
             accepted=self._count[CommandOutcome.ACCEPTED],

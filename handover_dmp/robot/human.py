@@ -282,7 +282,7 @@ class HumanFigure:
 
     @property
     def parts(self) -> tuple[BodyPart, ...]:
-        """The surface, in pieces that move as one."""
+        """Return the surface, in pieces that move as one."""
         return self._anatomy.parts
 
     @property

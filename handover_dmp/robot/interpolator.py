@@ -69,12 +69,12 @@ class JointInterpolator:
 
     @property
     def velocity(self) -> Array:
-        """The joint velocities that `step` gave last, (n,), rad/s."""
+        """Return the joint velocities that `step` gave last, (n,), rad/s."""
         return self._velocity
 
     @property
     def acceleration(self) -> Array:
-        """The joint accelerations at that moment, (n,), rad/s²."""
+        """Return the joint accelerations at that moment, (n,), rad/s²."""
         return self._acceleration
 
     def step(self, target_velocity: Array, dt: float) -> Array:

@@ -51,7 +51,7 @@ class BasePlacement:
 
     @property
     def rotation(self) -> Array:
-        """The rotation from the root link's axes to those of `world`, (3, 3)."""
+        """Return the rotation from the root link's axes to those of `world`, (3, 3)."""
         c, s = np.cos(self.yaw), np.sin(self.yaw)
         return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
@@ -159,7 +159,7 @@ class RobotModel:
 
     @property
     def dof(self) -> int:
-        """The number of joints."""
+        """Return the number of joints."""
         return len(self.joint_names)
 
     def placed(self, base: BasePlacement) -> RobotModel:
@@ -240,7 +240,7 @@ class RobotModel:
 
     @cached_property
     def shoulder(self) -> Array:
-        """The point of the first joint's axis that is nearest to the second's, (3,), m."""
+        """Return the point of the first joint's axis that is nearest to the second's, (3,), m."""
         from handover_dmp.robot.inverse import shoulder
 
         return shoulder(self)

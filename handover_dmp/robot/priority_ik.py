@@ -180,7 +180,7 @@ class _Problem:
         self.lower = np.zeros(first + rows)
         self.sense = np.zeros(first + rows, dtype=np.intc)
         self.upper[dof] = 1.0
-        self.upper[first : first + extra] = UNBOUNDED
+        self.upper[first: first + extra] = UNBOUNDED  # fmt: skip
         self.extra = slice(0, extra)
         self.position = slice(extra, extra + 3)
         self.speed = extra + 3
@@ -202,7 +202,7 @@ class _Problem:
         self._solver.soft_weights(softness, softness)
 
     def solve(self) -> tuple[Array, bool]:
-        """Give (q̇, s) and whether they are a solution, always from a cold start: without state."""
+        """Give (q̇, s) and whether they solve it, always from a cold start: without state."""
         solution, solved = self._solution()
         if solved:
             return solution, True
@@ -350,7 +350,7 @@ class PriorityIk:
             braking = np.minimum(np.maximum(lower, 0.0), upper)
             bounds = np.minimum(bounds, rows @ braking - TOUCHING)
             matrix[problem.extra, :dof] = rows
-            low[dof + 1 : dof + 1 + key[0]] = bounds
+            low[dof + 1: dof + 1 + key[0]] = bounds  # fmt: skip
         solution, solved = problem.solve()
         joint_velocity = np.minimum(np.maximum(solution[:dof], lower), upper)
         scale = min(max(float(solution[dof]), 0.0), 1.0)
@@ -490,7 +490,7 @@ class PriorityIk:
         a, b, c = apart / distance
         turning = np.array([a, b, c, y * c - z * b, z * a - x * c, x * b - y * a])
         row = turning @ world_jacobian
-        row[self._elbow :] = 0.0
+        row[self._elbow:] = 0.0  # fmt: skip
         square = float(row @ row)
         if square < 1e-4:
             return np.zeros(self.model.dof)

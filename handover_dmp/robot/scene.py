@@ -254,7 +254,7 @@ class Scene:
 
     @property
     def pedestal(self) -> tuple[tuple[float, float, float], ...]:
-        """What the robot stands on: upright cylinders by radius, bottom and top over the floor."""
+        """Tell what the robot stands on: cylinders by radius, bottom and top over the floor."""
         rise = self.model.base.position[2] - self.floor_height_m
         if rise <= 0.02:
             return ()
@@ -381,7 +381,7 @@ class Scene:
         for path, colour in ((self._hand_path, HAND_COLOUR), (self._wrist_path, WRIST_COLOUR)):
             corners = _spaced(path, TRAIL_RADIUS_M)
             for first in range(0, len(corners) - 1, 2):
-                piece = corners[first : first + 3]
+                piece = corners[first: first + 3]  # fmt: skip
                 body = self._tube_body(path[piece], colour)
                 if body is not None:
                     pieces.append(_TrailPiece(body, float(self.times[piece[-1]])))

@@ -337,7 +337,9 @@ def _way(path: Array) -> Array:
 
 
 def _page(stage: Stage, commands: _Commands, trails: dict[str, list[int]]) -> str:
-    script = Path(str(find_spec('meshcat').origin)).parent / 'viewer' / 'dist' / 'main.min.js'  # type: ignore[union-attr]
+    spec = find_spec('meshcat')
+    assert spec is not None, 'it is imported above'
+    script = Path(str(spec.origin)).parent / 'viewer' / 'dist' / 'main.min.js'
     begin, end = stage.span_s
     zero = stage.record.reaching_time_s or begin
     told = [

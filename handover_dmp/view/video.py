@@ -278,18 +278,17 @@ class _Painters:
         return self._pool.map(_paint_one, times)
 
 
-_mine: tuple[Stage, Film]
+_mine: list[tuple[Stage, Film]] = []
 
 
 def _begin_painting(source: Path, options: Film) -> None:
     import atexit
 
-    global _mine
     stack = ExitStack()
-    _mine = stack.enter_context(set_up(source, options.robot)), options
+    _mine.append((stack.enter_context(set_up(source, options.robot)), options))
     atexit.register(stack.close)
 
 
 def _paint_one(time_s: float) -> Picture:
-    stage, options = _mine
+    ((stage, options),) = _mine
     return next(paint(stage, options, [time_s]))

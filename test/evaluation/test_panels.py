@@ -65,7 +65,7 @@ def test_what_is_drawn_has_its_colour(pictures, name, colours):
     with Image.open(pictures[0] / 'figures' / f'{name}.png') as image:
         pixels = np.asarray(image.convert('RGB')).reshape(-1, 3).astype(int)
     for colour in colours:
-        wanted = [int(colour[at : at + 2], 16) for at in (1, 3, 5)]
+        wanted = [int(colour[at: at + 2], 16) for at in (1, 3, 5)]  # fmt: skip
         near = (np.abs(pixels - wanted).max(axis=1) <= 3).sum()
         assert near > 300, colour
 

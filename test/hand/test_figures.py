@@ -32,7 +32,8 @@ def stripes(picture, colour):
     """Count the bands of a colour along one row of pixels."""
     blended = 0.7 * np.array(to_rgb(colour)) + 0.3
     near = (np.abs(picture[..., :3] - blended) < 0.02).all(axis=2)
-    columns = np.flatnonzero(near[int(0.1 * len(near)) : int(0.4 * len(near))].mean(axis=0) > 0.5)
+    upper = slice(int(0.1 * len(near)), int(0.4 * len(near)))
+    columns = np.flatnonzero(near[upper].mean(axis=0) > 0.5)
     # A line of the grid does not make two of one.
     return 1 + int(np.sum(np.diff(columns) > 6)) if len(columns) > 20 else 0
 
@@ -53,7 +54,7 @@ def test_what_is_left_out_and_gaps_do_not_stop_it(play_session, tmp_path):
     draw_segmentation(found, tmp_path / 'out.svg')
     text = (tmp_path / 'out.svg').read_text()
     assert text.startswith('<?xml')
-    keep = np.r_[0:100, 102:104, 200 : len(motion.times)]
+    keep = np.r_[0:100, 102:104, 200: len(motion.times)]  # fmt: skip
     gappy = replace(motion, times=motion.times[keep], p1=motion.p1[keep], p2=motion.p2[keep])
     draw_segmentation(segment(gappy), tmp_path / 'gaps.png')
     assert sorted(path.name for path in tmp_path.iterdir()) == ['gaps.png', 'out.svg']

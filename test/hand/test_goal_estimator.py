@@ -180,7 +180,7 @@ def test_a_new_place_that_lasts_is_believed(rate_hz):
     believed = [estimator.update(stamp, there(stamp)) for stamp in stamps]
     first = stamps[believed.index(True)]
     assert 0.15 <= first - 1.0 <= 0.15 + 1.5 / rate_hz
-    assert all(believed[believed.index(True) :])
+    assert all(believed[believed.index(True):])  # fmt: skip
     estimate = estimator.estimate(stamps[-1])
     np.testing.assert_allclose(estimate.position, there(stamps[-1]), atol=2e-3)
     np.testing.assert_allclose(estimate.velocity, (0.5, 0.0, 0.0), atol=0.02)

@@ -142,7 +142,7 @@ def test_faulty_lines_are_named(tmp_path):
         (17, lines[17][:20], 'line 18: 4 values instead of 11'),
         (18, lines[18].replace('.', 'O', 3), 'line 19: time is'),
     ):
-        broken = [*lines[:row], text, *lines[row + 1 :]]
+        broken = [*lines[:row], text, *lines[row + 1:]]  # fmt: skip
         with pytest.raises(DataError, match=message):
             read(tmp_path, '\n'.join(broken))
     with pytest.raises(DataError, match='11 frames, the header tells of 12'):
@@ -165,7 +165,8 @@ def test_damaged_files_are_read_or_a_data_error(tmp_path, data):
     content = bytearray(qtm().encode())
     for _ in range(data.draw(st.integers(1, 4))):
         at = data.draw(st.integers(0, len(content) - 1))
-        content[at : at + data.draw(st.integers(0, 3))] = data.draw(
+        replaced = slice(at, at + data.draw(st.integers(0, 3)))
+        content[replaced] = data.draw(
             st.sampled_from([b'\t', b'\n', b'\0', b'-', b'9', b'e', b'nan', b'\xff', b''])
         )
     try:

@@ -166,11 +166,12 @@ def test_damage_of_any_kind_is_an_error_or_a_value(
             case 'cut':
                 del content[position:]
             case 'drop':
-                del content[position : position + data.draw(st.integers(1, 64))]
+                del content[position: position + data.draw(st.integers(1, 64))]  # fmt: skip
             case 'insert':
                 content[position:position] = data.draw(st.binary(max_size=64))
             case 'length':
-                content[position : position + 8] = data.draw(
+                length = slice(position, position + 8)
+                content[length] = data.draw(
                     st.sampled_from([b'\xff' * 8, b'\x00' * 8, b'\x00\x00\x00\x00\x01\0\0\0'])
                 )
         if not content:

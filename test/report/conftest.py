@@ -140,7 +140,7 @@ def write_run(
             write(graph.HUMAN_POSE, pose_stamped(stamp, human[index]), time_s)
             write(graph.WRIST_POSE, pose_stamped(stamp, wrist[index]), time_s)
             write(graph.POSE_COMMAND, pose_stamped(stamp, wrist[index]), time_s)
-            ahead = np.gradient(wrist[max(0, index - 1) : index + 2], PERIOD_S, axis=0)
+            ahead = np.gradient(wrist[max(0, index - 1): index + 2], PERIOD_S, axis=0)  # fmt: skip
             write(graph.TWIST_COMMAND, twist_stamped(stamp, ahead[min(1, len(ahead) - 1)]), time_s)
             order = [JOINTS.index(name) for name in names]
             state = joint_state(stamp, names, joints[index][order], speeds[index][order])

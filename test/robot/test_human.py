@@ -60,7 +60,7 @@ def test_wrist_follows_recorded_people(kth_folder):
 
 
 def test_shown_meshes_are_where_the_posture_says():
-    """PyBullet's body of the hand, not the figure's own word for it."""
+    """Ask PyBullet's body of the hand, not the figure's own word for it."""
     figure = HumanFigure(reach(), PARTNER)
     with silenced():
         client = pybullet.connect(pybullet.DIRECT)

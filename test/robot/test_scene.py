@@ -107,12 +107,12 @@ def test_camera_sees_all_of_it_and_wastes_little():
 
 
 def test_bodies_are_drawn_where_the_camera_projects_them(scene):
-    """PyBullet's picture and the arithmetic for floor and framing agree."""
+    """Ask PyBullet's picture and the arithmetic for floor and framing agree."""
     picture = scene.image(float(scene.times[-1]), 480, 360).astype(float)
     camera = scene.camera(480, 360)
     x, y = camera.project(scene.object_position[None])[0]
     column, row = (x + 1) / 2 * 480, (1 - y) / 2 * 360
-    patch = picture[int(row) - 3 : int(row) + 4, int(column) - 3 : int(column) + 4]
+    patch = picture[int(row) - 3: int(row) + 4, int(column) - 3: int(column) + 4]  # fmt: skip
     assert near(patch, (0.98, 0.80, 0.15), 0.15) > 5
 
 
@@ -154,7 +154,7 @@ def test_other_robots_are_drawn_too(robot):
         with_robot = scene.image(0.0, *SIZE)
         x, y = scene.camera(*SIZE).project(scene._wrist_path[:1])[0]
     column, row = int((x + 1) / 2 * 240), int((1 - y) / 2 * 180)
-    patch = with_robot[row - 12 : row + 12, column - 12 : column + 12].astype(float)
+    patch = with_robot[row - 12: row + 12, column - 12: column + 12].astype(float)  # fmt: skip
     assert patch.std() > 5  # something stands out from the flat background
 
 
