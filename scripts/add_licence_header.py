@@ -56,7 +56,7 @@ def with_header(text: str) -> str:
     """Return a file's text with the header above it, below a `#!` line if there is one."""
     if PRESENT.match(text):
         return text
-    first, rest = re.match(r'(#!.*\n)?(.*)', text, re.DOTALL).groups(default='')
+    first, rest = re.match(r'(#![^\n]*\n)?(.*)', text, re.DOTALL).groups(default='')
     return first + HEADER + ('\n' + rest.lstrip('\n') if rest.strip() else '')
 
 
