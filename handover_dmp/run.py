@@ -30,10 +30,9 @@ from handover_dmp.dmp import save_model
 from handover_dmp.errors import DataError
 from handover_dmp.files import write_text
 from handover_dmp.hand import HandoverTrial, write_trial
-from handover_dmp.report import load_run, write_report
-from handover_dmp.robot.scene import Scene
+from handover_dmp.report import write_report
 from handover_dmp.scenario import Scenario
-import numpy as np
+from handover_dmp.view.stage import set_up
 from PIL import Image
 
 LIBRARIES = ('numpy', 'scipy', 'pin', 'daqp', 'ruckig', 'pybullet', 'mcap')
@@ -142,22 +141,9 @@ def finish(folder: Path, scenario: Scenario) -> dict[str, Any]:
         The report, plain types.
 
     """
-    record = load_run(folder)
-    with Scene(
-        scenario.robot,
-        record.joint_times,
-        record.joint_positions,
-        np.column_stack(
-            [
-                np.interp(record.joint_times, record.hand_times, axis)
-                for axis in record.hand_positions.T
-            ]
-        ),
-        exchange=scenario.trial.exchange,
-        exchange_time_s=record.exchange_time_s,
-    ) as scene:
+    with set_up(folder, str(scenario.robot.urdf_path)) as stage:
         (folder / 'figures').mkdir(exist_ok=True)
-        for name, pixels in zip(PICTURES, scene.three_images(), strict=True):
+        for name, pixels in zip(PICTURES, stage.scene.three_images(), strict=True):
             Image.fromarray(pixels).save(folder / 'figures' / f'scene_{name}.png')
     report: dict[str, Any] = write_report(folder)
     return report
