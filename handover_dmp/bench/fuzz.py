@@ -335,9 +335,12 @@ def _fuzz_here(name: str, arguments: list[str]) -> None:
     import atheris
 
     reader = READERS[name]
-    with atheris.instrument_imports(include=INSTRUMENTED):
-        import_module(reader.module)
     path = reader.place_in(Path(tempfile.mkdtemp(dir=Path(arguments[0]).parent)))
+    # Read once, since packages load their modules when these are used.
+    with atheris.instrument_imports(include=INSTRUMENTED):
+        for example in Path(arguments[0]).iterdir():
+            path.write_bytes(example.read_bytes())
+            reader.read(path)
 
     def read(data: bytes) -> None:
         path.write_bytes(data)

@@ -117,6 +117,7 @@ class Dmp(HandoverNode):
         )
         on_change(self, HANDOVER + PRIMITIVE, self._change)
         period_s = 1.0 / self.values['rate_hz']
+        self._period_ns = round(period_s * NANOSECONDS)
         self._periods = Periods(period_s)
         self._hands: list[tuple[float, tuple[float, float, float]]] = []
         self._newest_hand_ns = -1
@@ -229,7 +230,9 @@ class Dmp(HandoverNode):
         )
         answered_ns = self._clock_of_periods.answered_ns
         followed = answered_ns is None or self._phase_rate_ns >= answered_ns
-        return hand and (followed or self._phase_rate_ns < 0)
+        # time that went on without an answer went on without the arm's, too
+        missed = answered_ns is not None and tick_ns - answered_ns > 1.5 * self._period_ns
+        return hand and (followed or missed or self._phase_rate_ns < 0)
 
     def _answer(self, tick_ns: int, elapsed_s: float) -> None:
         now_s = tick_ns / NANOSECONDS
