@@ -24,6 +24,7 @@ from collections.abc import Callable
 import os
 from pathlib import Path
 import signal
+import socket
 import subprocess
 import sys
 from time import monotonic
@@ -64,6 +65,12 @@ RECORDED_ALONE = (HUMAN_POSE, PHASE)
 START_TIMEOUT_S = 90.0
 CALL_TIMEOUT_S = 30.0
 END_TIMEOUT_S = 20.0
+STALL_S = 60.0
+# Of a domain of DDS: where its ports begin, how many there are, which the first participant takes.
+FIRST_PORT = 7400
+PORTS = 250
+FIRST_PARTICIPANT = 10
+DOMAINS = 100
 
 
 class GraphError(HandoverError):
@@ -235,11 +242,20 @@ class Graph:
         Returns:
             Whether one of the states was reached.
 
+        Raises:
+            GraphError: a node has ended, or simulated time stands still.
+
         """
         deadline_s = self.time_s + timeout_s if self._lockstep else monotonic() + timeout_s
+        stalled_s = monotonic() + STALL_S
+        last_s = self.time_s
         while self.state not in wanted:
             self.spin()
             progress()
+            if self.time_s != last_s:
+                last_s, stalled_s = self.time_s, monotonic() + STALL_S
+            if self._lockstep and monotonic() > stalled_s:
+                raise GraphError(f'simulated time stands still at {last_s:.3f} s')
             if (self.time_s if self._lockstep else monotonic()) > deadline_s:
                 return False
         return True
@@ -328,8 +344,22 @@ def isolate() -> None:
     Nothing leaves the loopback interface and nothing is left in shared memory. Whoever has chosen
     a profile of Fast DDS is left alone.
     """
-    os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 100))
+    if 'ROS_DOMAIN_ID' not in os.environ:
+        os.environ['ROS_DOMAIN_ID'] = str(_free_domain())
     if 'FASTRTPS_DEFAULT_PROFILES_FILE' not in os.environ:
         profile = share_path('config/fastdds_loopback.xml')
         os.environ['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(profile)
         os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'SYSTEM_DEFAULT'
+
+
+def _free_domain() -> int:
+    """Find a domain that nobody on this machine is in, by the port of its first participant."""
+    for offset in range(DOMAINS):
+        domain = 1 + (os.getpid() + offset) % DOMAINS
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(('127.0.0.1', FIRST_PORT + PORTS * domain + FIRST_PARTICIPANT))
+            except OSError:
+                continue
+            return domain
+    raise GraphError('every ROS domain of this machine is in use; set ROS_DOMAIN_ID')
