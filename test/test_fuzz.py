@@ -34,6 +34,7 @@ PIECES = [b'nan', b'-1e999', b'0', b'\0', b'\xff' * 8, b'\n', b'"', b'[', b'\t',
 FOUND = {
     'Qualisys TSV': [
         b'FREQUENCY\t120\nMARKER_NAMES\tM\tA\nFrame\tTime\tM X\tM Y\tM Z\tA X\tA Y\tA Z\n7\n',
+        b'FREQUENCY\nNO_OF_FRAMES\nDATA_INCLUDED\nMARKER_NAMES\tM\n1\t2\t3\n',
     ],
     'parameter YAML': [
         b'[' * 5000,

@@ -73,7 +73,7 @@ def read_qualisys(path: str | Path, markers: Sequence[str] | None = None) -> Mar
             stamps.append(layout.stamp(cells, len(stamps), where))
     if layout is None:
         raise DataError(f'{path}: holds no frames')
-    told = header.get('NO_OF_FRAMES', [''])[0]
+    told = _value(header, 'NO_OF_FRAMES', '')
     if told.isdecimal() and len(told) < 12 and int(told) != len(stamps):
         raise DataError(f'{path}: {len(stamps)} frames, the header tells of {int(told)}')
     table = np.array(values).reshape(len(stamps), len(layout.columns), 3)
@@ -128,7 +128,7 @@ def _layout(
     names = [name for name in header.get('MARKER_NAMES', []) if name]
     if not names:
         raise DataError(f'{where}: a frame, but no MARKER_NAMES before it')
-    kind = header.get('DATA_INCLUDED', ['3D'])[0]
+    kind = _value(header, 'DATA_INCLUDED', '3D')
     if kind != '3D':
         raise DataError(f'{where}: data of kind {quote(kind)}; 3D trajectories are needed')
     titles = ['Frame', *header['Frame']] if 'Frame' in header else ['Time'] * ('Time' in header)
@@ -141,9 +141,14 @@ def _layout(
         time_column = None
     period_s = 0.0
     if time_column is None:
-        rate = parse_number(header.get('FREQUENCY', [''])[0], 'FREQUENCY', where)
+        rate = parse_number(_value(header, 'FREQUENCY', ''), 'FREQUENCY', where)
         if not 0.0 < rate <= 1e5:
             raise DataError(f'{where}: FREQUENCY of {rate:g} Hz')
         period_s = 1.0 / rate
     columns = {name: leading + 3 * place for name, place in choose(names, markers).items()}
     return _Layout(names, columns, leading, time_column, period_s)
+
+
+def _value(header: dict[str, list[str]], name: str, otherwise: str) -> str:
+    """Return the first value of a header line; `otherwise` where the line is missing or bare."""
+    return next(iter(header.get(name, ())), otherwise)
