@@ -43,6 +43,12 @@ FOUND = {
         b'dmp: {ros__parameters: {x: !!timestamp maybe}}',
         b'dmp: {ros__parameters: {x: 2001-99-99}}',
     ],
+    'MCAP': [
+        READERS['MCAP']
+        .examples()[0]
+        .replace(b'a/msg/A', b'\0\0\0\0\1\nA')
+        .replace(b'<=4', b'\0\0\0')
+    ],
     'bag metadata YAML': [b'a: !!bool maybe', b'a: !!timestamp maybe', b'{' * 5000],
 }
 """What fuzzing has found, one input a bug."""

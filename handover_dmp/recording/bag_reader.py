@@ -263,7 +263,9 @@ def _read_file(file: Path, topics: Collection[str] | None) -> Iterator[BagMessag
                 message = decode(_Checked(record.data))
             except MISFIT as error:
                 raise DataError(
-                    f'{file}: {topic}: a message that does not fit its type: {error!r}'[:300]
+                    f'{file}: {_plain(topic)}: a message that does not fit its type: {error!r}'[
+                        :300
+                    ]
                 ) from error
             yield BagMessage(topic, message, record.log_time)
         elif isinstance(record, Schema):
@@ -279,7 +281,7 @@ def _decoder(
 ) -> Callable[[bytes], Any]:
     schema = schemas.get(channel.schema_id)
     if schema is None:
-        raise DataError(f'{file}: {channel.topic}: the definition of its type is missing')
+        raise DataError(f'{file}: {_plain(channel.topic)}: the definition of its type is missing')
     try:
         # the parser tells its complaints to the terminal before it raises them
         with redirect_stderr(StringIO()):
@@ -287,12 +289,13 @@ def _decoder(
             decode = factory.decoder_for(channel.message_encoding, plain)
     except MISFIT as error:
         raise DataError(
-            f'{file}: {channel.topic}: no proper definition of {schema.name}: {error!r}'[:300]
+            f'{file}: {_plain(channel.topic)}: no proper definition of {_plain(schema.name)}: '
+            f'{error!r}'[:300]
         ) from error
     if decode is None:
         raise DataError(
-            f'{file}: {channel.topic}: encoded as {channel.message_encoding} with a definition in '
-            f'{schema.encoding}, only cdr with ros2msg can be read'
+            f'{file}: {_plain(channel.topic)}: encoded as {_plain(channel.message_encoding)} with '
+            f'a definition in {_plain(schema.encoding)}, only cdr with ros2msg can be read'
         )
     return decode  # type: ignore[no-any-return]
 
@@ -341,14 +344,14 @@ def _listed_files(folder: Path) -> list[Path]:
         if not isinstance(name, str) or Path(name).name != name:
             raise DataError(f'{folder / METADATA_FILE}: {name!r} is not the name of a file')
         if not (folder / name).is_file():
-            raise DataError(f'{folder / name}: missing, though {METADATA_FILE} names it')
+            raise DataError(f'{folder / _plain(name)}: missing, though {METADATA_FILE} names it')
         files.append(folder / name)
     return files
 
 
 def _not_mcap(folder: Path, storage: object) -> str:
     return (
-        f'{folder}: stored as {storage}, only MCAP can be read; convert it with ros2 bag convert '
+        f'{folder}: stored as {_plain(str(storage))}, only MCAP can be read; convert it with ros2 bag convert '
         f'or rosbags-convert'
     )
 
@@ -356,3 +359,8 @@ def _not_mcap(folder: Path, storage: object) -> str:
 def _file_number(file: Path) -> tuple[int, str]:
     number = re.search(r'_(\d{1,9})$', file.stem)
     return (int(number.group(1)) if number else 0, file.name)
+
+
+def _plain(text: str) -> str:
+    """Return a text out of a file as one line that a terminal takes for nothing else."""
+    return repr(text)[1:-1][:100]
