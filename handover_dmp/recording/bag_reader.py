@@ -351,8 +351,8 @@ def _listed_files(folder: Path) -> list[Path]:
 
 def _not_mcap(folder: Path, storage: object) -> str:
     return (
-        f'{folder}: stored as {_plain(str(storage))}, only MCAP can be read; convert it with ros2 bag convert '
-        f'or rosbags-convert'
+        f'{folder}: stored as {_plain(str(storage))}, only MCAP can be read; convert it with '
+        f'ros2 bag convert or rosbags-convert'
     )
 
 
