@@ -645,10 +645,16 @@ class Partner:
         hand.header.frame_id = frame
         self._say_hand(hand)
         end_s = time.monotonic() + WAIT_S
-        heard = (self.poses, self.twists)
-        while not all(h and nanoseconds(h[-1].header.stamp) == time_ns for h in heard):
+
+        def answered() -> bool:
+            heard = (self.poses, self.twists)
+            return all(h and nanoseconds(h[-1].header.stamp) == time_ns for h in heard)
+
+        while not answered():
             self._say_wrist(pose_message(stamp(time_ns), self.wrist, np.eye(3)))
-            self.neighbour.spin(0.03 if self.way else 0.2)
+            again_s = time.monotonic() + (0.03 if self.way else 0.2)
+            while time.monotonic() < again_s and not answered():
+                self.neighbour.spin()
             assert time.monotonic() < end_s, self.neighbour.said()
         pose, twist = self.poses[-1].pose.position, self.twists[-1].twist.linear
         self.wrist = np.array([pose.x, pose.y, pose.z])
