@@ -18,6 +18,8 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+import signal
+from threading import Event
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -64,10 +66,8 @@ def run(options: argparse.Namespace) -> int:
         UsageError: MeshCat is not installed, or the port is taken.
 
     """
-    from contextlib import suppress
     import json
     from tempfile import TemporaryDirectory
-    from threading import Event
     import webbrowser
 
     from handover_dmp.files import write_text
@@ -96,11 +96,19 @@ def run(options: argparse.Namespace) -> int:
     with TemporaryDirectory() as folder:
         page = Path(folder) / 'handover.html'
         make(page)
+        ended = _event_of_the_end()
         with serving(page, options.port) as address:
             tell(address)
             Console().print(f'{address}   (Ctrl-C ends)', soft_wrap=True)
             if not options.no_browser:
                 webbrowser.open(address)
-            with suppress(KeyboardInterrupt):
-                Event().wait()
+            ended.wait()
     return 0
+
+
+def _event_of_the_end() -> Event:
+    """Make an event that Ctrl-C or SIGTERM sets, also where a shell made the process ignore them."""
+    ended = Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda _number, _frame: ended.set())
+    return ended
