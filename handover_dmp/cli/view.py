@@ -107,7 +107,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _event_of_the_end() -> Event:
-    """Make an event that Ctrl-C or SIGTERM sets, also where a shell made the process ignore them."""
+    """Make an event that Ctrl-C or SIGTERM sets, also where a shell has them ignored."""
     ended = Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda _number, _frame: ended.set())
