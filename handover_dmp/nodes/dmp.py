@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from math import isfinite, nan
+from math import inf, isfinite, nan
 from pathlib import Path
 import sys
 from time import monotonic
@@ -127,6 +127,8 @@ class Dmp(HandoverNode):
         self._last_s: float | None = None
         self._stepped_s: float | None = None
         self._stepped_monotonic_s = monotonic()
+        self._woken_s = -inf
+        self._begun_s: float | None = None
         self._signal_s: float | None = None
         self._faults: dict[str, int] = {}
         self._connect()
@@ -200,7 +202,8 @@ class Dmp(HandoverNode):
 
     def _on_signal(self, message: Header) -> None:
         self._signal_s = nanoseconds(message.stamp) / NANOSECONDS
-        if self._stepped_s is not None:
+        # one that was latched before this node was there may come after its first period
+        if self._begun_s is not None and self._signal_s >= self._begun_s:
             self._controller.signal(self._signal_s)
 
     # Services and parameters
@@ -268,12 +271,17 @@ class Dmp(HandoverNode):
         """Take up nothing that began before this node did, or before it stalled for long."""
         last_s, self._stepped_s = self._stepped_s, arrival_s
         stepped_s, self._stepped_monotonic_s = self._stepped_monotonic_s, monotonic()
+        if self._stepped_monotonic_s - stepped_s > LONGEST_STALL_S:
+            self._woken_s = self._stepped_monotonic_s
+        if last_s is None or arrival_s < last_s:
+            self._begun_s = now_s
         if last_s is None:
             if self._signal_s is not None and self._signal_s >= now_s:
                 self._controller.signal(self._signal_s)
         elif self._controller.state in MOVING and not 0 <= arrival_s - last_s <= LONGEST_STALL_S:
             self._fault('time jumped, or this node stalled: aborted')
-            if self._stepped_monotonic_s - stepped_s > LONGEST_STALL_S:
+            # the first period after a stall may be one that was asked for before it
+            if self._stepped_monotonic_s - self._woken_s < LONGEST_STALL_S:
                 self._controller.hold()
             else:
                 self._controller.abort()

@@ -221,8 +221,13 @@ class PriorityIkNode(HandoverNode):
     def _answer(self, tick_ns: int, elapsed_s: float) -> None:
         now_s = tick_ns / NANOSECONDS
         if self._pose is not None:
-            self._taken_ns = tick_ns
-            self._take(now_s)
+            # a dmp that wakes from a stall first answers what it was asked before
+            age_s = now_s - nanoseconds(self._pose.header.stamp) / NANOSECONDS
+            if age_s > self._controller.options.command_timeout_s:
+                self._pose = None
+            else:
+                self._taken_ns = tick_ns
+                self._take(now_s)
         self._solve(now_s, elapsed_s, tick_ns)
 
     def _tick(self) -> None:
