@@ -198,7 +198,7 @@ class Recorded:
 
 def last_before_a_gap(at: dict[float, np.ndarray]) -> float:
     """When the last message came before they stayed away for the first time, s."""
-    return next(before for before, now in pairwise(sorted(at)) if now - before > 0.2)
+    return next(before for before, now in pairwise(sorted(at)) if now - before > 0.03)
 
 
 class Bench:
