@@ -98,28 +98,50 @@ def test_gives_the_same_motion_as_one_process_at_any_speed(
     assert max(apart) < 1e-6
 
 
+def hand_over(graph: Graph) -> None:
+    """
+    Hand over on the wall clock.
+
+    Tried again where the machine has stood still for so long that a node has stopped the arm, as
+    it must.
+    """
+    for _ in range(5):
+        for service in ('/dmp/reset', '/robot_sim/reset', '/robot_sim/resume'):
+            graph.call(service)
+        assert graph.wait_for_state(('idle',), LONGEST_S, lambda: None)
+        graph.call('/hand_tracker/replay')
+        graph.wait_for_state(('done', 'aborted'), 8.0, lambda: None)
+        if graph.state == 'done':
+            return
+    pytest.fail('never handed over')
+
+
+def states(bag: Path) -> list[str]:
+    return [message.data for _, message, _ in read_bag(bag, ['/handover/state'])]
+
+
 def test_hands_over_on_the_wall_clock(prepare: Any, lockstep_path: dict[int, Any]) -> None:
     folder, parameters = prepare(lockstep=False)
     with Graph(folder, parameters, lockstep=False) as graph:
-        graph.call('/hand_tracker/replay')
-        assert graph.wait_for_state(('done',), LONGEST_S, lambda: None)
-    states = [message.data for _, message, _ in read_bag(folder / 'bag', ['/handover/state'])]
-    assert states == ['idle', 'reaching', 'exchange', 'done']
+        hand_over(graph)
+    assert states(folder / 'bag')[-3:] == ['reaching', 'exchange', 'done']
     reached = list(positions(folder / 'bag', '/wrist/pose').values())[-1]
     assert np.linalg.norm(reached - list(lockstep_path.values())[-1]) < 0.02
 
 
 def test_two_handovers_one_after_the_other_are_alike(prepare: Any) -> None:
     folder, parameters = prepare(lockstep=False)
+    ends = []
     with Graph(folder, parameters, lockstep=False) as graph:
         for _ in range(2):
-            graph.call('/hand_tracker/replay')
-            assert graph.wait_for_state(('done',), LONGEST_S, lambda: None)
-            graph.call('/robot_sim/reset')
-            graph.call('/dmp/reset')
-            assert graph.wait_for_state(('idle',), LONGEST_S, lambda: None)
-    states = [message.data for _, message, _ in read_bag(folder / 'bag', ['/handover/state'])]
-    assert states == ['idle', 'reaching', 'exchange', 'done'] * 2 + ['idle']
+            hand_over(graph)
+            graph.linger(0.3)
+            ends.append(graph.node.get_clock().now().nanoseconds)
+    said = states(folder / 'bag')
+    assert ''.join(said).count('reachingexchangedone') == 2
+    way = positions(folder / 'bag', '/wrist/pose')
+    first, second = (way[max(t for t in way if t <= end)] for end in ends)
+    assert np.linalg.norm(first - second) < 0.005
 
 
 @pytest.mark.parametrize('source', ['bag', '24 Hz'])
