@@ -62,6 +62,7 @@ import numpy as np
 from std_msgs.msg import Float64MultiArray, Header, String
 
 LONGEST_STALL_S = 0.5
+LONGEST_GAP_S = 0.05
 PRIMITIVE = (
     Parameter('stiffness', 'K of (8)', 0.001, 10000.0),
     Parameter('damping', 'D of (8); 0: critical, 2 sqrt(K)', 0.0, 1000.0),
@@ -278,10 +279,13 @@ class Dmp(HandoverNode):
         if last_s is None:
             if self._signal_s is not None and self._signal_s >= now_s:
                 self._controller.signal(self._signal_s)
-        elif self._controller.state in MOVING and not 0 <= arrival_s - last_s <= LONGEST_STALL_S:
+            return
+        # the first periods after a stall may be some that were asked for during it
+        woken = self._stepped_monotonic_s - self._woken_s < LONGEST_STALL_S
+        longest_s = LONGEST_GAP_S if woken else LONGEST_STALL_S
+        if self._controller.state in MOVING and not 0 <= arrival_s - last_s <= longest_s:
             self._fault('time jumped, or this node stalled: aborted')
-            # the first period after a stall may be one that was asked for before it
-            if self._stepped_monotonic_s - self._woken_s < LONGEST_STALL_S:
+            if woken:
                 self._controller.hold()
             else:
                 self._controller.abort()
