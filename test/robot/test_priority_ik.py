@@ -165,7 +165,6 @@ def test_no_limit_is_broken_and_no_step_fails(seed, robot, orientation):
         assert arm.limits.inside(posture, tolerance=1e-12)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize('robot', ARMS)
 def test_no_limit_is_broken_in_many_steps(robot):
     arm = _loaded(robot)
@@ -173,7 +172,7 @@ def test_no_limit_is_broken_in_many_steps(robot):
     ik = PriorityIk(arm)
     posture, velocity = arm.home.copy(), np.zeros(arm.dof)
     goal, speed = arm.shoulder, np.zeros(3)
-    for step in range(100_000):
+    for step in range(10_000):
         if step % 500 == 0:
             posture, velocity = random_state(arm, chance), np.zeros(arm.dof)
         if step % 70 == 0:
