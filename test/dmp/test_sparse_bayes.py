@@ -162,4 +162,5 @@ def test_two_equal_columns_are_one():
 
 
 def test_it_stays_short():
-    assert len(inspect.getsource(module).splitlines()) <= 160
+    lines = inspect.getsource(module).splitlines()
+    assert len([line for line in lines if not line.startswith('#')]) <= 155

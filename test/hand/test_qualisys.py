@@ -137,10 +137,10 @@ def test_recordings_that_cannot_be_used(tmp_path, name):
 def test_faulty_lines_are_named(tmp_path):
     lines = qtm().split('\r\n')
     for row, text, message in (
-        (16, lines[16].replace('.', ',', 3), 'line 17: time is'),
+        (16, lines[16].replace('.', ',', 3), "line 17: M_wrist is '"),
         (17, lines[17] + '\t1\t2', 'line 18: 13 values instead of 11'),
         (17, lines[17][:20], 'line 18: 4 values instead of 11'),
-        (18, lines[18].replace('.', 'O', 3), 'line 19: time is'),
+        (18, lines[18].replace('.', 'O', 3), "line 19: M_wrist is '"),
     ):
         broken = [*lines[:row], text, *lines[row + 1:]]  # fmt: skip
         with pytest.raises(DataError, match=message):
