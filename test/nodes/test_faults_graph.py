@@ -299,7 +299,7 @@ class Bench:
                 assert change <= WRIST_ACCELERATION * PERIOD_S * 1.001
 
 
-@pytest.fixture(scope='module')
+@pytest.fixture(scope='class')
 def bench(tmp_path_factory: pytest.TempPathFactory, scenario: Scenario) -> Iterator[Bench]:
     from handover_dmp.nodes.conduct import graph_parameters
 
@@ -314,139 +314,136 @@ def bench(tmp_path_factory: pytest.TempPathFactory, scenario: Scenario) -> Itera
         bench.neighbour.close()
 
 
-def test_a_killed_tracker_stops_the_arm_until_it_is_back(bench: Bench) -> None:
-    bench.reach()
-    begun_s = bench.graph.time_s
-    bench.kill('hand_tracker')
-    bench.wait_sim(0.8)
-    stopped = bench.recorded(begun_s)
-    last_s = stopped.hand[-1]
-    stands_s = stopped.stands_at(last_s) - last_s
-    print(f'stands {stands_s:.3f} s after')
-    assert stopped.speed(last_s, last_s + 0.02) > 0.1, 'in mid-motion'
-    assert stands_s <= HAND_TIMEOUT_S + BRAKING_S
-    again_s = bench.graph.time_s
-    bench.graph.start('hand_tracker')
-    bench.neighbour.tell('/hand_tracker/replay')
-    bench.finish()
-    bench.recorded(again_s)
+class TestWholeGraph:
+    """One graph for all of these, which ends before the other tests start theirs."""
 
+    def test_a_killed_tracker_stops_the_arm_until_it_is_back(self, bench: Bench) -> None:
+        bench.reach()
+        begun_s = bench.graph.time_s
+        bench.kill('hand_tracker')
+        bench.wait_sim(0.8)
+        stopped = bench.recorded(begun_s)
+        last_s = stopped.hand[-1]
+        stands_s = stopped.stands_at(last_s) - last_s
+        print(f'stands {stands_s:.3f} s after')
+        assert stopped.speed(last_s, last_s + 0.02) > 0.1, 'in mid-motion'
+        assert stands_s <= HAND_TIMEOUT_S + BRAKING_S
+        again_s = bench.graph.time_s
+        bench.graph.start('hand_tracker')
+        bench.neighbour.tell('/hand_tracker/replay')
+        bench.finish()
+        bench.recorded(again_s)
 
-def test_a_killed_dmp_stops_the_arm_which_moves_on_only_when_told(bench: Bench) -> None:
-    bench.reach()
-    begun_s = bench.graph.time_s
-    bench.kill('dmp')
-    bench.wait_sim(0.8)
-    stopped = bench.recorded(begun_s)
-    last_s = max(stopped.twists)
-    stands_s = stopped.stands_at(last_s) - last_s
-    print(f'stands {stands_s:.3f} s after')
-    assert stopped.speed(last_s, last_s + 0.02) > 0.1, 'in mid-motion'
-    assert stands_s <= COMMAND_TIMEOUT_S + BRAKING_S
-    again_s = bench.graph.time_s
-    bench.graph.start('dmp')
-    bench.neighbour.diagnosis('dmp', "value='idle'")
-    bench.wait_sim(0.5)
-    assert bench.recorded(again_s).speed(again_s) < STILL_RAD_S, 'not told to move'
-    bench.neighbour.tell('/dmp/start')
-    bench.finish()
-    bench.recorded(again_s)
+    def test_a_killed_dmp_stops_the_arm_which_moves_on_only_when_told(self, bench: Bench) -> None:
+        bench.reach()
+        begun_s = bench.graph.time_s
+        bench.kill('dmp')
+        bench.wait_sim(0.8)
+        stopped = bench.recorded(begun_s)
+        last_s = max(stopped.twists)
+        stands_s = stopped.stands_at(last_s) - last_s
+        print(f'stands {stands_s:.3f} s after')
+        assert stopped.speed(last_s, last_s + 0.02) > 0.1, 'in mid-motion'
+        assert stands_s <= COMMAND_TIMEOUT_S + BRAKING_S
+        again_s = bench.graph.time_s
+        bench.graph.start('dmp')
+        bench.neighbour.diagnosis('dmp', "value='idle'")
+        bench.wait_sim(0.5)
+        assert bench.recorded(again_s).speed(again_s) < STILL_RAD_S, 'not told to move'
+        bench.neighbour.tell('/dmp/start')
+        bench.finish()
+        bench.recorded(again_s)
 
+    def test_a_stalled_dmp_stops_the_arm_which_moves_on_only_when_told(self, bench: Bench) -> None:
+        bench.reach()
+        begun_s = bench.graph.time_s
+        bench.signal('dmp', signal.SIGSTOP)
+        bench.wait_sim(0.9)
+        bench.signal('dmp', signal.SIGCONT)
+        again_s = bench.graph.time_s
+        bench.wait_sim(0.6)
+        found = bench.recorded(begun_s)
+        last_s = last_before_a_gap(found.twists)
+        stands_s = found.stands_at(last_s) - last_s
+        print(f'stands {stands_s:.3f} s after')
+        assert found.speed(last_s, last_s + 0.02) > 0.1, 'in mid-motion'
+        assert stands_s <= COMMAND_TIMEOUT_S + BRAKING_S
+        assert found.speed(again_s) < STILL_RAD_S, 'not told to move'
+        assert bench.graph.state == 'aborted'
+        bench.neighbour.tell('/dmp/start')
+        bench.finish()
 
-def test_a_stalled_dmp_stops_the_arm_which_moves_on_only_when_told(bench: Bench) -> None:
-    bench.reach()
-    begun_s = bench.graph.time_s
-    bench.signal('dmp', signal.SIGSTOP)
-    bench.wait_sim(0.9)
-    bench.signal('dmp', signal.SIGCONT)
-    again_s = bench.graph.time_s
-    bench.wait_sim(0.6)
-    found = bench.recorded(begun_s)
-    last_s = last_before_a_gap(found.twists)
-    stands_s = found.stands_at(last_s) - last_s
-    print(f'stands {stands_s:.3f} s after')
-    assert found.speed(last_s, last_s + 0.02) > 0.1, 'in mid-motion'
-    assert stands_s <= COMMAND_TIMEOUT_S + BRAKING_S
-    assert found.speed(again_s) < STILL_RAD_S, 'not told to move'
-    assert bench.graph.state == 'aborted'
-    bench.neighbour.tell('/dmp/start')
-    bench.finish()
+    @pytest.mark.parametrize('how', ['killed', 'stalled'])
+    def test_without_priority_ik_the_arm_brakes_by_itself_and_moves_on_only_when_told(
+        self, bench: Bench, how: str
+    ) -> None:
+        bench.reach()
+        begun_s = bench.graph.time_s
+        if how == 'killed':
+            bench.kill('priority_ik')
+        else:
+            bench.signal('priority_ik', signal.SIGSTOP)
+        bench.neighbour.set('robot_sim', 'patience_s', 0.05)
+        bench.wait_sim(0.7)
+        said = bench.neighbour.diagnosis('robot_sim', 'stopped: no command for 0.050 s')
+        assert "key='timeouts', value='1'" in str(said)
+        bench.neighbour.set('robot_sim', 'patience_s', 20.0)
+        if how == 'killed':
+            bench.graph.start('priority_ik')
+        else:
+            bench.signal('priority_ik', signal.SIGCONT)
+        again_s = bench.graph.time_s
+        answers = bench.neighbour.hear(JOINT_COMMAND)
+        bench.neighbour.until(lambda: len(answers) > 20)
+        bench.wait_sim(0.5)
+        found = bench.recorded(begun_s)
+        last_s = last_before_a_gap(found.commands)
+        stands_s = found.stands_at(last_s) - last_s
+        print(f'stands {stands_s:.3f} s after')
+        assert found.speed(last_s, last_s + 0.02) > 0.1, 'in mid-motion'
+        assert COMMAND_TIMEOUT_S < stands_s <= COMMAND_TIMEOUT_S + BRAKING_S
+        assert found.speed(again_s) < STILL_RAD_S, 'not told to move'
+        bench.neighbour.tell('/robot_sim/resume')
+        bench.neighbour.tell('/dmp/start')
+        bench.finish()
+        bench.recorded(again_s)
 
+    def test_a_stalled_robot_sim_stops_time_and_nothing_jumps(self, bench: Bench) -> None:
+        bench.reach()
+        begun_s = bench.graph.time_s
+        bench.signal('robot_sim', signal.SIGSTOP)
+        bench.neighbour.spin(1.0)
+        bench.signal('robot_sim', signal.SIGCONT)
+        bench.finish()
+        bench.recorded(begun_s)
 
-@pytest.mark.parametrize('how', ['killed', 'stalled'])
-def test_without_priority_ik_the_arm_brakes_by_itself_and_moves_on_only_when_told(
-    bench: Bench, how: str
-) -> None:
-    bench.reach()
-    begun_s = bench.graph.time_s
-    if how == 'killed':
-        bench.kill('priority_ik')
-    else:
-        bench.signal('priority_ik', signal.SIGSTOP)
-    bench.neighbour.set('robot_sim', 'patience_s', 0.05)
-    bench.wait_sim(0.7)
-    said = bench.neighbour.diagnosis('robot_sim', 'stopped: no command for 0.050 s')
-    assert "key='timeouts', value='1'" in str(said)
-    bench.neighbour.set('robot_sim', 'patience_s', 20.0)
-    if how == 'killed':
-        bench.graph.start('priority_ik')
-    else:
-        bench.signal('priority_ik', signal.SIGCONT)
-    again_s = bench.graph.time_s
-    answers = bench.neighbour.hear(JOINT_COMMAND)
-    bench.neighbour.until(lambda: len(answers) > 20)
-    bench.wait_sim(0.5)
-    found = bench.recorded(begun_s)
-    last_s = last_before_a_gap(found.commands)
-    stands_s = found.stands_at(last_s) - last_s
-    print(f'stands {stands_s:.3f} s after')
-    assert found.speed(last_s, last_s + 0.02) > 0.1, 'in mid-motion'
-    assert COMMAND_TIMEOUT_S < stands_s <= COMMAND_TIMEOUT_S + BRAKING_S
-    assert found.speed(again_s) < STILL_RAD_S, 'not told to move'
-    bench.neighbour.tell('/robot_sim/resume')
-    bench.neighbour.tell('/dmp/start')
-    bench.finish()
-    bench.recorded(again_s)
+    def test_paused_time_moves_nothing(self, bench: Bench) -> None:
+        bench.reach()
+        begun_s = bench.graph.time_s
+        bench.graph.call('/robot_sim/pause')
+        bench.neighbour.spin(0.3)
+        paused_s = bench.graph.time_s
+        bench.neighbour.spin(0.5)
+        assert bench.graph.time_s == paused_s
+        bench.graph.call('/robot_sim/pause')
+        bench.finish()
+        bench.recorded(begun_s)
 
-
-def test_a_stalled_robot_sim_stops_time_and_nothing_jumps(bench: Bench) -> None:
-    bench.reach()
-    begun_s = bench.graph.time_s
-    bench.signal('robot_sim', signal.SIGSTOP)
-    bench.neighbour.spin(1.0)
-    bench.signal('robot_sim', signal.SIGCONT)
-    bench.finish()
-    bench.recorded(begun_s)
-
-
-def test_paused_time_moves_nothing(bench: Bench) -> None:
-    bench.reach()
-    begun_s = bench.graph.time_s
-    bench.graph.call('/robot_sim/pause')
-    bench.neighbour.spin(0.3)
-    paused_s = bench.graph.time_s
-    bench.neighbour.spin(0.5)
-    assert bench.graph.time_s == paused_s
-    bench.graph.call('/robot_sim/pause')
-    bench.finish()
-    bench.recorded(begun_s)
-
-
-def test_a_killed_recorder_changes_nothing_and_its_bag_is_repaired(bench: Bench) -> None:
-    bench.reach()
-    bench.kill('recorder')
-    killed_s = bench.graph.time_s
-    bench.finish()
-    bag = bench.folder / 'bag'
-    before = (bag / 'bag_0.mcap').stat().st_size
-    bench.graph.start('recorder')
-    process = bench.graph.processes.pop('recorder')
-    assert process.wait(WAIT_S) == 1, 'a bag that exists is not overwritten'
-    assert 'exists' in (bench.folder / 'logs' / 'recorder.log').read_text()
-    assert (bag / 'bag_0.mcap').stat().st_size == before
-    repair_bag(bag)
-    last_s = max(log_time_ns for *_, log_time_ns in read_bag(bag)) * 1e-9
-    assert last_s > killed_s - 1.0 - 5 * FLUSHED_S
+    def test_a_killed_recorder_changes_nothing_and_its_bag_is_repaired(self, bench: Bench) -> None:
+        bench.reach()
+        bench.kill('recorder')
+        killed_s = bench.graph.time_s
+        bench.finish()
+        bag = bench.folder / 'bag'
+        before = (bag / 'bag_0.mcap').stat().st_size
+        bench.graph.start('recorder')
+        process = bench.graph.processes.pop('recorder')
+        assert process.wait(WAIT_S) == 1, 'a bag that exists is not overwritten'
+        assert 'exists' in (bench.folder / 'logs' / 'recorder.log').read_text()
+        assert (bag / 'bag_0.mcap').stat().st_size == before
+        repair_bag(bag)
+        last_s = max(log_time_ns for *_, log_time_ns in read_bag(bag)) * 1e-9
+        assert last_s > killed_s - 1.0 - 5 * FLUSHED_S
 
 
 def test_a_full_disk_ends_the_recording_and_not_the_handover(prepare: Any) -> None:
