@@ -97,7 +97,7 @@ class Recorder(HandoverNode):
         for name, types in self.get_topic_names_and_types():
             if self._is_wanted(name) and name not in self._subscribed and len(types) == 1:
                 offered = [info.qos_profile for info in self.get_publishers_info_by_topic(name)]
-                if offered:
+                if offered and self._has_type(name, types[0]):
                     profiles = [Qos.from_profile(profile) for profile in offered]
                     self._record(name, types[0], _weakest(offered), profiles)
 
