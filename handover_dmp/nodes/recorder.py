@@ -101,6 +101,16 @@ class Recorder(HandoverNode):
                     profiles = [Qos.from_profile(profile) for profile in offered]
                     self._record(name, types[0], _weakest(offered), profiles)
 
+    def _has_type(self, name: str, type_name: str) -> bool:
+        """Tell whether the messages of a topic are installed here; say so once if not."""
+        try:
+            message_class(type_name)
+        except (ImportError, AttributeError, ValueError):
+            self._subscribed.add(name)
+            self.get_logger().warning(f'{name}: {type_name} is not installed, not recorded')
+            return False
+        return True
+
     def _record(self, name: str, type_name: str, offered: QoSProfile, profiles: list[Qos]) -> None:
         self._subscribed.add(name)
         queue = QoSProfile(
