@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from statistics import median
 
 from handover_dmp.bench.measurement import Measurement, time_call
@@ -50,8 +51,7 @@ def run(progress: Callable[[str], None]) -> list[Measurement]:
     progress('sparse learning')
     results = [sparse_bayes(design, target) for target in targets]
     seconds = median(
-        time_call(lambda target=target: sparse_bayes(design, target), rounds=9)
-        for target in targets
+        time_call(partial(sparse_bayes, design, target), rounds=9) for target in targets
     )
     errors = [_error(design[:, result.active] @ result.mean, truth) for result in results]
     progress('peers')

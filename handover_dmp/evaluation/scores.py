@@ -106,17 +106,17 @@ class Totals:
 
     @property
     def within_percent(self) -> Array:
-        """(rounds, 3) percentage of curves within 1σ, 2σ, 3σ; NaN without rollouts."""
+        """Return (rounds, 3) percentage of curves within 1σ, 2σ, 3σ; NaN without rollouts."""
         return 100.0 * self._mean(slice(0, len(BANDS)))
 
     @property
     def rms_m(self) -> Array:
-        """(rounds,) root-mean-square distance in m."""
+        """Return (rounds,) root-mean-square distance in m."""
         return np.sqrt(self._mean(slice(len(BANDS), len(BANDS) + 1))[:, 0])
 
     @property
     def gap_m(self) -> Array:
-        """(rounds,) mean final gap in m."""
+        """Return (rounds,) mean final gap in m."""
         return self._mean(slice(len(BANDS) + 1, len(BANDS) + 2))[:, 0]
 
     def _mean(self, columns: slice) -> Array:

@@ -157,7 +157,7 @@ class Neighbour:
         self.until(answered)
         self.node.destroy_client(client)
 
-    def set(self, node: str, name: str, value: float) -> None:
+    def set_parameter(self, node: str, name: str, value: float) -> None:
         client = self.node.create_client(SetParameters, f'/{node}/set_parameters')
         self.until(client.service_is_ready)
         double = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value)
@@ -383,11 +383,11 @@ class TestWholeGraph:
             bench.kill('priority_ik')
         else:
             bench.signal('priority_ik', signal.SIGSTOP)
-        bench.neighbour.set('robot_sim', 'patience_s', 0.05)
+        bench.neighbour.set_parameter('robot_sim', 'patience_s', 0.05)
         bench.wait_sim(0.7)
         said = bench.neighbour.diagnosis('robot_sim', 'stopped: no command for 0.050 s')
         assert "key='timeouts', value='1'" in str(said)
-        bench.neighbour.set('robot_sim', 'patience_s', 20.0)
+        bench.neighbour.set_parameter('robot_sim', 'patience_s', 20.0)
         if how == 'killed':
             bench.graph.start('priority_ik')
         else:
