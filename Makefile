@@ -21,12 +21,12 @@ export PIP_DISABLE_PIP_VERSION_CHECK = 1
 # Tests neither hear other robots on the network nor other tests on this machine.
 ISOLATED = ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_DOMAIN_ID=$$(($$$$ % 100 + 1))
 
-.PHONY: help demo test quicktest lint format bench clean
+.PHONY: help demo test longtest lint format bench clean
 
 help:
 	@echo 'make demo       install what is needed, run one handover, write runs/<name>/'
-	@echo 'make test       install what is needed, run all tests'
-	@echo 'make quicktest  the tests without those that take minutes'
+	@echo 'make test       install what is needed, run the tests'
+	@echo 'make longtest   those too that take minutes each'
 	@echo 'make lint       what test/test_lint.py checks, file by file'
 	@echo 'make format     put every Python file into shape'
 	@echo 'make bench      measure speed and accuracy beside peers'
@@ -36,10 +36,10 @@ demo: $(VENV)/.demo
 	$(BIN)/handover_dmp demo
 
 test: $(VENV)/.test
-	$(ISOLATED) $(BIN)/python -m pytest -m 'slow or not slow'
-
-quicktest: $(VENV)/.test
 	$(ISOLATED) $(BIN)/python -m pytest
+
+longtest: $(VENV)/.test
+	$(ISOLATED) $(BIN)/python -m pytest -m 'slow or not slow'
 
 lint: $(VENV)/.test
 	$(BIN)/ament_flake8 --exclude .venv build install log -- .
