@@ -28,6 +28,7 @@ from collections.abc import Callable
 from handover_dmp.nodes.conversions import NANOSECONDS
 
 ASKED_IN_VAIN = 20
+ASKED_WHEN_GONE = 2
 JUMP_PERIODS = 10
 
 
@@ -91,7 +92,7 @@ class Lockstep:
         ready = self._begun() and self._ready(tick_ns)
         if not ready and (self._times_asked < self._waits or not self._begun()):
             return
-        self._waits = ASKED_IN_VAIN if ready else 1
+        self._waits = ASKED_IN_VAIN if ready else ASKED_WHEN_GONE
         elapsed_ns = self._period_ns
         if self.answered_ns is not None:
             elapsed_ns = tick_ns - self.answered_ns

@@ -123,7 +123,13 @@ class PriorityIkNode(HandoverNode):
         self._refused = 0
         self._connect()
         self._taken_ns: int | None = None
-        self._lockstep = Lockstep(self._period_s, self._answer, self._publish, ready=self._ready)
+        self._lockstep = Lockstep(
+            self._period_s,
+            self._answer,
+            self._publish,
+            begun=lambda: self._taken_ns is not None or self._pose is not None,
+            ready=self._ready,
+        )
         if not self.lockstep:
             self._phase_lock = PhaseLock(self.every(self._period_s, self._tick))
         Diagnostics(self, self._periods, self._condition)

@@ -160,7 +160,8 @@ def test_the_hand_may_come_from_a_bag_or_from_a_slow_tracker(
         subprocess.run([sys.executable, *words], check=True)
         change = {'hand_tracker': {'trial': str(next(p for p in bags.iterdir() if p.is_dir()))}}
     else:
-        change = {'hand_tracker': {'rate_hz': 25.0}, 'dmp': {'lockstep_hand_period_s': 0.04}}
+        slow = {'lockstep_hand_period_s': 0.04}
+        change = {'hand_tracker': {'rate_hz': 25.0}, 'dmp': slow, 'priority_ik': slow}
     folder, parameters = prepare(**change)
     with Graph(folder, parameters) as graph:
         graph.unpause()
