@@ -128,6 +128,7 @@ class Dmp(HandoverNode):
         self._last_s: float | None = None
         self._stepped_s: float | None = None
         self._stepped_monotonic_s = monotonic()
+        self._stepped_in_motion = False
         self._woken_s = -inf
         self._begun_s: float | None = None
         self._signal_s: float | None = None
@@ -257,6 +258,7 @@ class Dmp(HandoverNode):
         self._periods.tick()
         self._watch_time(now_s, arrival_s)
         command = self._controller.step(now_s, elapsed_s, self._phase_rate, arrival_s)
+        self._stepped_in_motion = self._controller.state in MOVING
         if command is None:
             return
         time = stamp(time_ns)
@@ -272,7 +274,8 @@ class Dmp(HandoverNode):
         """Take up nothing that began before this node did, or before it stalled for long."""
         last_s, self._stepped_s = self._stepped_s, arrival_s
         stepped_s, self._stepped_monotonic_s = self._stepped_monotonic_s, monotonic()
-        if self._stepped_monotonic_s - stepped_s > LONGEST_STALL_S:
+        stalled = self._stepped_monotonic_s - stepped_s > LONGEST_STALL_S
+        if stalled and self._stepped_in_motion:
             self._woken_s = self._stepped_monotonic_s
         if last_s is None or arrival_s < last_s:
             self._begun_s = now_s
