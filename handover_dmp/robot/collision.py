@@ -36,13 +36,13 @@ CLEAR_AT_HOME = 0.04
 SAMPLED_POSTURES = 60
 NEVER_NEAR = 0.06
 """Pairs that no search brings nearer than this, m, need no watching."""
+TOUCHING = 1e-6
+"""Distance, m, below which nearest points tell no direction."""
 SEARCHES = 4
 """How many of the sampled postures such a search starts from."""
-SURVEY_RANGE = 0.1
-"""How much distances may have changed before all of them are computed anew, m."""
 
-ClosingSpeed = Callable[[Any], Any]
-"""Gives the speeds, m/s, with which bodies may close in at distances, m; one or an array."""
+ClosingSpeed = Callable[[float], float]
+"""Gives the speed, m/s, with which bodies may close in at a distance, m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,27 +166,26 @@ class CollisionModel:
             self._geometry.addCollisionPair(pin.CollisionPair(i, j))
         self.pairs = tuple((pair.first, pair.second) for pair in self._geometry.collisionPairs)
         self._distances = self._geometry.createData()
-        self._surveyed = np.full(model.dof, np.nan)
-        self._survey_distances = np.zeros(len(self.pairs))
+        jacobian = pin.computeJointJacobians(self._model, self._data, model.home)
+        turns = [placement.rotation for placement in self._data.oMi[1:]]
+        self._axes = [turn.T @ jacobian[3:, k] for k, turn in enumerate(turns)]
+        self._travel = np.maximum(np.abs(model.limits.lower), np.abs(model.limits.upper))
+        names = [capsule.name for capsule in self.capsules]
+        self._names = [f'{names[i]} to {names[j]}' for i, j in self.pairs]
         self._levers = np.array([self._pair_levers(i, j) for i, j in self.pairs])
+        self._moving = [self._moved_apart(i, j) for i, j in self.pairs]
         self._forearm_radius = forearm_radius
         # the last links must come to the hand, so only those before the last three joints matter
         arm = range(1, max(model.dof - 2, 2))
         self._arm_capsules = [i for i, item in enumerate(self.capsules) if item.joint in arm]
 
-    def near_pairs(
-        self, joint_positions: Array, jacobian: Array, allowed: ClosingSpeed, fastest: Array
-    ) -> list[NearPair]:
+    def near_pairs(self, jacobian: Array, allowed: ClosingSpeed, fastest: Array) -> list[NearPair]:
         """
         Find links that could come near each other too fast.
 
-        All distances are computed at one posture. From there no distance can have changed by more
-        than `lever`·|Δq|, so most pairs need not be looked at until the joints have moved a lot.
-
         Args:
-            joint_positions: (n,), rad.
-            jacobian: (6, n), Pinocchio's `computeJointJacobians` for the posture, which has left
-                the placements of the joints in the model's data.
+            jacobian: (6, n), Pinocchio's `computeJointJacobians`, which has left the placements
+                of the joints in the model's data.
             allowed: the speed with which two links may close in, at their distance.
             fastest: (n,), what the joints can do in the next period, rad/s.
 
@@ -196,38 +195,23 @@ class CollisionModel:
         """
         if not self.pairs:
             return []
-        changed = self._levers @ np.abs(joint_positions - self._surveyed)
-        if not changed.max() <= SURVEY_RANGE:
-            self._survey(joint_positions)
-            changed = np.zeros(len(self.pairs))
-        closing = self._levers @ fastest
-        candidates = np.flatnonzero(allowed(self._survey_distances - changed) < closing)
-        if not len(candidates):
-            return []
         pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._distances)
         near = []
-        for k in candidates.tolist():
+        for k, closing in enumerate((self._levers @ fastest).tolist()):
             result = pin.computeDistance(self._geometry, self._distances, k)
             distance = result.min_distance
-            if allowed(distance) >= closing[k]:
+            speed = allowed(distance)
+            if speed >= closing:
                 continue
-            i, j = self.pairs[k]
-            first, second = result.getNearestPoint1(), result.getNearestPoint2()
-            normal = _direction(first, second, distance, result.normal)
-            a, b = self.capsules[i], self.capsules[j]
-            row = self._rate(jacobian, b.joint, second, normal)
-            row -= self._rate(jacobian, a.joint, first, normal)
-            if np.abs(row) @ fastest > allowed(distance):
-                near.append(NearPair(f'{a.name} to {b.name}', distance, row, 0.0))
+            row, _ = _rate(result, jacobian, self._moving[k])
+            if np.abs(row).dot(fastest) > speed:
+                near.append(NearPair(self._names[k], distance, row, 0.0))
         return near
 
-    def _survey(self, joint_positions: Array) -> None:
-        """Compute all distances at a posture whose placements stand in the model's data."""
-        pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._distances)
-        pin.computeDistances(self._geometry, self._distances)
-        results = self._distances.distanceResults
-        self._survey_distances = np.array([result.min_distance for result in results])
-        self._surveyed = np.array(joint_positions)
+    def _all_distances(self, data: Any) -> Array:
+        """Compute the distance of every pair, m, at the placements that stand in the data."""
+        pairs = range(len(self._geometry.collisionPairs))
+        return np.array([pin.computeDistance(self._geometry, data, k).min_distance for k in pairs])
 
     def least_distance(self, joint_positions: Array) -> float:
         """
@@ -242,10 +226,7 @@ class CollisionModel:
         """
         pin.forwardKinematics(self._model, self._data, joint_positions)
         pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._distances)
-        pin.computeDistances(self._geometry, self._distances)
-        return min(
-            (result.min_distance for result in self._distances.distanceResults), default=np.inf
-        )
+        return float(self._all_distances(self._distances).min(initial=np.inf))
 
     def near_forearm(
         self,
@@ -270,7 +251,7 @@ class CollisionModel:
 
         """
         forearm, placement = _placed_capsule(hand, elbow, self._forearm_radius)
-        request, result = coal.DistanceRequest(), coal.DistanceResult()
+        request = coal.DistanceRequest()
         near = []
         for i in self._arm_capsules:
             capsule = self.capsules[i]
@@ -278,37 +259,42 @@ class CollisionModel:
             shape, own = _placed_capsule(
                 pose.act(capsule.start), pose.act(capsule.end), capsule.radius
             )
-            result.clear()
-            distance = coal.distance(shape, own, forearm, placement, request, result)
+            result = coal.DistanceResult()
+            distance = coal.distance(forearm, placement, shape, own, request, result)
             if distance >= within:
                 continue
-            first, second = result.getNearestPoint1(), result.getNearestPoint2()
-            normal = _direction(first, second, distance, result.normal)
-            row = -self._rate(jacobian, capsule.joint, first, normal)
-            near.append(
-                NearPair(f'{capsule.name} to forearm', distance, row, float(normal @ velocity))
-            )
+            row, normal = _rate(result, jacobian, self._moved_by(capsule))
+            drift = -sum(n * v for n, v in zip(normal, velocity, strict=True))
+            near.append(NearPair(f'{capsule.name} to forearm', distance, row, float(drift)))
         return near
 
-    def _rate(self, jacobian: Array, joint: int, point: Array, normal: Array) -> Array:
-        """Differentiate a point's position along a direction with respect to the joints."""
-        row: Array = np.zeros(self._dof)
-        x, y, z = point
-        a, b, c = normal
-        turning = np.array([a, b, c, y * c - z * b, z * a - x * c, x * b - y * a])
-        row[:joint] = turning @ jacobian[:, :joint]
-        return row
+    def _moved_by(self, capsule: LinkCapsule) -> Array:
+        """Tell which joints move a capsule, (n,), 1 or 0."""
+        return (np.arange(self._dof) < capsule.joint).astype(float)
+
+    def _moved_apart(self, i: int, j: int) -> Array:
+        """Tell which joints move the second capsule of a pair but not the first, (n,), 1 or 0."""
+        return self._moved_by(self.capsules[j]) - self._moved_by(self.capsules[i])
 
     def _pair_levers(self, i: int, j: int) -> Array:
         """Bound what each joint can change of a pair's distance, (n,), m per rad."""
-        far, joint = self.capsules[j], self.capsules[j].joint
+        near, far = self.capsules[i], self.capsules[j]
         levers = np.zeros(self._dof)
-        lever = far.radius + max(float(np.linalg.norm(far.start)), float(np.linalg.norm(far.end)))
-        while joint > self.capsules[i].joint:
+        joint, beyond = far.joint, far.radius
+        offsets: tuple[Array, ...] = (far.start, far.end)
+        while joint > near.joint:
+            axis = self._axes[joint - 1]
             prismatic = self._model.joints[joint].shortname().startswith('JointModelP')
+            lever = beyond + max(_across(offset, axis) for offset in offsets)
             levers[joint - 1] = 1.0 if prismatic else lever
-            lever += float(np.linalg.norm(self._model.jointPlacements[joint].translation))
+            beyond += max(float(np.linalg.norm(offset)) for offset in offsets)
+            beyond += self._travel[joint - 1] if prismatic else 0.0
+            offsets = (self._model.jointPlacements[joint].translation,)
             joint -= 1
+        first = self._model.jointPlacements[near.joint + 1]
+        axis = first.rotation @ self._axes[near.joint]
+        if all(_across(end - first.translation, axis) < 1e-9 for end in (near.start, near.end)):
+            levers[near.joint] = 0.0  # turns about the capsule's own axis
         return levers
 
     def _avoidable(
@@ -324,8 +310,7 @@ class CollisionModel:
         distances = np.empty((len(postures), len(watched)))
         for posture, row in zip(postures, distances, strict=True):
             pin.updateGeometryPlacements(self._model, self._data, self._geometry, data, posture)
-            pin.computeDistances(self._geometry, data)
-            row[:] = [result.min_distance for result in data.distanceResults]
+            row[:] = self._all_distances(data)
         rare = (distances[0] > CLEAR_AT_HOME) & (np.mean(distances <= 0.0, axis=0) < 0.9)
         for k in np.flatnonzero(rare & (distances.min(axis=0) > NEVER_NEAR)).tolist():
             starts = [postures[at] for at in np.argsort(distances[:, k])[:SEARCHES]]
@@ -336,7 +321,7 @@ class CollisionModel:
     def _nearest(self, data: Any, k: int, posture: Array, low: Array, high: Array) -> float:
         """Search downhill for the least distance of a pair."""
         pair = self._geometry.collisionPairs[k]
-        a, b = self.capsules[pair.first], self.capsules[pair.second]
+        moving = self._moved_apart(pair.first, pair.second)
         least, stride = np.inf, 0.3
         while stride > 0.01:
             jacobian = pin.computeJointJacobians(self._model, self._data, posture)
@@ -347,10 +332,7 @@ class CollisionModel:
             least = min(least, result.min_distance)
             if least <= NEVER_NEAR:
                 break
-            first, second = result.getNearestPoint1(), result.getNearestPoint2()
-            normal = _direction(first, second, result.min_distance, result.normal)
-            row = self._rate(jacobian, b.joint, second, normal)
-            row -= self._rate(jacobian, a.joint, first, normal)
+            row, _ = _rate(result, jacobian, moving)
             steepest = float(np.abs(row).max())
             if steepest < 1e-6:
                 break
@@ -413,11 +395,36 @@ def _placed_capsule(start: Array, end: Array, radius: float) -> tuple[Any, Any]:
     return coal.Capsule(radius, length), coal.Transform3s(rotation, (start + end) / 2.0)
 
 
-def _direction(first: Array, second: Array, distance: float, normal: Array) -> Array:
-    """Give the unit vector from the first body to the second, also when they overlap."""
-    if distance > 1e-6:
-        return np.asarray((second - first) / distance)
-    return np.asarray(normal)
+def _rate(result: Any, jacobian: Array, moving: Array) -> tuple[Array, tuple[float, float, float]]:
+    """
+    Differentiate a distance by the joints.
+
+    What moves both bodies alike does not change it, so only those joints count that move the
+    second one alone.
+
+    Args:
+        result: of coal.
+        jacobian: (6, n), Pinocchio's `computeJointJacobians`.
+        moving: (n,), 1 for the joints that move the second body but not the first, otherwise 0.
+
+    Returns:
+        The rate, (n,), m per rad, and the unit vector from the first to the second body.
+
+    """
+    x, y, z = result.getNearestPoint2().tolist()
+    distance = result.min_distance
+    if distance > TOUCHING:
+        u, v, w = result.getNearestPoint1().tolist()
+        a, b, c = (x - u) / distance, (y - v) / distance, (z - w) / distance
+    else:  # of bodies that touch or overlap only coal knows the direction
+        a, b, c = result.normal.tolist()
+    turning = np.array([a, b, c, y * c - z * b, z * a - x * c, x * b - y * a])
+    return turning.dot(jacobian) * moving, (a, b, c)
+
+
+def _across(vector: Array, axis: Array) -> float:
+    """Give the length of what a vector has across a unit vector."""
+    return float(np.linalg.norm(vector - (vector @ axis) * axis))
 
 
 def _volume(capsule: LinkCapsule) -> float:

@@ -32,7 +32,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 import math
-from typing import Any
+from typing import NamedTuple
 
 import daqp
 from handover_dmp.errors import UsageError
@@ -143,8 +143,7 @@ class WristTarget:
     angular_velocity: Array | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class IkSolution:
+class IkSolution(NamedTuple):
     """
     The answer for one period.
 
@@ -318,7 +317,6 @@ class PriorityIk:
                 options.stretch_rate,
             )
         names, rows, bounds = self._half_spaces(
-            joint_positions,
             world_jacobian,
             linear,
             position,
@@ -431,7 +429,6 @@ class PriorityIk:
 
     def _half_spaces(
         self,
-        joint_positions: Array,
         world_jacobian: Array,
         linear: Array,
         position: Array,
@@ -454,9 +451,7 @@ class PriorityIk:
         if self._collisions is not None:
             if options.self_collision:
                 fastest = np.maximum(box[1], -box[0])
-                near += self._collisions.near_pairs(
-                    joint_positions, world_jacobian, self._closing, fastest
-                )
+                near += self._collisions.near_pairs(world_jacobian, self._closing, fastest)
             if options.forearm_collision and partner is not None and partner.elbow is not None:
                 near += self._collisions.near_forearm(
                     world_jacobian,
@@ -468,15 +463,15 @@ class PriorityIk:
         for pair in near:
             names.append(pair.name)
             rows.append(pair.row)
-            bounds.append(min(-float(self._closing(pair.distance)) - pair.drift, 0.0))
+            bounds.append(min(-self._closing(pair.distance) - pair.drift, 0.0))
         if not names:
             return names, self._no_rows, self._no_bounds
         return names, np.array(rows), np.array(bounds)
 
-    def _closing(self, distance: Any) -> Any:
+    def _closing(self, distance: float) -> float:
         """Give how fast bodies may close in at a distance, so that braking keeps them apart."""
-        room = np.maximum(distance - self.options.collision_distance, 0.0)
-        return np.sqrt(2.0 * self.options.collision_deceleration * room)
+        room = max(distance - self.options.collision_distance, 0.0)
+        return math.sqrt(2.0 * self.options.collision_deceleration * room)
 
     def _elbow_away(self, world_jacobian: Array, partner: Partner) -> Array:
         """Give joint velocities that move the elbow away from the partner, if it is near."""
