@@ -17,14 +17,15 @@
 from __future__ import annotations
 
 from handover_dmp.nodes.qos import qos_profile
+from handover_dmp.nodes.spinning import run
 from handover_dmp.topics import JOINT_COMMAND, JOINT_STATES
 import numpy as np
-import rclpy.node
+from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 
-class VelocityToPosition(rclpy.node.Node):
+class VelocityToPosition(Node):
     """Publishes ~/positions, in the order of the parameter `joints`."""
 
     def __init__(self) -> None:
@@ -49,5 +50,4 @@ class VelocityToPosition(rclpy.node.Node):
 
 
 if __name__ == '__main__':
-    rclpy.init()
-    rclpy.spin(VelocityToPosition())
+    run(VelocityToPosition)

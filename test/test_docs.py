@@ -12,35 +12,18 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-Every command in README and docs works, every link leads somewhere, every table is up to date.
-
-Commands are the lines of the shell blocks. Those that are quick are run, in order, in one folder
-with the files that a reader is assumed to have. The others are checked in the way that `CHECKS`
-says; a command that nothing here knows is a failure.
-"""
+"""In README and docs every link leads somewhere and every table is up to date."""
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Callable
-from importlib import import_module, util
-from itertools import pairwise
+from importlib import util
 from pathlib import Path
 import re
-import shlex
-import subprocess
-import sys
 from types import ModuleType
 from typing import Any
 
-from handover_dmp.cli.main import VERBS
-from handover_dmp.dmp import DmpParameters
-from handover_dmp.hand import synthesize, write_trial
-from handover_dmp.parameter_file import TunedParameters, write_parameters
 from handover_dmp.settings import defaults
 from handover_dmp.topics import TOPICS
-import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -50,189 +33,6 @@ SERVICES = {
     '/hand_tracker/replay', '/dmp/start', '/dmp/abort', '/dmp/reset', '/robot_sim/pause',
     '/robot_sim/resume', '/robot_sim/reset',
 }  # fmt: skip
-# These are run. Of the others only the words are checked, since they take minutes, wait for a
-# browser, or start ROS, and have tests of their own; so has every robot.
-RUN = ('synthesize', 'learn', 'rollout', 'import', 'simulate', 'plot', 'bag')
-
-
-def commands(path: Path) -> list[str]:
-    """Return the lines of the shell blocks of a document, without comments."""
-    text = path.read_text(encoding='utf-8')
-    lines: list[str] = []
-    for block in re.findall(r'^```(?:sh|bash|shell|console)\n(.*?)^```', text, re.M | re.S):
-        lines += block.replace('\\\n', ' ').splitlines()
-    # CONTRIBUTING and others indent theirs.
-    indented = re.findall(
-        r'^    ((?:make|\.venv/bin/\S+|handover_dmp|ros2|colcon)\s.*)$', text, re.M
-    )
-    words = [re.sub(r'\s#\s.*$', '', line).strip() for line in lines + indented]
-    return [word for word in words if word and not word.startswith('#')]
-
-
-ALL = [(path.relative_to(ROOT).as_posix(), line) for path in DOCUMENTS for line in commands(path)]
-
-
-@pytest.fixture(scope='module')
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Give a folder with the files that the documents speak of as the reader's own."""
-    folder = tmp_path_factory.mktemp('reader')
-    trial = next(trial for trial in synthesize(trials=1) if trial.exchange == 'take')
-    write_trial(trial, folder / 'my_trial.csv')
-    urdf = (ROOT / 'urdf' / 'lwr4.urdf').read_text(encoding='utf-8')
-    (folder / 'my_arm.urdf').write_text(urdf, encoding='utf-8')
-    # What `tune` writes.
-    write_parameters(TunedParameters(DmpParameters(), 1.0), folder / 'tuned.yaml', 'tuned')
-    (folder / 'recording.tsv').write_text(qualisys(trial.p1, trial.p2), encoding='utf-8')
-    rest = np.repeat(trial.p1[:1], 200, axis=0), np.repeat(trial.p2[:1], 200, axis=0)
-    there_and_back = [
-        np.vstack([a, p, p[::-1], a]) for a, p in zip(rest, (trial.p1, trial.p2), strict=True)
-    ]
-    (folder / 'session.tsv').write_text(qualisys(*there_and_back), encoding='utf-8')
-    return folder
-
-
-def qualisys(p1: np.ndarray, p2: np.ndarray) -> str:
-    """Write two markers as Qualisys Track Manager does."""
-    lines = [
-        f'NO_OF_FRAMES\t{len(p1)}', 'NO_OF_MARKERS\t2', 'FREQUENCY\t200', 'DATA_INCLUDED\t3D',
-        'MARKER_NAMES\tM_wrist\tA_wrist',
-    ]  # fmt: skip
-    rows = 1000.0 * np.hstack([p1, p2])
-    return '\n'.join([*lines, *('\t'.join(f'{x:.3f}' for x in row) for row in rows)]) + '\n'
-
-
-@pytest.mark.timeout(1800)  # a verb on a machine that does much else
-@pytest.mark.parametrize(('document', 'line'), ALL, ids=[f'{d}: {c[:50]}' for d, c in ALL])
-def test_every_command(document: str, line: str, folder: Path) -> None:
-    words = shlex.split(line)
-    name = words[0].removeprefix('.venv/bin/')
-    assert name in CHECKS, f'{document}: nothing here knows how to check {line!r}'
-    CHECKS[name](words[1:], folder)
-
-
-def check_own(words: list[str], folder: Path) -> None:
-    """Run a verb, or let it parse its words."""
-    if words in (['--help'], ['--version']):
-        run([sys.executable, '-m', 'handover_dmp', *words], folder)
-        return
-    verb, *rest = words
-    assert verb in VERBS
-    module = import_module(f'handover_dmp.cli.{"import_verb" if verb == "import" else verb}')
-    parser = argparse.ArgumentParser()
-    module.add_arguments(parser)
-    parser.parse_args(rest)
-    if verb in RUN and '--robot' not in rest:
-        run([sys.executable, '-m', 'handover_dmp', *words], folder)
-
-
-def check_python(words: list[str], folder: Path) -> None:
-    """Look for the script or module; scripts are run by tests of their own."""
-    if words[0] == '-m':
-        assert util.find_spec(words[1]) is not None
-    else:
-        assert (ROOT / words[0]).is_file(), words[0]
-    check_ros_arguments(words[1:], '')
-
-
-def check_make(words: list[str], _folder: Path) -> None:
-    """Look for the targets."""
-    makefile = (ROOT / 'Makefile').read_text(encoding='utf-8')
-    for word in words:
-        if re.fullmatch(r'[\w-]+', word):
-            assert re.search(rf'^{word}:', makefile, re.M), f'make {word}'
-
-
-def check_ros2(words: list[str], folder: Path) -> None:
-    """Compare with launch arguments, nodes, parameters, services, topics of this package."""
-    match words:
-        case ['launch', 'handover_dmp', file, *given]:
-            arguments = launch_arguments()
-            assert (ROOT / 'launch' / file).is_file()
-            assert {word.partition(':=')[0] for word in given} <= arguments
-        case ['run', 'handover_dmp', node, *rest]:
-            assert node in NODES
-            check_ros_arguments(rest, node)
-        case ['service', 'call', service, kind]:
-            assert service in SERVICES
-            assert kind == 'std_srvs/srv/Trigger'
-        case ['param', 'describe' | 'set', node, name, *_]:
-            assert name in parameters(node.removeprefix('/'))
-        case ['topic', 'echo' | 'hz' | 'info', topic]:
-            assert topic in {known.name for known in TOPICS}
-        case ['bag', 'play' | 'info', bag]:
-            # One that an earlier command has made; its form has tests of its own.
-            assert (folder / bag / 'metadata.yaml').is_file()
-        case ['security', 'create_keystore' | 'create_enclave', *_]:
-            pass  # of SROS 2, which is not of this package
-        case _:
-            pytest.fail(f'ros2 {" ".join(words)}: unknown here')
-
-
-def check_ros_arguments(words: list[str], node: str) -> None:
-    """Look for every parameter and every topic that is remapped."""
-    for flag, value in pairwise(words):
-        name = value.partition(':=')[0]
-        if flag == '-p':
-            assert name in parameters(node), f'{node} has no parameter {name}'
-        elif flag == '-r' and not name.startswith('/velocity_to_position/'):
-            assert name in {topic.name for topic in TOPICS}, f'no topic {name}'
-
-
-def check_shell(words: list[str], _folder: Path) -> None:
-    """Look at the variables that are set."""
-    for word in words:
-        name, equals, _ = word.partition('=')
-        assert equals
-        assert name.startswith('ROS_') or name in ('FASTRTPS_DEFAULT_PROFILES_FILE',)
-
-
-def check_colcon(words: list[str], _folder: Path) -> None:
-    """Test_packaging.py builds and tests with it."""
-    assert words[0] in ('build', 'test', 'test-result')
-
-
-def ignore(_words: list[str], _folder: Path) -> None:
-    """Change folder or environment: nothing to check."""
-
-
-CHECKS: dict[str, Callable[[list[str], Path], None]] = {
-    'handover_dmp': check_own,
-    'python': check_python,
-    'make': check_make,
-    'ros2': check_ros2,
-    'export': check_shell,
-    'colcon': check_colcon,
-    '.': ignore,
-    'source': ignore,
-    'cd': ignore,
-}
-
-
-def run(words: list[str], folder: Path) -> None:
-    """Run a command in the reader's folder; it must succeed."""
-    result = subprocess.run(words, cwd=folder, capture_output=True, text=True)
-    assert result.returncode == 0, result.stderr
-
-
-def launch_arguments() -> set[str]:
-    """Return the names of the arguments of the launch file."""
-    text = (ROOT / 'launch' / 'handover.launch.py').read_text(encoding='utf-8')
-    table = re.search(r'^ARGUMENTS = \{(.*?)^\}', text, re.M | re.S)[1]
-    return set(re.findall(r"^    '(\w+)':", table, re.M))
-
-
-def parameters(node: str) -> set[str]:
-    """Return the names of the parameters of a node."""
-    return {*defaults(node), 'initial_positions'} if node in NODES else set()
-
-
-def test_the_documents_have_commands() -> None:
-    assert len(ALL) > 25
-    assert {'README.md', 'docs/parameters.md', 'docs/topics.md'} <= {name for name, _ in ALL}
-
-
-def test_readme_begins_with_the_two_commands() -> None:
-    assert commands(ROOT / 'README.md')[:2] == ['make demo', 'make test']
 
 
 def test_services_that_are_told_of_are_those_of_the_nodes() -> None:

@@ -85,8 +85,8 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
 
 
 def _executor(node: Node) -> Executor:
-    events = node.get_parameter('executor').value == 'events'
-    executor: Executor = EventsExecutor() if events else SingleThreadedExecutor()
+    default = node.has_parameter('executor') and node.get_parameter('executor').value == 'default'
+    executor: Executor = SingleThreadedExecutor() if default else EventsExecutor()
     executor.add_node(node)
     return executor
 
