@@ -20,17 +20,19 @@ With z = (x − x0, ẋ) it reads z_{k+1} = A_k z_k + G_k (g_k − x0) + D_k ġ_
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
+import os
 
-from handover_dmp.errors import DataError
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dtbtrs
 
 Array = NDArray[np.float64]
 
-BLOCK = 8  # intervals of a batch that one matrix product covers
-COLUMNS = 1536  # of one product: too few to be worth threads, few enough for the cache
+BLOCK = 12  # intervals of a batch that one matrix product covers
+SHARE = 512  # motions of a batch that one thread works on: few enough for its cache
 NOTHING = 1e-13  # a goal that weighs less than this, relative to the heaviest, is not seen
 
 
@@ -119,77 +121,51 @@ class Intervals:
         return path
 
     def run_batch(
-        self,
-        goals: Array,
-        goal_velocities: Array,
-        starts: Array,
-        out: tuple[Array, Array] | None = None,
+        self, goals: Array, goal_velocities: Array, starts: Array
     ) -> tuple[Array, Array]:
         """
         Solve the recursion from rest for many goals.
 
         Blocks of intervals become one matrix product each, and where the goal has no weight yet
-        all motions are one.
+        all motions are one. Large batches are shared out to the processors.
 
         Args:
             goals: g, m, (b, m + 1, d).
             goal_velocities: ġ, m/s, (b, m + 1, d).
             starts: x0, m, (b, d).
-            out: what an earlier call for as many returned, to be written over.
 
         Returns:
             x, m, and ẋ, m/s, (b, m + 1, d) each, with time first in memory and b last.
 
-        Raises:
-            DataError: `out` is of another size or order.
-
         """
         batch, samples, dimensions = goals.shape
         count = samples - 1
-        shape = (samples, dimensions, batch)
-        positions, velocities = (
-            (np.empty(shape), np.empty(shape))
-            if out is None
-            else (out[0].transpose(1, 2, 0), out[1].transpose(1, 2, 0))
-        )
-        if any(
-            each.shape != shape or not each.flags.c_contiguous for each in (positions, velocities)
-        ):
-            raise DataError('out is not what an earlier call for as many rollouts returned')
+        path = np.empty((samples, 2, dimensions, batch))
         seen = np.abs(np.concatenate([self.goal, self.goal_velocity])).max(axis=0, initial=0.0)
         first = int(np.argmax(np.append(seen > NOTHING * seen.max(initial=0.0), True)))
-        common = self.run(self.forcing)
-        np.add(common[:, : first + 1, 0].T[:, :, None], starts.T, out=positions[: first + 1])
-        velocities[: first + 1] = common[:, : first + 1, 1].T[:, :, None]
-
-        # until they are needed, goals wait where the motion will be: memory is what takes the time
-        _turn(goals[:, first:count], positions[first + 1:])  # fmt: skip
-        _turn(goal_velocities[:, first:count], velocities[first + 1:])  # fmt: skip
-        flat_positions = positions.reshape(samples, -1)
-        flat_velocities = velocities.reshape(samples, -1)
-        columns = [
-            slice(column, column + COLUMNS)
-            for column in range(0, flat_positions.shape[1], COLUMNS)
-        ]
+        common = self.run(self.forcing)[:, : first + 1].transpose(1, 2, 0)[..., None]
         whole = count - (count - first) % BLOCK
-        for begin, end, length in ((first, whole, BLOCK), (whole, count, count - whole)):
-            if begin == end:
-                continue
-            known = np.zeros((3 + dimensions + 2 * length, dimensions, batch))
-            known[2] = starts.T
-            known[3 + np.arange(dimensions), np.arange(dimensions)] = 1.0
-            rows = known.reshape(len(known), -1)
-            for k, matrix in zip(
-                range(begin, end, length), self._blocks(begin, end, length), strict=True
-            ):
-                after = slice(k + 1, k + 1 + length)
-                rows[0], rows[1] = flat_positions[k], flat_velocities[k]
-                rows[-2 * length: -length] = flat_positions[after]  # fmt: skip
-                rows[-length:] = flat_velocities[after]
-                for part in columns:
-                    np.matmul(matrix[:length], rows[:, part], out=flat_positions[after, part])
-                    np.matmul(matrix[length:], rows[:, part], out=flat_velocities[after, part])
-        return positions.transpose(2, 0, 1), velocities.transpose(2, 0, 1)
+        blocks = [
+            (begin + group * length, matrices)
+            for begin, end, length in ((first, whole, BLOCK), (whole, count, count - whole))
+            if begin < end
+            for group, matrices in enumerate(self._blocks(begin, end, length))
+        ]
+
+        def follow(part: slice) -> None:
+            path[: first + 1, 0, :, part] = common[:, 0] + starts[part].T
+            path[: first + 1, 1, :, part] = common[:, 1]
+            _follow(path[..., part], blocks, goals[part], goal_velocities[part], starts[part])
+
+        shares = -(-batch // SHARE) or 1
+        bounds = [batch * share // shares for share in range(shares + 1)]
+        parts = [slice(begin, end) for begin, end in pairwise(bounds)]
+        if shares == 1:
+            follow(parts[0])
+        else:
+            with ThreadPoolExecutor(min(shares, os.cpu_count() or 1)) as threads:
+                list(threads.map(follow, parts))
+        return path[:, 0].transpose(2, 0, 1), path[:, 1].transpose(2, 0, 1)
 
     def _blocks(self, begin: int, end: int, length: int) -> Array:
         """
@@ -201,32 +177,51 @@ class Intervals:
             length: intervals of a group.
 
         Returns:
-            From x, ẋ, x0, one column a dimension for F, and g and ġ of each interval, to x and
-            then ẋ at the ends of the intervals, (groups, 2·length, 3 + d + 2·length).
+            From x, ẋ, x0, 1 for F, and g and ġ of each interval, to x and ẋ at the end of each
+            interval, (groups, d, 2·length, 4 + 2·length).
 
         """
         dimensions = self.forcing.shape[2]
         groups = (end - begin) // length
-        chain = np.zeros((groups, 2, 3 + dimensions + 2 * length))
-        chain[:, 0, 0] = chain[:, 1, 1] = 1.0
-        matrices = np.empty((groups, 2, length, chain.shape[2]))
-        goal_column = 3 + dimensions
+        chain = np.zeros((groups, dimensions, 2, 4 + 2 * length))
+        chain[..., 0, 0] = chain[..., 1, 1] = 1.0
+        matrices = np.empty((groups, dimensions, length, *chain.shape[2:]))
         for each in range(length):
             at = slice(begin + each, end, length)
-            carry = self.carry[:, :, at].transpose(2, 0, 1)
+            carry = self.carry[:, :, at].transpose(2, 0, 1)[:, None]
+            goal = self.goal[:, at].T[:, None]
             chain = carry @ chain
             # x0 pushes by what the recursion leaves of it when everything else is 0
-            chain[:, :, 2] -= carry[:, :, 0] + self.goal[:, at].T
-            chain[:, 0, 2] += 1.0
-            chain[:, :, 3:goal_column] += self.forcing[:, at].transpose(1, 0, 2)
-            chain[:, :, goal_column + each] += self.goal[:, at].T
-            chain[:, :, goal_column + length + each] += self.goal_velocity[:, at].T
+            chain[..., 2] -= carry[..., 0] + goal
+            chain[..., 0, 2] += 1.0
+            chain[..., 3] += self.forcing[:, at].transpose(1, 2, 0)
+            chain[..., 4 + each] += goal
+            chain[..., 4 + length + each] += self.goal_velocity[:, at].T[:, None]
             matrices[:, :, each] = chain
-        return matrices.reshape(groups, 2 * length, -1)
+        return matrices.reshape(groups, dimensions, 2 * length, -1)
 
 
-def _turn(values: Array, out: Array) -> None:
-    """Copy (b, n, d) to (n, d, b)."""
-    batch, samples, dimensions = values.shape
-    flat = values.reshape(batch, samples * dimensions)
-    np.copyto(out.reshape(samples * dimensions, batch), flat.T)
+def _follow(
+    path: Array,
+    blocks: list[tuple[int, Array]],
+    goals: Array,
+    goal_velocities: Array,
+    starts: Array,
+) -> None:
+    """Fill (m + 1, 2, d, b) from the first block on, one matrix product a block."""
+    samples, _, dimensions, batch = path.shape
+    states = path.reshape(2 * samples, dimensions, batch).transpose(1, 0, 2)
+    flat_goals = goals.reshape(batch, -1)
+    flat_velocities = goal_velocities.reshape(batch, -1)
+    known = np.empty((0, dimensions, batch))
+    for begin, matrices in blocks:
+        length = matrices.shape[1] // 2
+        if len(known) != 4 + 2 * length:
+            known = np.empty((4 + 2 * length, dimensions, batch))
+            known[2], known[3] = starts.T, 1.0
+        known[:2] = path[begin]
+        inputs = slice(begin * dimensions, (begin + length) * dimensions)
+        known[4:].reshape(2, -1, batch)[0] = flat_goals[:, inputs].T
+        known[4:].reshape(2, -1, batch)[1] = flat_velocities[:, inputs].T
+        after = slice(2 * begin + 2, 2 * (begin + length) + 2)
+        np.matmul(matrices, known.transpose(1, 0, 2), out=states[:, after])

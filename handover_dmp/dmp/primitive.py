@@ -383,8 +383,6 @@ class Primitive(ABC):
         goals: ArrayLike,
         goal_velocities: ArrayLike | None = None,
         starts: ArrayLike | None = None,
-        *,
-        out: tuple[Array, Array] | None = None,
     ) -> tuple[Array, Array]:
         """
         Run many times at once, each against its own goals.
@@ -395,8 +393,6 @@ class Primitive(ABC):
             goal_velocities: ġ from each of these times to the next, m/s, (b, n, d); what leads
                 from goal to goal if left out.
             starts: x0, m, (b, d); that of the demonstration if left out.
-            out: what an earlier call of the same size returned, to be written over: fresh memory
-                is a third of the time.
 
         Returns:
             Positions, m, and velocities, m/s, (b, n, d) each; all start at rest. They lie in
@@ -423,7 +419,7 @@ class Primitive(ABC):
         if target_velocities.shape != targets.shape or x0.shape != targets[:, 0].shape:
             raise DataError('goals, goal velocities and starts do not fit each other')
         u = (stamps - stamps[0]) / self.duration_s
-        return self._intervals(u, self._table).run_batch(targets, target_velocities, x0, out)
+        return self._intervals(u, self._table).run_batch(targets, target_velocities, x0)
 
     @cached_property
     def _table(self) -> Array:

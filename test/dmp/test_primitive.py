@@ -227,17 +227,18 @@ def test_another_duration_on_the_way_jumps_neither_position_nor_velocity(model):
     assert slower.goal_weight(state.phase) == pytest.approx(model.goal_weight(state.phase))
 
 
-def test_a_batch_goes_into_the_memory_of_an_earlier_one(model):
-    times = np.linspace(0.0, 1.6, 161)
-    goals = np.array([[wandering(t) for t in times], [strolling(t) for t in times]])
-    first = model.rollout_batch(times, goals)
-    expected = [each.copy() for each in first]
-    second = model.rollout_batch(times, goals[::-1], out=first)
-    assert np.shares_memory(second[0], first[0])
-    for each, before in zip(second, expected, strict=True):
-        assert np.array_equal(each, before[::-1])
-    with pytest.raises(DataError, match='out'):
-        model.rollout_batch(times, goals, out=(np.zeros((2, 161, 3)), first[1]))
+def test_a_large_batch_is_the_same_as_one_by_one(model):
+    """It is shared out to threads; none mixes up its motions, and none is left out."""
+    chance = np.random.default_rng(0)
+    times = np.linspace(0.0, 1.6, 102)
+    rates = 0.2 * chance.normal(size=(1030, 1, 3)) + np.zeros((1, 102, 1))
+    goals = GOAL + 0.1 * chance.normal(size=(1030, 1, 3)) + rates * times[:, None]
+    starts = 0.1 * chance.normal(size=(1030, 3))
+    positions, velocities = model.rollout_batch(times, goals, rates, starts)
+    for each in range(0, 1030, 7):
+        single = model.rollout(times, goals[each], rates[each], start=starts[each])
+        assert positions[each] == pytest.approx(single.positions, abs=1e-9)
+        assert velocities[each] == pytest.approx(single.velocities, abs=1e-9)
 
 
 coordinate = st.floats(-5.0, 5.0)
