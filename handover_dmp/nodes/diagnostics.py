@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import os
 from statistics import quantiles
 from time import perf_counter
 
@@ -102,7 +103,9 @@ class Diagnostics:
     def publish(self) -> None:
         """Publish now."""
         fault, values = self._condition()
-        values = {**self._periods.take(), **values}
+        urgent = os.sched_getscheduler(0) == os.SCHED_FIFO
+        scheduling = {'scheduling': 'real-time' if urgent else 'ordinary'}
+        values = {**self._periods.take(), **scheduling, **values}
         status = DiagnosticStatus(
             level=DiagnosticStatus.WARN if fault else DiagnosticStatus.OK,
             name=self._node.get_name(),

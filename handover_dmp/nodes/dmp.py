@@ -133,6 +133,7 @@ class Dmp(HandoverNode):
         self._begun_s: float | None = None
         self._signal_s: float | None = None
         self._faults: dict[str, int] = {}
+        self._phase_lock = PhaseLock()
         self._connect()
         self._markers = Markers(self, _path(learnt))
         self._clock_of_periods = Lockstep(
@@ -144,7 +145,7 @@ class Dmp(HandoverNode):
             jumped=self._jumped,
         )
         if not self.lockstep:
-            self._phase_lock = PhaseLock(self.every(period_s, self._tick))
+            self._phase_lock.drive(self.every(period_s, self._tick))
         Diagnostics(self, self._periods, self._condition)
         self._say()
 
@@ -155,9 +156,10 @@ class Dmp(HandoverNode):
         self._state = self.advertise(STATE)
         self._pose = self._twist = self._values = None
         self._said = ''
-        self.subscribe(HAND_POSE, self._on_hand)
-        self.subscribe(WRIST_POSE, self._on_wrist)
-        self.subscribe(IK_STATUS, self._on_ik_status)
+        watched = self._phase_lock.watched
+        self.subscribe(HAND_POSE, watched(self._on_hand))
+        self.subscribe(WRIST_POSE, watched(self._on_wrist))
+        self.subscribe(IK_STATUS, watched(self._on_ik_status))
         self.subscribe(SIGNAL, self._on_signal)
         self.serve('start', self._start)
         self.serve('abort', self._abort)

@@ -54,6 +54,7 @@ from handover_dmp.topics import (
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
+from rclpy.subscription import Subscription
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -142,9 +143,11 @@ class Graph:
                 self.start(name)
             self._wait_for(self._complete, START_TIMEOUT_S, 'the nodes do not find each other')
             if not self._lockstep and set(self._nodes) == set(NODES):
+                commands = self._listen(POSE_COMMAND, self._on_command)
                 self._wait_for(
                     lambda: self._commanded, START_TIMEOUT_S, 'dmp does not command the wrist'
                 )
+                self.node.destroy_subscription(commands)
         except BaseException:
             self._end()
             raise
@@ -277,11 +280,9 @@ class Graph:
         self._listen(STATE, self._on_state)
         if self._lockstep:
             self._listen(CLOCK, self._on_clock)
-        else:
-            self._listen(POSE_COMMAND, self._on_command)
 
-    def _listen(self, topic: Topic, callback: Callable[[Any], None]) -> None:
-        self.node.create_subscription(
+    def _listen(self, topic: Topic, callback: Callable[[Any], None]) -> Subscription:
+        return self.node.create_subscription(
             message_class(topic.type_name), topic.name, callback, qos_profile(topic.quality)
         )
 

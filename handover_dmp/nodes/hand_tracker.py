@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import sys
+from time import sleep
 
 from geometry_msgs.msg import PoseStamped
 from handover_dmp.hand.replay import Replay
@@ -77,7 +78,10 @@ class HandTracker(HandoverNode):
             periods = Lockstep(1.0 / values['rate_hz'], self._answer, self._publish)
             self.subscribe(CLOCK, lambda message: periods.ask(nanoseconds(message.clock)))
         else:
-            self.every(1.0 / values['rate_hz'], self._tick)
+            period_s = 1.0 / values['rate_hz']
+            # poses are of whole multiples of the period, so that they are fresh if it ticks there
+            sleep(period_s - self.now_s() % period_s)
+            self.every(period_s, self._tick)
         Diagnostics(self, self._periods, self._condition)
 
     def _replay(self) -> str:

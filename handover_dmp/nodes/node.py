@@ -44,6 +44,7 @@ class HandoverNode(Node):  # type: ignore[misc]
         super().__init__(self.NAME)
         self.values = declare(self, COMMON + self.PARAMETERS)
         self.lockstep: bool = self.values['lockstep']
+        self._simulated: bool = self.get_parameter('use_sim_time').value
 
     def advertise(self, topic: Topic) -> Publisher:
         """
@@ -103,8 +104,7 @@ class HandoverNode(Node):  # type: ignore[misc]
             The timer.
 
         """
-        simulated = self.get_parameter('use_sim_time').value
-        steady = wall or not simulated
+        steady = wall or not self._simulated
         clock = Clock(clock_type=ClockType.STEADY_TIME) if steady else None
         return self.create_timer(period_s, callback, clock=clock)
 
@@ -130,4 +130,4 @@ class HandoverNode(Node):  # type: ignore[misc]
 
     def arrival_s(self) -> float:
         """Return the time that ages are counted in, s: never set back, unless it is simulated."""
-        return self.now_s() if self.get_parameter('use_sim_time').value else monotonic()
+        return self.now_s() if self._simulated else monotonic()

@@ -92,6 +92,13 @@ COMMON = (
     Parameter(
         'executor', 'which executor of rclpy', choices=('events', 'default'), read_only=True
     ),
+    Parameter(
+        'thread_priority',
+        'real-time (FIFO), where the system permits it; not in lockstep; 0: ordinary',
+        0,
+        99,
+        read_only=True,
+    ),
 )
 
 ARM = (

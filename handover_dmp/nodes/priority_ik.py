@@ -121,6 +121,7 @@ class PriorityIkNode(HandoverNode):
         self._fault = 'no joint states yet'
         self._active: tuple[str, ...] = ()
         self._refused = 0
+        self._phase_lock = PhaseLock()
         self._connect()
         self._taken_ns: int | None = None
         self._lockstep = Lockstep(
@@ -131,17 +132,18 @@ class PriorityIkNode(HandoverNode):
             ready=self._ready,
         )
         if not self.lockstep:
-            self._phase_lock = PhaseLock(self.every(self._period_s, self._tick))
+            self._phase_lock.drive(self.every(self._period_s, self._tick))
         Diagnostics(self, self._periods, self._condition)
 
     def _connect(self) -> None:
         self._wrist_pose = self.advertise(WRIST_POSE)
         self._joint_command = self.advertise(JOINT_COMMAND)
         self._ik_status = self.advertise(IK_STATUS)
-        self.subscribe(JOINT_STATES, self._on_joint_states)
-        self.subscribe(POSE_COMMAND, self._on_pose)
-        self.subscribe(TWIST_COMMAND, self._on_twist)
-        self.subscribe(HAND_POSE, self._on_hand)
+        watched = self._phase_lock.watched
+        self.subscribe(JOINT_STATES, watched(self._on_joint_states))
+        self.subscribe(POSE_COMMAND, watched(self._on_pose))
+        self.subscribe(TWIST_COMMAND, watched(self._on_twist))
+        self.subscribe(HAND_POSE, watched(self._on_hand))
 
     # Inputs
 

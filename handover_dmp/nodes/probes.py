@@ -16,7 +16,8 @@
 What the graph is measured against: an empty timer, a plain sleep loop, a bare round trip.
 
 Run as processes of their own beside the graph: `python -m handover_dmp.nodes.probes WHAT SECONDS
-FILE` writes its times, in s, to a text file.
+FILE` writes its times, in s, to a text file. The empty timer is there as one writes it at first
+and, as `urgent`, with the real-time priority of the nodes; the round trip has that too.
 """
 
 from __future__ import annotations
@@ -25,7 +26,6 @@ from pathlib import Path
 import sys
 from time import perf_counter, sleep, time
 
-from handover_dmp.nodes.parameters import COMMON
 from handover_dmp.nodes.qos import qos_profile
 from handover_dmp.nodes.spinning import run
 from handover_dmp.settings import defaults
@@ -41,10 +41,9 @@ JOINTS = 7
 class _Probe(Node):  # type: ignore[misc]
     """A node that ends by itself and keeps times."""
 
-    def __init__(self, name: str, seconds: float, file: Path) -> None:
+    def __init__(self, name: str, seconds: float, file: Path, priority: int) -> None:
         super().__init__(name)
-        for parameter in COMMON:
-            self.declare_parameter(parameter.name, defaults('dmp')[parameter.name])
+        self.declare_parameter('thread_priority', priority)
         self.times: list[float] = []
         self.ended = False
         self._end_s = perf_counter() + seconds
@@ -61,9 +60,9 @@ class _Probe(Node):  # type: ignore[misc]
 class EmptyTimer(_Probe):
     """A timer at 200 Hz that does nothing but note when it is called."""
 
-    def __init__(self, seconds: float, file: Path) -> None:
+    def __init__(self, seconds: float, file: Path, priority: int) -> None:
         """Start the timer."""
-        super().__init__('empty_timer', seconds, file)
+        super().__init__('empty_timer', seconds, file, priority)
         self.create_timer(PERIOD_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _tick(self) -> None:
@@ -74,9 +73,9 @@ class EmptyTimer(_Probe):
 class Echo(_Probe):
     """Sends joint states back."""
 
-    def __init__(self, seconds: float, file: Path) -> None:
+    def __init__(self, seconds: float, file: Path, priority: int) -> None:
         """Connect."""
-        super().__init__('echo', seconds, file)
+        super().__init__('echo', seconds, file, priority)
         qos = qos_profile(Quality.SENSOR)
         publisher = self.create_publisher(JointState, '/probe/back', qos)
         self.create_subscription(JointState, '/probe/out', publisher.publish, qos)
@@ -86,9 +85,9 @@ class Echo(_Probe):
 class Ping(_Probe):
     """Sends joint states out at 200 Hz and notes how long each takes to come back, s."""
 
-    def __init__(self, seconds: float, file: Path) -> None:
+    def __init__(self, seconds: float, file: Path, priority: int) -> None:
         """Connect and start."""
-        super().__init__('ping', seconds, file)
+        super().__init__('ping', seconds, file, priority)
         qos = qos_profile(Quality.SENSOR)
         self._publisher = self.create_publisher(JointState, '/probe/out', qos)
         self._message = JointState(position=[0.0] * JOINTS)
@@ -129,8 +128,9 @@ def main() -> int:
     if what == 'sleep':
         sleep_loop(seconds, file)
         return 0
-    kind = {'empty': EmptyTimer, 'echo': Echo, 'ping': Ping}[what]
-    return run(lambda: kind(seconds, file), [])
+    kind = {'empty': EmptyTimer, 'urgent': EmptyTimer, 'echo': Echo, 'ping': Ping}[what]
+    priority = 0 if what == 'empty' else defaults('dmp')['thread_priority']
+    return run(lambda: kind(seconds, file, priority), [])
 
 
 if __name__ == '__main__':

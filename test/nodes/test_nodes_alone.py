@@ -69,6 +69,33 @@ def test_starts_alone_and_ends_cleanly(node: str, number: signal.Signals, tmp_pa
     assert 'leaked' not in said[1]
 
 
+@pytest.mark.parametrize('lockstep', [False, True])
+def test_runs_at_the_priority_that_it_is_given(lockstep: bool, tmp_path: Path) -> None:
+    """On the wall clock, and where the system permits it."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        permitted = True
+    except PermissionError:
+        permitted = False
+    words = ['-p', 'thread_priority:=7', '-p', f'lockstep:={str(lockstep).lower()}']
+    process = start('dmp', tmp_path, *words)
+    assert is_up('dmp'), process.communicate()
+    end_s = time.monotonic() + 30.0
+    wanted = {7} if permitted and not lockstep else {0}
+    while priorities(process.pid) != wanted and time.monotonic() < end_s:
+        time.sleep(0.05)
+    assert priorities(process.pid) == wanted
+    process.send_signal(signal.SIGINT)
+    assert process.wait(30) == 0
+
+
+def priorities(pid: int) -> set[int]:
+    """Give the real-time priorities of all threads of a process; 0 is ordinary."""
+    threads = [int(path.name) for path in Path(f'/proc/{pid}/task').iterdir()]
+    return {os.sched_getparam(thread).sched_priority for thread in threads}
+
+
 @pytest.mark.parametrize(
     ('node', 'words', 'fault'),
     [
