@@ -25,7 +25,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from math import hypot, isfinite
+from math import dist, hypot, isfinite
+from typing import NamedTuple
 
 from handover_dmp.dmp import DecoupledDmp, DmpState
 from handover_dmp.hand import GoalEstimator, HandEstimate
@@ -79,8 +80,7 @@ class HandoverOptions:
     phase_stopping: bool = setting('dmp', 'phase_stopping')
 
 
-@dataclass(frozen=True)
-class WristCommand:
+class WristCommand(NamedTuple):
     """
     What the wrist is to do in one period.
 
@@ -324,7 +324,9 @@ class HandoverController:
             self.start()
 
     def _goal(self, hand: HandEstimate) -> Vector:
-        return tuple(p + o for p, o in zip(hand.position, self.model.goal_offset, strict=True))
+        # plain floats, as the primitive's step takes several times as long with NumPy's
+        offset = self.model.goal_offset.tolist()
+        return tuple(p + o for p, o in zip(hand.position, offset, strict=True))
 
     def _follow(
         self, primitive: DmpState, hand: HandEstimate, dt: float, phase_rate: float
@@ -338,22 +340,24 @@ class HandoverController:
     def _anchored(self, primitive: DmpState) -> DmpState:
         """Keep the command near the measured wrist, so that it cannot wind up against a stop."""
         assert self._wrist is not None
-        ahead = [c - w for c, w in zip(primitive.position, self._wrist, strict=True)]
-        distance = hypot(*ahead)
-        limit = self.options.tracking_error_limit_m
-        if distance <= limit:
+        distance = dist(primitive.position, self._wrist)
+        if distance <= self.options.tracking_error_limit_m:
             return primitive
-        position = tuple(w + a * limit / distance for w, a in zip(self._wrist, ahead, strict=True))
+        share = self.options.tracking_error_limit_m / distance
+        position = tuple(
+            w + (c - w) * share for w, c in zip(self._wrist, primitive.position, strict=True)
+        )
         return primitive._replace(position=position)
 
     def _accelerated(self, before: DmpState, after: DmpState, dt: float) -> DmpState:
         """Bound the change of velocity, whatever the goal does."""
-        change = [a - b for a, b in zip(after.velocity, before.velocity, strict=True)]
         most = self.options.acceleration_limit * dt
-        size = hypot(*change)
+        size = dist(after.velocity, before.velocity)
         if size <= most:
             return after
-        velocity = tuple(b + c * most / size for b, c in zip(before.velocity, change, strict=True))
+        velocity = tuple(
+            b + (a - b) * most / size for a, b in zip(after.velocity, before.velocity, strict=True)
+        )
         position = tuple(
             x + 0.5 * (b + v) * dt
             for x, b, v in zip(before.position, before.velocity, velocity, strict=True)
@@ -376,8 +380,7 @@ class HandoverController:
     def _held(self, primitive: DmpState) -> DmpState:
         """Hold the place, or where the wrist is by now if something has moved it from there."""
         assert self._wrist is not None
-        away = hypot(*(c - w for c, w in zip(primitive.position, self._wrist, strict=True)))
-        if away > self.options.tracking_error_limit_m:
+        if dist(primitive.position, self._wrist) > self.options.tracking_error_limit_m:
             return primitive._replace(position=self._wrist)
         return primitive
 
@@ -388,10 +391,8 @@ class HandoverController:
             if now_s - self._exchange_since_s >= self.options.exchange_hold_s:
                 self.state = HandoverState.DONE
             return
-        gap = hypot(*(w - g for w, g in zip(self._wrist, self._goal(hand), strict=True)))
-        relative = hypot(
-            *(v - h for v, h in zip(self._primitive.velocity, hand.velocity, strict=True))
-        )
+        gap = dist(self._wrist, self._goal(hand))
+        relative = dist(self._primitive.velocity, hand.velocity)
         arrived = gap < self.options.exchange_distance_m and relative < self.options.exchange_speed
         if arrived and self.model.goal_weight(self._primitive.phase) > 0.5:
             self.state = HandoverState.EXCHANGE

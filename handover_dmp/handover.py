@@ -22,7 +22,7 @@ motion; and the same result every time.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from handover_dmp.controller import (
     HandoverController,
@@ -50,8 +50,7 @@ LONGEST_EXTRA_S = 5.0
 STILL = np.zeros(3)
 
 
-@dataclass(frozen=True, eq=False)
-class Period:
+class Period(NamedTuple):
     """
     Everything that one period saw and said.
 

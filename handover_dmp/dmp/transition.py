@@ -29,6 +29,7 @@ h⁴.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import cos, cosh, exp, sin, sinh, sqrt
 
 Transition = tuple[float, float, float, float, float, float]
@@ -65,6 +66,7 @@ def propagator(squared: float, decay: float) -> tuple[float, float]:
     return exp(-decay) * cosh(root), exp(-decay) * sinh(root) / root
 
 
+@lru_cache(maxsize=64)  # steps are mostly of one length, but the phase may run at any rate
 def steady(stiffness: float, damping: float, h: float) -> Transition:
     """
     Give the six numbers of an interval with constant stiffness; exact for U linear in θ.

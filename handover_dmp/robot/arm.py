@@ -25,7 +25,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
-from math import inf, isfinite
+from math import inf, isfinite, sqrt
 from types import TracebackType
 
 from handover_dmp.errors import UsageError
@@ -135,11 +135,11 @@ class SimulatedArm:
         self._gain = self.world.options.tracking_gain
         self._figure_period_s = 1.0 / figure.options.update_rate_hz if figure is not None else 0.0
         limits = model.limits
-        self._braking = END_STOP_SHARE * limits.acceleration
+        braking = END_STOP_SHARE * limits.acceleration
         # From full acceleration one way to braking the other way.
-        self._lag_s = (1.0 + END_STOP_SHARE) * limits.acceleration / limits.jerk
-        self._low_end = limits.lower + END_STOP_MARGIN_RAD
-        self._high_end = limits.upper - END_STOP_MARGIN_RAD
+        lag_s = (1.0 + END_STOP_SHARE) * limits.acceleration / limits.jerk
+        low, high = limits.lower + END_STOP_MARGIN_RAD, limits.upper - END_STOP_MARGIN_RAD
+        self._end_stops = np.column_stack([braking, lag_s, low, high]).tolist()
         self._interpolator = JointInterpolator(model.limits)
         self.reset()
 
@@ -333,16 +333,15 @@ class SimulatedArm:
         dt = self._time_step_s
         target = self._clear_of_end_stops(steps * dt)
         correction = self._gain * (self._reference - self._positions)
-        reference, interpolate, world = self._reference, self._interpolator.step, self.world
-        for _ in range(steps):
-            velocity = interpolate(target, dt)
-            reference += velocity * dt
-            world.drive((velocity + correction).tolist())
-            world.step()
-        self._velocity = velocity
+        velocities = np.array(self._interpolator.steps(target, dt, steps))
+        for driven in (velocities + correction).tolist():
+            self.world.drive(driven)
+            self.world.step()
+        self._reference = self._reference + dt * velocities.sum(axis=0)
+        self._velocity = velocities[-1]
         self._steps += steps
-        positions, velocities = world.read()
-        self._positions, self._velocities = np.array(positions), np.array(velocities)
+        read, moving = self.world.read()
+        self._positions, self._velocities = np.array(read), np.array(moving)
 
     def _clear_of_end_stops(self, duration_s: float) -> Array:
         """
@@ -351,13 +350,21 @@ class SimulatedArm:
         The bound is that of a joint that brakes at a share of its acceleration, from where the
         joint will be once that acceleration has been built up.
         """
-        step = self._braking * duration_s
-        ahead = self._reference + self._velocity * self._lag_s
-        up, down = self._high_end - ahead, ahead - self._low_end
-        up = np.sqrt(step**2 + 2.0 * self._braking * np.maximum(0.0, up)) - step
-        down = np.sqrt(step**2 + 2.0 * self._braking * np.maximum(0.0, down)) - step
-        bounded: Array = np.minimum(np.maximum(self._target, -down), up)
-        return bounded
+        bounded = []
+        state = zip(
+            self._target.tolist(),
+            self._reference.tolist(),
+            self._velocity.tolist(),
+            self._end_stops,
+            strict=True,
+        )
+        for target, reference, velocity, (braking, lag_s, low, high) in state:
+            step, ahead = braking * duration_s, reference + velocity * lag_s
+            up, down = max(0.0, high - ahead), max(0.0, ahead - low)
+            fastest_up = sqrt(step * step + 2.0 * braking * up) - step
+            fastest_down = sqrt(step * step + 2.0 * braking * down) - step
+            bounded.append(min(max(target, -fastest_down), fastest_up))
+        return np.array(bounded)
 
     def close(self) -> None:
         """Let PyBullet forget the arm's world."""

@@ -16,6 +16,8 @@
 
 from __future__ import annotations
 
+from math import isfinite
+
 from handover_dmp.robot.limits import JointLimits
 import numpy as np
 from numpy.typing import NDArray
@@ -62,20 +64,20 @@ class JointInterpolator:
             velocity: (n,), rad/s.
 
         """
-        self._velocity = np.array(velocity, dtype=float)
-        self._acceleration = np.zeros(len(self._velocity))
+        self._velocity: list[float] = np.asarray(velocity, dtype=float).tolist()
+        self._acceleration = [0.0] * len(self._velocity)
         self._command = b''
         self._time_s = 0.0
 
     @property
     def velocity(self) -> Array:
         """Return the joint velocities that `step` gave last, (n,), rad/s."""
-        return self._velocity
+        return np.array(self._velocity)
 
     @property
     def acceleration(self) -> Array:
         """Return the joint accelerations at that moment, (n,), rad/s²."""
-        return self._acceleration
+        return np.array(self._acceleration)
 
     def step(self, target_velocity: Array, dt: float) -> Array:
         """
@@ -92,22 +94,44 @@ class JointInterpolator:
             ValueError: the command is not finite, or is not one number a joint.
 
         """
+        return np.array(self.steps(target_velocity, dt, 1)[0])
+
+    def steps(self, target_velocity: Array, dt: float, count: int) -> list[list[float]]:
+        """
+        Go on towards a command in several steps.
+
+        Args:
+            target_velocity: (n,), rad/s; what is beyond the velocity limits is cut off.
+            dt: length of a step, s.
+            count: how many.
+
+        Returns:
+            The joint velocities after each, rad/s, as plain floats.
+
+        Raises:
+            ValueError: the command is not finite, or is not one number a joint.
+
+        """
         command = target_velocity.tobytes()
         if command != self._command:
             self._replan(target_velocity)
             self._command = command
-        self._time_s += dt
-        _, velocity, acceleration = self._plan.at_time(self._time_s)
-        self._velocity, self._acceleration = np.array(velocity), np.array(acceleration)
-        return self._velocity
+        velocities = []
+        for _ in range(count):
+            self._time_s += dt
+            _, self._velocity, self._acceleration = self._plan.at_time(self._time_s)
+            velocities.append(self._velocity)
+        return velocities
 
     def _replan(self, target_velocity: Array) -> None:
-        if target_velocity.shape != self._velocity.shape or not np.isfinite(target_velocity).all():
+        if target_velocity.shape != (len(self._velocity),) or not all(
+            map(isfinite, target_velocity.tolist())
+        ):
             raise ValueError(f'{target_velocity} is no joint velocity')
         limit = self._velocity_limit
         request = self._input
-        request.current_velocity = self._velocity.tolist()
-        request.current_acceleration = self._acceleration.tolist()
+        request.current_velocity = self._velocity
+        request.current_acceleration = self._acceleration
         request.target_velocity = np.minimum(np.maximum(target_velocity, -limit), limit).tolist()
         result = self._planner.calculate(request, self._plan)
         if result not in (Result.Working, Result.Finished):

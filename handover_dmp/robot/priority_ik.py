@@ -351,7 +351,9 @@ class PriorityIk:
             low[dof + 1: dof + 1 + key[0]] = bounds  # fmt: skip
         solution, solved = problem.solve()
         joint_velocity = np.minimum(np.maximum(solution[:dof], lower), upper)
-        scale = min(max(float(solution[dof]), 0.0), 1.0)
+        scale = max(float(solution[dof]), 0.0)
+        if scale > 1.0 - 10.0 * SOFTNESS:
+            scale = 1.0  # what is missing is the solver's
         if not solved:
             joint_velocity = np.minimum(np.maximum(lower, 0.0), upper)
             scale = 0.0

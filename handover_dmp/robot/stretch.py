@@ -26,6 +26,8 @@ import pinocchio as pin
 
 Array = NDArray[np.float64]
 
+_SOLVER = eigenpy.SelfAdjointEigenSolver(3)  # to make one anew takes as long as to solve
+
 
 def smallest_singular(jacobian: Array) -> tuple[float, Array]:
     """
@@ -39,8 +41,8 @@ def smallest_singular(jacobian: Array) -> tuple[float, Array]:
         direction in space, (3,).
 
     """
-    solved = eigenpy.SelfAdjointEigenSolver(jacobian.dot(jacobian.T))
-    return math.sqrt(max(solved.eigenvalues()[0], 0.0)), solved.eigenvectors()[:, 0]
+    _SOLVER.compute(jacobian.dot(jacobian.T))
+    return math.sqrt(max(_SOLVER.eigenvalues()[0], 0.0)), _SOLVER.eigenvectors()[:, 0]
 
 
 def singular_slope(
