@@ -32,10 +32,3 @@ def kth_folder() -> Path:
     if not (KTH / 'trials.csv').is_file():
         pytest.skip('recordings of people not available')
     return KTH
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Try tests over DDS once more: a machine may stand still for longer than a robot may wait."""
-    for item in items:
-        if item.get_closest_marker('ros'):
-            item.add_marker(pytest.mark.flaky(reruns=2))
