@@ -42,6 +42,7 @@ import pinocchio as pin
 Array = NDArray[np.float64]
 
 LONG_RUN = 100_000
+ARMS = ('lwr4', 'iiwa14', 'panda', 'ur5')
 ROUNDING = 1e-9
 PEERS = ('pink', 'placo')
 
@@ -69,7 +70,8 @@ def run(progress: Callable[[str], None]) -> list[Measurement]:
             missing.append(name)
     note = f'not installed: {", ".join(missing)}' if missing else ''
     results = _times(model, plain, peers, note, progress)
-    results += _limits_kept(model, progress)
+    for arm in ARMS:
+        results += _limits_kept(RobotModel.load(arm), progress)
     results += _quality(model, _follower(plain), peers, note, progress)
     results.append(_interpolation(model, progress))
     return results
@@ -106,7 +108,7 @@ def _times(
 
     progress('time of a step')
     everything = _follower(PriorityIk(model))
-    timed = {'ours': _follower(plain), 'all': everything, **peers}
+    timed = {'ours': everything, 'plain': _follower(plain), **peers}
     spent: dict[str, list[float]] = {name: [] for name in timed}
     floor = []
     states = {name: (model.home.copy(), np.zeros(model.dof)) for name in timed}
@@ -133,9 +135,9 @@ def _times(
             100.0,
             least,
             others,
-            note=note,
+            note='; '.join(filter(None, ('self-collision among them', note))),
         ),
-        Measurement('IK step with self-collision', micro['all'], 'µs', None, least),
+        Measurement('IK step without self-collision', micro['plain'], 'µs', None, least),
     ]
 
 
@@ -148,7 +150,7 @@ def _limits_kept(model: RobotModel, progress: Callable[[str], None]) -> list[Mea
     broken = failed = 0
     for step in range(LONG_RUN):
         if step % 10_000 == 0:
-            progress(f'limits kept: {step} of {LONG_RUN} steps')
+            progress(f'limits of {model.name}: {step} of {LONG_RUN} steps')
         if step % 500 == 0:
             posture, velocity = chance.uniform(limits.lower, limits.upper), np.zeros(model.dof)
             at_limit = chance.random(model.dof) < 0.2
@@ -170,8 +172,18 @@ def _limits_kept(model: RobotModel, progress: Callable[[str], None]) -> list[Mea
         )
         failed += not solution.solved
     return [
-        Measurement(f'IK, steps of {LONG_RUN} that break a limit', float(broken), '', 0.0),
-        Measurement(f'IK, steps of {LONG_RUN} without a solution', float(failed), '', 0.0),
+        Measurement(
+            f'{model.name}, of {LONG_RUN:,} steps: those that break a limit',
+            float(broken),
+            '',
+            0.0,
+        ),
+        Measurement(
+            f'{model.name}, of {LONG_RUN:,} steps: those without a solution',
+            float(failed),
+            '',
+            0.0,
+        ),
     ]
 
 

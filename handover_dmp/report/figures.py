@@ -318,7 +318,9 @@ def draw_inverse_kinematics(run: RunRecord) -> Figure | None:
             if span:
                 ax.set_ylim(span)
             else:
-                ax.set_ylim(0.0, 1.08 * max(least, float(run.ik[key].max()) * factor))
+                ax.set_ylim(
+                    0.0, 1.08 * max(least, float(np.nanmax(run.ik[key], initial=0.0)) * factor)
+                )
                 ax.yaxis.set_major_locator(MaxNLocator(3, integer=key == 'active_limits'))
     return figure
 

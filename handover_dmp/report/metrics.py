@@ -409,5 +409,8 @@ def _inverse_kinematics(run: RunRecord) -> Numbers:
         found['limited_time_share'] = float((run.ik['active_limits'][used] > 0).mean())
     if used.any() and {'position_residual', 'smallest_singular_value'} <= set(run.ik):
         found['largest_position_residual_m_s'] = float(run.ik['position_residual'][used].max())
-        found['smallest_singular_value_m'] = float(run.ik['smallest_singular_value'][used].min())
+        # not known while the arm brakes or rests
+        singular_values = run.ik['smallest_singular_value'][used]
+        known = singular_values[np.isfinite(singular_values)]
+        found['smallest_singular_value_m'] = float(known.min()) if known.size else None
     return found

@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import isfinite, nan
 from typing import NamedTuple
 
 from handover_dmp.robot.model import RobotModel
@@ -92,14 +92,15 @@ class JointCommand(NamedTuple):
             time_s: of the period, s.
 
         Returns:
-            Name to value; all but the time are 0 while braking.
+            Name to value; while braking or at rest the singular value is not known (NaN) and the
+            residuals are 0.
 
         """
         found = self.solution
         return {
             'time_s': time_s,
             'speed_scale': self.speed_scale,
-            'smallest_singular_value': found.smallest_singular_value if found else 0.0,
+            'smallest_singular_value': found.smallest_singular_value if found else nan,
             'position_residual': found.residuals['position'] if found else 0.0,
             'orientation_residual': found.residuals['orientation'] if found else 0.0,
             'active_limits': float(len(found.active_limits)) if found else 0.0,
