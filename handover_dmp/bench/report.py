@@ -51,6 +51,8 @@ LIBRARIES = (
     'rosbags',
 )
 TIMES = ('s', 'ms', 'us', 'µs', 'ns')
+BEYOND_COMPARE = 1e6
+"""What is so many times better is zero but for rounding, and the ratio tells nothing."""
 
 
 @dataclass(frozen=True)
@@ -258,7 +260,9 @@ def cells(result: Measurement) -> tuple[str, str, str, str, str, str]:
 
 def _peer_ratio(result: Measurement, peer: float) -> str:
     ours, theirs = (peer, result.value) if result.higher_is_better else (result.value, peer)
-    return f' (× {_number(theirs / ours)})' if ours else ''
+    if theirs > BEYOND_COMPARE * ours:
+        return ''
+    return f' (× {_number(theirs / ours)})'
 
 
 def _change(before: Measurement, after: Measurement) -> Change:
