@@ -12,7 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Write the tables of docs/parameters.md and docs/topics.md from the code; --check: only look."""
+"""
+Write the tables of the documents; --check: only look.
+
+Those of docs/parameters.md and docs/topics.md come from the code, those of docs/benchmarks.md and
+the README's from what `handover_dmp bench --json` has written into docs/.
+"""
 
 from __future__ import annotations
 
@@ -26,6 +31,8 @@ import sys
 from typing import Any
 
 from handover_dmp import topics
+from handover_dmp.bench.measurement import Measurement
+from handover_dmp.bench.report import cells, markdown, read_json
 from handover_dmp.nodes.parameters import COMMON, Parameter
 from handover_dmp.settings import defaults
 from handover_dmp.topics import Topic, TOPICS
@@ -63,7 +70,24 @@ def documents() -> dict[str, dict[str, str]]:
         parameters[name] = parameter_table(name, own_parameters(name))
     parameters['primitive'] = parameter_table('dmp', module('dmp').PRIMITIVE)
     parameters['settings'] = settings_table()
-    return {'parameters.md': parameters, 'topics.md': {'topics': topic_table()}}
+    measured = read_json(ROOT / 'docs' / 'benchmarks.json')
+    beside_placo = [r for r in read_json(ROOT / 'docs' / 'benchmarks_placo.json') if r.peers]
+    return {
+        'parameters.md': parameters,
+        'topics.md': {'topics': topic_table()},
+        'benchmarks.md': {'figures': markdown(measured), 'placo': markdown(beside_placo)},
+        '../README.md': {'benchmark': benchmark_table(measured)},
+    }
+
+
+def benchmark_table(results: Sequence[Measurement]) -> str:
+    """Choose what has a target and a peer or a floor, without the notes."""
+    rows = [
+        (what, here, target, floor, peers.replace('\n', ', '))
+        for what, here, target, floor, peers, _ in map(cells, results)
+        if target and (floor or peers)
+    ]
+    return table(('what', 'here', 'to reach', 'floor', 'others'), rows)
 
 
 def filled(text: str, parts: dict[str, str]) -> str:

@@ -31,7 +31,7 @@ DOCUMENTS = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs
 NODES = ('robot_sim', 'hand_tracker', 'dmp', 'priority_ik', 'recorder')
 SERVICES = {
     '/hand_tracker/replay', '/dmp/start', '/dmp/abort', '/dmp/reset', '/robot_sim/pause',
-    '/robot_sim/resume', '/robot_sim/reset',
+    '/robot_sim/resume', '/robot_sim/reset', '/recorder/ready',
 }  # fmt: skip
 
 

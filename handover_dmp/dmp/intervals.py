@@ -183,22 +183,28 @@ class Intervals:
         """
         dimensions = self.forcing.shape[2]
         groups = (end - begin) // length
-        chain = np.zeros((groups, dimensions, 2, 4 + 2 * length))
-        chain[..., 0, 0] = chain[..., 1, 1] = 1.0
-        matrices = np.empty((groups, dimensions, length, *chain.shape[2:]))
+        # while it is built, the columns of F are side by side for all dimensions
+        chain = np.zeros((groups, 2, 3 + dimensions + 2 * length))
+        chain[:, 0, 0] = chain[:, 1, 1] = 1.0
+        goals = 3 + dimensions
+        chained = np.empty((groups, length, *chain.shape[1:]))
         for each in range(length):
             at = slice(begin + each, end, length)
-            carry = self.carry[:, :, at].transpose(2, 0, 1)[:, None]
-            goal = self.goal[:, at].T[:, None]
+            carry = self.carry[:, :, at].transpose(2, 0, 1)
             chain = carry @ chain
             # x0 pushes by what the recursion leaves of it when everything else is 0
-            chain[..., 2] -= carry[..., 0] + goal
-            chain[..., 0, 2] += 1.0
-            chain[..., 3] += self.forcing[:, at].transpose(1, 2, 0)
-            chain[..., 4 + each] += goal
-            chain[..., 4 + length + each] += self.goal_velocity[:, at].T[:, None]
-            matrices[:, :, each] = chain
-        return matrices.reshape(groups, dimensions, 2 * length, -1)
+            chain[:, :, 2] -= carry[:, :, 0] + self.goal[:, at].T
+            chain[:, 0, 2] += 1.0
+            chain[:, :, 3:goals] += self.forcing[:, at].transpose(1, 0, 2)
+            chain[:, :, goals + each] += self.goal[:, at].T
+            chain[:, :, goals + length + each] += self.goal_velocity[:, at].T
+            chained[:, each] = chain
+        chained = chained.reshape(groups, 1, 2 * length, -1)
+        matrices = np.empty((groups, dimensions, 2 * length, 4 + 2 * length))
+        matrices[..., :3] = chained[..., :3]
+        matrices[..., 3] = chained[:, 0, :, 3:goals].transpose(0, 2, 1)
+        matrices[..., 4:] = chained[..., goals:]
+        return matrices
 
 
 def _follow(

@@ -107,8 +107,14 @@ class Replay:
         start, duration = float(times[0]), float(times[-1] - times[0])
         spline = interpolate(times, positions)
 
+        first, last = np.array(positions[0], dtype=float), np.array(positions[-1], dtype=float)
+
         def path(time_s: float) -> NDArray[np.float64]:
-            place: NDArray[np.float64] = spline(start + min(max(time_s, 0.0), duration))
+            if time_s <= 0.0:
+                return first
+            if time_s >= duration:
+                return last
+            place: NDArray[np.float64] = spline(start + time_s)
             return place
 
         return cls(duration, path=path)

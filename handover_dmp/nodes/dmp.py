@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from math import inf, isfinite, nan
+from math import isfinite, nan
 from pathlib import Path
 import sys
 from time import monotonic
@@ -63,6 +63,7 @@ from std_msgs.msg import Float64MultiArray, Header, String
 
 LONGEST_STALL_S = 0.5
 LONGEST_GAP_S = 0.05
+WAKING_PERIODS = 10
 PRIMITIVE = (
     Parameter('stiffness', 'K of (8)', 0.001, 10000.0),
     Parameter('damping', 'D of (8); 0: critical, 2 sqrt(K)', 0.0, 1000.0),
@@ -129,7 +130,7 @@ class Dmp(HandoverNode):
         self._stepped_s: float | None = None
         self._stepped_monotonic_s = monotonic()
         self._stepped_in_motion = False
-        self._woken_s = -inf
+        self._since_stall = WAKING_PERIODS
         self._begun_s: float | None = None
         self._signal_s: float | None = None
         self._faults: dict[str, int] = {}
@@ -277,8 +278,7 @@ class Dmp(HandoverNode):
         last_s, self._stepped_s = self._stepped_s, arrival_s
         stepped_s, self._stepped_monotonic_s = self._stepped_monotonic_s, monotonic()
         stalled = self._stepped_monotonic_s - stepped_s > LONGEST_STALL_S
-        if stalled and self._stepped_in_motion:
-            self._woken_s = self._stepped_monotonic_s
+        self._since_stall = 0 if stalled and self._stepped_in_motion else self._since_stall + 1
         if last_s is None or arrival_s < last_s:
             self._begun_s = now_s
         if last_s is None:
@@ -286,7 +286,7 @@ class Dmp(HandoverNode):
                 self._controller.signal(self._signal_s)
             return
         # the first periods after a stall may be some that were asked for during it
-        woken = self._stepped_monotonic_s - self._woken_s < LONGEST_STALL_S
+        woken = self._since_stall < WAKING_PERIODS
         longest_s = LONGEST_GAP_S if woken else LONGEST_STALL_S
         if self._controller.state in MOVING and not 0 <= arrival_s - last_s <= longest_s:
             self._fault('time jumped, or this node stalled: aborted')

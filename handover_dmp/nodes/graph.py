@@ -31,7 +31,6 @@ from time import monotonic
 from types import TracebackType
 from typing import Any
 
-from geometry_msgs.msg import PoseStamped
 from handover_dmp.errors import HandoverError
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
 from handover_dmp.nodes.qos import message_class, qos_profile
@@ -54,7 +53,6 @@ from handover_dmp.topics import (
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
-from rclpy.subscription import Subscription
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -127,7 +125,6 @@ class Graph:
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
         self.state = ''
         self.time_s = 0.0
-        self._commanded = False
 
     def __enter__(self) -> Graph:
         """Start the nodes and wait until they hear each other."""
@@ -142,12 +139,8 @@ class Graph:
             for name in self._nodes:
                 self.start(name)
             self._wait_for(self._complete, START_TIMEOUT_S, 'the nodes do not find each other')
-            if not self._lockstep and set(self._nodes) == set(NODES):
-                commands = self._listen(POSE_COMMAND, self._on_command)
-                self._wait_for(
-                    lambda: self._commanded, START_TIMEOUT_S, 'dmp does not command the wrist'
-                )
-                self.node.destroy_subscription(commands)
+            if set(self._nodes) == set(NODES):
+                self._wait_for_recorder()
         except BaseException:
             self._end()
             raise
@@ -216,6 +209,12 @@ class Graph:
             GraphError: it does not answer, or says no.
 
         """
+        fault = self._ask(service)
+        if fault is not None:
+            raise GraphError(f'{service}: {fault}')
+
+    def _ask(self, service: str) -> str | None:
+        """Call a service; give why it could not do what it does, None if it could."""
         client = self.node.create_client(Trigger, service)
         try:
             self._wait_for(client.service_is_ready, CALL_TIMEOUT_S, f'{service} is not offered')
@@ -224,8 +223,15 @@ class Graph:
             answer = future.result()
         finally:
             self.node.destroy_client(client)
-        if not answer.success:
-            raise GraphError(f'{service}: {answer.message}')
+        return None if answer.success else str(answer.message)
+
+    def _wait_for_recorder(self) -> None:
+        """Wait until every stream is recorded, so that the bag lacks nothing of the handover."""
+        deadline_s = monotonic() + START_TIMEOUT_S
+        while (fault := self._ask('/recorder/ready')) is not None:
+            if monotonic() > deadline_s:
+                raise GraphError(f'recorder: {fault} within {START_TIMEOUT_S:.0f} s')
+            self.spin(0.05)
 
     def unpause(self) -> None:
         """Let simulated time run."""
@@ -281,13 +287,10 @@ class Graph:
         if self._lockstep:
             self._listen(CLOCK, self._on_clock)
 
-    def _listen(self, topic: Topic, callback: Callable[[Any], None]) -> Subscription:
-        return self.node.create_subscription(
+    def _listen(self, topic: Topic, callback: Callable[[Any], None]) -> None:
+        self.node.create_subscription(
             message_class(topic.type_name), topic.name, callback, qos_profile(topic.quality)
         )
-
-    def _on_command(self, _message: PoseStamped) -> None:
-        self._commanded = True
 
     def _on_state(self, message: String) -> None:
         self.state = message.data

@@ -68,6 +68,7 @@ class HandTracker(HandoverNode):
         self._human = Replay.from_motion(trial.times, trial.p2)
         self._periods = Periods(1.0 / values['rate_hz'])
         self._messages: list[PoseStamped] = []
+        self._person: PoseStamped | None = None
         self._hand_pose = self.advertise(HAND_POSE)
         self._human_pose = self.advertise(HUMAN_POSE)
         self._signal = self.advertise(SIGNAL)
@@ -102,14 +103,16 @@ class HandTracker(HandoverNode):
             pose_message(stamp(round(sample.stamp_s * NANOSECONDS)), sample.position)
             for sample in self._tracked.due(now_s)
         ]
-        self._publish()
         person = self._human.newest(max(0.0, now_s - self._tracked.start_s))
         if person is not None:
-            self._human_pose.publish(pose_message(stamp(time_ns), person.position))
+            self._person = pose_message(stamp(time_ns), person.position)
+        self._publish()
 
     def _publish(self) -> None:
         for message in self._messages:
             self._hand_pose.publish(message)
+        if self._person is not None:
+            self._human_pose.publish(self._person)
 
     def _condition(self) -> tuple[str, dict[str, str]]:
         return '', {'replay starts at (s)': f'{self._tracked.start_s:.3f}'}

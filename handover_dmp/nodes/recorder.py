@@ -28,9 +28,10 @@ from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.nodes.spinning import run
 from handover_dmp.recording import BagWriter, Qos
 from handover_dmp.recording.messages import string
-from handover_dmp.topics import INFO, TOPICS
+from handover_dmp.topics import CLOCK, INFO, Quality, TOPICS
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+STREAMING = (Quality.SENSOR, Quality.COMMAND)
 LOOK_S = 0.5
 QUEUE = 2000
 
@@ -77,6 +78,7 @@ class Recorder(HandoverNode):
                 self._record(topic.name, topic.type_name, offered, [Qos.from_profile(offered)])
         if values['info']:
             self._write_info(values['info'])
+        self.serve('ready', self._unheard)
         self.every(LOOK_S, self._look, wall=True)
         self.every(values['flush_period_s'], self._flush, wall=True)
         Diagnostics(self, self._periods, self._condition)
@@ -88,6 +90,18 @@ class Recorder(HandoverNode):
         except DataError as error:
             self._fail(error)
         super().destroy_node()
+
+    def _unheard(self) -> str:
+        """Tell which of the streams to be recorded has not been heard of yet."""
+        streams = [
+            topic.name
+            for topic in TOPICS
+            if topic.quality in STREAMING
+            and self._is_wanted(topic.name)
+            and (topic is not CLOCK or self.lockstep)
+        ]
+        unheard = [name for name in streams if name not in self._writer.topics]
+        return f'nothing yet on {", ".join(unheard)}' if unheard else ''
 
     def _is_wanted(self, name: str) -> bool:
         return not self._wanted or name in self._wanted

@@ -125,13 +125,14 @@ class RobotSim(HandoverNode):
 
     def _wait(self) -> None:
         """Ask again for a command that does not come; after a while, go on without it."""
+        # also while time stands still, so that everybody is heard before it begins to run
         now_s = monotonic()
         patience_s = self.values['patience_s']
         if self._lost:
             patience_s = min(patience_s, PATIENCE_WHEN_LOST_S)
         if self._paused:
             self._tick_since_s = now_s
-        elif self._answers and now_s - self._tick_since_s > patience_s:
+        if self._answers and now_s - self._tick_since_s > patience_s:
             self._lost = True
             self._advance()
         elif now_s - self._asked_s > ASK_AGAIN_S:

@@ -195,10 +195,11 @@ class CollisionModel:
         """
         if not self.pairs:
             return []
-        pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._distances)
+        geometry, distances, compute = self._geometry, self._distances, pin.computeDistance
+        pin.updateGeometryPlacements(self._model, self._data, geometry, distances)
         near = []
-        for k, closing in enumerate((self._levers @ fastest).tolist()):
-            result = pin.computeDistance(self._geometry, self._distances, k)
+        for k, closing in enumerate(self._levers.dot(fastest).tolist()):
+            result = compute(geometry, distances, k)
             distance = result.min_distance
             speed = allowed(distance)
             if speed >= closing:

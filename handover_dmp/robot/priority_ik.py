@@ -36,7 +36,7 @@ from typing import NamedTuple
 
 import daqp
 from handover_dmp.errors import UsageError
-from handover_dmp.robot.collision import CollisionModel, NearPair
+from handover_dmp.robot.collision import ClosingSpeed, CollisionModel, NearPair
 from handover_dmp.robot.limits import VelocityBox
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.separation import Partner, SpeedSeparation
@@ -265,6 +265,9 @@ class PriorityIk:
             self.options.separation_speed,
             self.options.separation_deceleration,
         )
+        self._closing = _closing_speed(
+            self.options.collision_distance, self.options.collision_deceleration
+        )
         collisions = self.options.self_collision or self.options.forearm_collision
         self._collisions = CollisionModel(model) if collisions else None
 
@@ -470,11 +473,6 @@ class PriorityIk:
             return names, self._no_rows, self._no_bounds
         return names, np.array(rows), np.array(bounds)
 
-    def _closing(self, distance: float) -> float:
-        """Give how fast bodies may close in at a distance, so that braking keeps them apart."""
-        room = max(distance - self.options.collision_distance, 0.0)
-        return math.sqrt(2.0 * self.options.collision_deceleration * room)
-
     def _elbow_away(self, world_jacobian: Array, partner: Partner) -> Array:
         """Give joint velocities that move the elbow away from the partner, if it is near."""
         elbow = self.model.pinocchio_data.oMi[self._elbow].translation
@@ -518,6 +516,17 @@ class PriorityIk:
             else:
                 names.append(joint[2])
         return names
+
+
+def _closing_speed(kept: float, deceleration: float) -> ClosingSpeed:
+    """Say how fast bodies may close in at a distance, so that braking keeps them apart."""
+    twice = 2.0 * deceleration
+
+    def allowed(distance: float) -> float:
+        room = distance - kept
+        return math.sqrt(twice * room) if room > 0.0 else 0.0
+
+    return allowed
 
 
 def _elbow(model: RobotModel) -> int:

@@ -90,7 +90,7 @@ def test_gives_the_same_motion_as_one_process_at_any_speed(
     periods = max(recorded) // 5_000_000 + 1
     assert set(recorded) == set(range(0, periods * 5_000_000, 5_000_000)), 'a period was lost'
     for topic in STREAMS:
-        assert counts[topic] >= periods - 5, topic
+        assert counts[topic] >= periods - 1, topic
     apart = [
         np.linalg.norm(recorded[t] - lockstep_path[t]) for t in lockstep_path if t in recorded
     ]
