@@ -91,7 +91,7 @@ def run(progress: Callable[[str], None]) -> list[Measurement]:
         Measurement(
             f'error of the fit, relative to the range, {what}',
             median(errors),
-            '1',
+            '',
             target=1.1 * peer_errors[RIDGE],
             peers=peer_errors,
             note=f'ridge with the penalty that suits the truth best{"; " + note if note else ""}',
