@@ -31,6 +31,7 @@ from typing import Any
 from rclpy.timer import Timer
 
 WATCHED = 40
+LONGEST_WATCH = 2000
 SAME_RATE = 0.1
 SHORTEST_S = 0.0003
 LONGEST_S = 0.0025
@@ -107,4 +108,4 @@ class PhaseLock:
         if same_rate and (too_far or waits):
             self._wanted_s = STRIDE_S + (SHORTEST_S if too_far else age_s)
             # every move costs a period of another length, so there are ever fewer of them
-            self._watch *= 2
+            self._watch = min(2 * self._watch, LONGEST_WATCH)

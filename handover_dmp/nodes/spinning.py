@@ -106,8 +106,8 @@ def _prioritise(node: Node) -> None:
         return
     priority = int(node.get_parameter('thread_priority').value)
     if priority > 0:
-        with suppress(PermissionError):
-            for thread in Path('/proc/self/task').iterdir():
+        for thread in Path('/proc/self/task').iterdir():
+            with suppress(PermissionError, ProcessLookupError):
                 os.sched_setscheduler(int(thread.name), os.SCHED_FIFO, os.sched_param(priority))
 
 
