@@ -56,8 +56,8 @@ ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').glob('*.md'))]
 ROS2 = shutil.which('ros2')
 WAIT_S = 90.0
-# These take minutes each.
-MINUTES = (' bench', 'tune garage')
+# These take half a minute and more each.
+MINUTES = (' bench', ' tune ')
 
 
 def commands(path: Path) -> list[str]:
