@@ -19,6 +19,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from handover_dmp.cli.recorded import add_source_and_output
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
@@ -28,18 +30,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser: parser of the verb.
 
     """
-    parser.add_argument(
-        'source',
-        type=Path,
-        metavar='RUN_OR_BAG',
-        help='folder of a run, folder of a bag (also one of rosbag2), or MCAP file',
-    )
-    parser.add_argument(
-        '-o',
-        '--output',
-        type=Path,
-        metavar='DIR',
-        help='where report and figures go; default: the folder of the run, or <bag>_report',
+    add_source_and_output(
+        parser,
+        'DIR',
+        'where report and figures go; default: the folder of the run, or <bag>_report',
     )
     parser.add_argument('--json', type=Path, metavar='FILE', help='write the numbers there, too')
 

@@ -19,6 +19,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from handover_dmp.cli.recorded import add_source_and_output
+
 MOST_JOBS = 4
 
 
@@ -30,19 +32,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser: parser of the verb.
 
     """
-    parser.add_argument(
-        'source',
-        type=Path,
-        metavar='RUN_OR_BAG',
-        help='folder of a run, folder of a bag (also one of rosbag2), or MCAP file',
-    )
-    parser.add_argument(
-        '-o',
-        '--output',
-        type=Path,
-        metavar='DIR',
-        help='where handover.mp4 and handover.webp go; default: the folder of the run, or '
-        '<bag>_film',
+    add_source_and_output(
+        parser,
+        'DIR',
+        'where handover.mp4 and handover.webp go; default: the folder of the run, or <bag>_film',
     )
     parser.add_argument('--video', type=Path, metavar='FILE', help='MP4, in place of that one')
     parser.add_argument(

@@ -21,6 +21,8 @@ from pathlib import Path
 import signal
 from threading import Event
 
+from handover_dmp.cli.recorded import add_source_and_output
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
@@ -30,18 +32,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser: parser of the verb.
 
     """
-    parser.add_argument(
-        'source',
-        type=Path,
-        metavar='RUN_OR_BAG',
-        help='folder of a run, folder of a bag (also one of rosbag2), or MCAP file',
-    )
-    parser.add_argument(
-        '-o',
-        '--output',
-        type=Path,
-        metavar='FILE.html',
-        help='write the page there, for any browser to open, and be done',
+    add_source_and_output(
+        parser,
+        'FILE.html',
+        'write the page there, for any browser to open, and be done',
     )
     parser.add_argument(
         '--port', type=int, default=0, help='on 127.0.0.1; default: one that is free'
