@@ -49,6 +49,7 @@ EXTRAS = {
         'hypothesis>=6.100',
         'psutil>=5.9',
         'pytest>=8.0',
+        'pytest-rerunfailures>=14.0',
         'pytest-timeout>=2.3',
         'rosbags>=0.10',
         'scikit-learn>=1.4',
