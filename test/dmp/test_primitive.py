@@ -236,8 +236,7 @@ def test_a_large_batch_is_the_same_as_one_by_one(model):
     starts = 0.1 * chance.normal(size=(1030, 3))
     positions, velocities = model.rollout_batch(times, goals, rates, starts)
     implied = model.rollout_batch(times, goals, starts=starts)
-    assert implied[0] == pytest.approx(positions, abs=1e-9)
-    assert implied[1] == pytest.approx(velocities, abs=1e-9)
+    np.testing.assert_allclose(implied, (positions, velocities), rtol=0.0, atol=1e-9)
     for each in range(0, 1030, 7):
         single = model.rollout(times, goals[each], rates[each], start=starts[each])
         assert positions[each] == pytest.approx(single.positions, abs=1e-9)
