@@ -223,11 +223,12 @@ def _from_goal_to_goal(matrices: Array, steps_s: Array) -> Array:
 
     """
     length = matrices.shape[2] // 2
-    rates = matrices[..., 4 + length :] / steps_s.reshape(-1, 1, 1, length)
+    others, goal, goal_velocity = np.split(matrices, [4, 4 + length], axis=-1)
+    rates = goal_velocity / steps_s.reshape(-1, 1, 1, length)
     goals = np.zeros((*matrices.shape[:-1], length + 1))
-    goals[..., :-1] = matrices[..., 4 : 4 + length] - rates
+    goals[..., :-1] = goal - rates
     goals[..., 1:] += rates
-    return np.concatenate([matrices[..., :4], goals], axis=-1)
+    return np.concatenate([others, goals], axis=-1)
 
 
 def _follow(
@@ -252,9 +253,11 @@ def _follow(
         inputs = known[4:].reshape(-1, batch)
         first, end = begin * dimensions, (begin + length) * dimensions
         if flat_velocities is None:
-            inputs[:] = flat_goals[:, first : end + dimensions].T
+            last = end + dimensions
+            inputs[:] = flat_goals[:, first:last].T
         else:
-            inputs[: end - first] = flat_goals[:, first:end].T
-            inputs[end - first :] = flat_velocities[:, first:end].T
+            goal_rows, velocity_rows = np.split(inputs, 2)
+            goal_rows[:] = flat_goals[:, first:end].T
+            velocity_rows[:] = flat_velocities[:, first:end].T
         after = slice(2 * begin + 2, 2 * (begin + length) + 2)
         np.matmul(matrices, known.transpose(1, 0, 2), out=states[:, after])
