@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+import faulthandler
 import gc
 import os
 from pathlib import Path
@@ -33,6 +34,7 @@ from rclpy.signals import SignalHandlerOptions
 
 PARENT_VARIABLE = 'HANDOVER_DMP_PARENT'
 POLL_S = 0.2
+LONGEST_END_S = 15.0
 
 
 def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -> int:
@@ -78,6 +80,8 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
     finally:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_IGN)
+        # what hangs in DDS ends here all the same, and says where it was
+        faulthandler.dump_traceback_later(LONGEST_END_S, exit=True)
         executor.shutdown()
         node.destroy_node()
         rclpy.try_shutdown()
@@ -86,6 +90,7 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
     del node, executor
     gc.unfreeze()
     gc.collect()
+    faulthandler.cancel_dump_traceback_later()
     return exit_code
 
 
