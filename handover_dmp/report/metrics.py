@@ -253,7 +253,9 @@ def topic_rates(run: RunRecord) -> dict[str, Numbers]:
     Returns:
         Topic to `count`; `rate_hz`; the median period, `period_ms`; how far periods are from the
         median, `jitter_median_ms`, `jitter_99_ms`; the longest one, `longest_ms`; all by the times
-        that the messages carry, and those of their arrival as `arrival_jitter_99_ms`.
+        that the messages carry, and those of their arrival as `arrival_jitter_99_ms`. Messages of
+        one and the same time count once in all but the first and the last: in lockstep a period is
+        asked for again until it is answered.
 
     """
     found = {}
@@ -261,7 +263,7 @@ def topic_rates(run: RunRecord) -> dict[str, Numbers]:
         if topic == DIAGNOSTICS.name:
             # every node sends there, each on its own clock
             continue
-        periods = np.diff(np.sort(stamps)) * 1e3
+        periods = np.diff(np.unique(stamps)) * 1e3
         if len(stamps) < LEAST_RATE_SAMPLES or periods.sum() <= 0:
             continue
         errors = np.abs(periods - np.median(periods))
@@ -409,7 +411,7 @@ def _inverse_kinematics(run: RunRecord) -> Numbers:
         found['limited_time_share'] = float((run.ik['active_limits'][used] > 0).mean())
     if used.any() and {'position_residual', 'smallest_singular_value'} <= set(run.ik):
         found['largest_position_residual_m_s'] = float(run.ik['position_residual'][used].max())
-        # not known while the arm brakes or rests
+        # not known where the joints were not
         singular_values = run.ik['smallest_singular_value'][used]
         known = singular_values[np.isfinite(singular_values)]
         found['smallest_singular_value_m'] = float(known.min()) if known.size else None

@@ -320,14 +320,14 @@ def _assemble(path: Path, samples: _Samples) -> RunRecord:
     arrivals = _seconds(arrivals_ns, start_ns)
     none = np.zeros(0)
 
-    def track(name: str, width: int) -> tuple[Array, Array]:
+    def track(name: str, width: int, *, partly: bool = False) -> tuple[Array, Array]:
         if not samples.values.get(name):
             return np.zeros(0), np.zeros((0, width))
         try:
             values = np.array(samples.values[name], dtype=np.float64).reshape(-1, width)
         except ValueError as error:
             raise DataError(f'{path}: {name}: messages of different lengths') from error
-        return _in_order(stamps[name], values)
+        return _in_order(stamps[name], values, partly=partly)
 
     info = _info(path, samples.values[INFO.name])
     names, joint_rows, told_velocities = _joints(path, samples.values[JOINT_STATES.name], info)
@@ -349,7 +349,8 @@ def _assemble(path: Path, samples: _Samples) -> RunRecord:
     phase_labels = samples.labels.get(PHASE.name, ())
     ik_labels = samples.labels.get(IK_STATUS.name, ())
     phase_times, phase = track(PHASE.name, len(phase_labels) or 1)
-    ik_times, ik = track(IK_STATUS.name, len(ik_labels) or 1)
+    # an arm whose joints are not known still says that it is not commanded
+    ik_times, ik = track(IK_STATUS.name, len(ik_labels) or 1, partly=True)
     for needed, times in zip(NEEDED, (hand_times, wrist_times, joint_times), strict=True):
         if len(times) < LEAST_SAMPLES:
             raise DataError(f'{path}: not a recorded run: {needed.name} has no proper positions')
@@ -396,9 +397,21 @@ def _seconds(times_ns: dict[str, NDArray[np.int64]], start_ns: int) -> dict[str,
     return {topic: np.array((times - start_ns) * 1e-9) for topic, times in times_ns.items()}
 
 
-def _in_order(times: Array, values: Array) -> tuple[Array, Array]:
-    """Sort by time, leave out what is no number, and of equal times all but the first."""
-    sound = np.isfinite(values).all(axis=1) & np.isfinite(times)
+def _in_order(times: Array, values: Array, *, partly: bool = False) -> tuple[Array, Array]:
+    """
+    Sort by time, leave out what is no number, and of equal times all but the first.
+
+    Args:
+        times: s, (k,).
+        values: (k, n).
+        partly: whether rows are kept of which some values are numbers.
+
+    Returns:
+        Times and values that are left.
+
+    """
+    numbers = np.isfinite(values)
+    sound = (numbers.any(axis=1) if partly else numbers.all(axis=1)) & np.isfinite(times)
     times, values = times[sound], values[sound]
     times, index = np.unique(times, return_index=True)
     return times, values[index]

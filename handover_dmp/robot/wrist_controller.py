@@ -29,6 +29,7 @@ from typing import NamedTuple
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.priority_ik import IkSolution, PriorityIk, WristTarget
 from handover_dmp.robot.separation import Partner
+from handover_dmp.robot.stretch import smallest_singular
 from handover_dmp.settings import setting
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -70,12 +71,15 @@ class JointCommand(NamedTuple):
         velocities: (n,), rad/s, in the model's order; None if the arm must not be commanded.
         reason: why the arm brakes or is not commanded; empty while all is well.
         solution: what the inverse kinematics found; None while braking or at rest.
+        smallest_singular_value: of the Jacobian of the wrist's position, m; NaN where the joints
+            are not known.
 
     """
 
     velocities: Array | None
     reason: str
     solution: IkSolution | None = None
+    smallest_singular_value: float = nan
 
     @property
     def speed_scale(self) -> float:
@@ -92,15 +96,14 @@ class JointCommand(NamedTuple):
             time_s: of the period, s.
 
         Returns:
-            Name to value; while braking or at rest the singular value is not known (NaN) and the
-            residuals are 0.
+            Name to value; while braking or at rest the residuals are 0.
 
         """
         found = self.solution
         return {
             'time_s': time_s,
             'speed_scale': self.speed_scale,
-            'smallest_singular_value': found.smallest_singular_value if found else nan,
+            'smallest_singular_value': self.smallest_singular_value,
             'position_residual': found.residuals['position'] if found else 0.0,
             'orientation_residual': found.residuals['orientation'] if found else 0.0,
             'active_limits': float(len(found.active_limits)) if found else 0.0,
@@ -257,7 +260,9 @@ class WristController:
         if solution.speed_scale < STALLED and self._is_stalled(self._target, hand):
             return self._brake('the wrist command leads nowhere from here', dt)
         self._commanded = solution.joint_velocity
-        return JointCommand(solution.joint_velocity, '', solution)
+        return JointCommand(
+            solution.joint_velocity, '', solution, solution.smallest_singular_value
+        )
 
     def _holds(self, target: WristTarget) -> bool:
         """Whether the wrist is told to stand where it stands; then nothing else moves either."""
@@ -287,8 +292,10 @@ class WristController:
 
     def _brake(self, reason: str, dt: float) -> JointCommand:
         assert self._commanded is not None
-        self._commanded = self.ik.brake(self._measured(), self._commanded, dt)
-        return JointCommand(self._commanded, reason)
+        positions = self._measured()
+        self._commanded = self.ik.brake(positions, self._commanded, dt)
+        singular_value, _ = smallest_singular(self.model.wrist_jacobian(positions)[:3])
+        return JointCommand(self._commanded, reason, smallest_singular_value=singular_value)
 
     def _stop(self, reason: str) -> JointCommand:
         self._commanded = None

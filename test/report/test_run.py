@@ -56,6 +56,14 @@ def test_arrays_are_what_was_written(run_bag: Path, make_motion: Callable[..., A
     assert limits.upper[1] == 2.09
 
 
+def test_what_is_not_known_of_a_period_does_not_hide_the_rest(run_bag: Path) -> None:
+    run = load_run(run_bag)
+    assert len(run.ik_times) == len(run.phase_times)
+    unknown = np.isnan(run.ik['smallest_singular_value'])
+    assert 1 <= unknown.sum() < 10
+    assert np.all(run.ik['speed_scale'][unknown] == 0.8)
+
+
 def test_a_recorder_on_another_clock(make_run: Callable[..., Path], tmp_path: Path) -> None:
     # rosbag2 records by the wall clock unless told otherwise, while the graph runs on /clock
     same = load_run(make_run(tmp_path / 'same'))

@@ -132,3 +132,15 @@ def test_a_target_that_is_not_finite_is_refused(
     assert not controller.set_target(WristTarget(np.array([bad, 0.0, 0.0])), 0.0)
     assert not controller.set_target(WristTarget(np.zeros(3), np.array([bad, 0.0, 0.0])), 0.0)
     assert not controller.set_target(WristTarget(np.zeros(3), rotation=bad * np.eye(3)), 0.0)
+
+
+def test_tells_how_near_to_singular_it_is_while_braking_too(
+    controller: WristController, robot: RobotModel
+) -> None:
+    controller.set_joint_state(robot.joint_names, robot.home, np.zeros(robot.dof), 0.0)
+    answer = controller.update(0.0, 0.005)
+    assert answer.reason == 'no wrist command yet'
+    least = np.linalg.svd(robot.wrist_jacobian(robot.home)[:3], compute_uv=False)[-1]
+    assert answer.numbers(0.0)['smallest_singular_value'] == pytest.approx(least, rel=1e-6)
+    controller.set_joint_state(robot.joint_names, robot.home * np.nan, np.zeros(robot.dof), 0.0)
+    assert np.isnan(controller.update(0.0, 0.005).numbers(0.0)['smallest_singular_value'])
