@@ -110,7 +110,9 @@ def _periods(
     errors = [errors_ms(each) for each in (times, empty, ordinary, slept)]
     rows = []
     for share in (50, 99):
-        value, floor, careless, plain = (float(np.percentile(e, share)) for e in errors)
+        value, floor, at_ordinary_priority, plain = (
+            float(np.percentile(e, share)) for e in errors
+        )
         rows.append(
             Measurement(
                 name=f'period error of {node}, {share} %',
@@ -118,7 +120,10 @@ def _periods(
                 unit='ms',
                 target=1.2 * floor if share == 99 else None,
                 floor=floor,
-                peers={'empty timer, ordinary priority': careless, 'plain sleep loop': plain},
+                peers={
+                    'empty timer, ordinary priority': at_ordinary_priority,
+                    'plain sleep loop': plain,
+                },
                 note='floor: empty rclpy timer beside it, same executor and priority',
             )
         )

@@ -645,7 +645,7 @@ class Primitive(ABC):
                 raise DataError(f'goal velocities have the shape {moving.shape}, not {shape}')
             moving = np.broadcast_to(moving, shape)
         else:
-            moving = np.zeros(shape) if fixed else _chords(times[:, None], targets, axis=0)
+            moving = np.zeros(shape) if fixed else _chords(times, targets)
         return np.broadcast_to(targets, shape), moving
 
     def _vector(self, name: str, values: ArrayLike) -> Array:
@@ -655,11 +655,10 @@ class Primitive(ABC):
         return vector
 
 
-def _chords(times: Array, values: Array, axis: int) -> Array:
-    """Give the velocities that lead from each value to the next; zero after the last."""
-    end = values.take([-1], axis=axis)
-    velocities: Array = np.diff(values, axis=axis, append=end)
-    velocities /= np.diff(times, axis=0, append=times[-1:] + 1.0)
+def _chords(times: Array, values: Array) -> Array:
+    """Give the velocities, (n, d), that lead from each value to the next; zero after the last."""
+    velocities: Array = np.diff(values, axis=0, append=values[-1:])
+    velocities[:-1] /= np.diff(times)[:, None]
     return velocities
 
 

@@ -62,8 +62,11 @@ import numpy as np
 from std_msgs.msg import Float64MultiArray, Header, String
 
 LONGEST_STALL_S = 0.5
-LONGEST_GAP_S = 0.05
+"""Beyond this, by the clock of the periods or of the processor, a motion is not taken up again."""
 WAKING_PERIODS = 10
+"""After a stall in motion, periods that may still be some that were asked for during it."""
+LONGEST_GAP_S = 0.05
+"""What `LONGEST_STALL_S` is in these."""
 PRIMITIVE = (
     Parameter('stiffness', 'K of (8)', 0.001, 10000.0),
     Parameter('damping', 'D of (8); 0: critical, 2 sqrt(K)', 0.0, 1000.0),

@@ -262,11 +262,8 @@ def _read_file(file: Path, topics: Collection[str] | None) -> Iterator[BagMessag
             try:
                 message = decode(_Checked(record.data))
             except MISFIT as error:
-                raise DataError(
-                    f'{file}: {_plain(topic)}: a message that does not fit its type: {error!r}'[
-                        :300
-                    ]
-                ) from error
+                fault = f'a message that does not fit its type: {error!r}'[:200]
+                raise DataError(f'{file}: {_plain(topic)}: {fault}') from error
             yield BagMessage(topic, message, record.log_time)
         elif isinstance(record, Schema):
             schemas[record.id] = record
