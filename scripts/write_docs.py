@@ -25,6 +25,7 @@ import argparse
 import ast
 from collections.abc import Iterator, Sequence
 from importlib import import_module
+import json
 from pathlib import Path
 import re
 import sys
@@ -70,14 +71,28 @@ def documents() -> dict[str, dict[str, str]]:
         parameters[name] = parameter_table(name, own_parameters(name))
     parameters['primitive'] = parameter_table('dmp', module('dmp').PRIMITIVE)
     parameters['settings'] = settings_table()
-    measured = read_json(ROOT / 'docs' / 'benchmarks.json')
+    figures = ROOT / 'docs' / 'benchmarks.json'
+    measured = read_json(figures)
     beside_placo = [r for r in read_json(ROOT / 'docs' / 'benchmarks_placo.json') if r.peers]
     return {
         'parameters.md': parameters,
         'topics.md': {'topics': topic_table()},
-        'benchmarks.md': {'figures': markdown(measured), 'placo': markdown(beside_placo)},
+        'benchmarks.md': {
+            'figures': markdown(measured) + machine_line(figures),
+            'placo': markdown(beside_placo),
+        },
         '../README.md': {'benchmark': benchmark_table(measured)},
     }
+
+
+def machine_line(figures: Path) -> str:
+    """Name the machine and the versions that figures hold for."""
+    told = json.loads(figures.read_text(encoding='utf-8'))['machine']
+    versions = ', '.join(f'{name} {number}' for name, number in told['versions'].items())
+    return (
+        f'\n{told["processor"]}, {told["cores"]} cores, load {told["load"]} at the start; '
+        f'Python {told["python"]}; {versions}; {told["date"][:10]}.\n'
+    )
 
 
 def benchmark_table(results: Sequence[Measurement]) -> str:
