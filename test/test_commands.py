@@ -40,6 +40,7 @@ from handover_dmp.dmp import DmpParameters
 from handover_dmp.hand import synthesize, write_trial
 from handover_dmp.nodes.conduct import graph_parameters
 from handover_dmp.nodes.graph import Graph, isolate, NODES
+from handover_dmp.nodes.leaving import leave
 from handover_dmp.parameter_file import TunedParameters, write_parameters
 from handover_dmp.run import keep_inputs
 from handover_dmp.scenario import make_scenario
@@ -282,15 +283,14 @@ def wait_for_node(name: str) -> None:
     """Look for a node until it is in the graph."""
     context = rclpy.Context()
     context.init(args=[], domain_id=domain_alone())
+    node = rclpy.create_node('look', context=context, use_global_arguments=False)
     try:
-        node = rclpy.create_node('look', context=context, use_global_arguments=False)
         end_s = monotonic() + WAIT_S
         while name not in node.get_node_names():
             sleep(0.05)
             assert monotonic() < end_s, f'{name} is not there'
-        node.destroy_node()
     finally:
-        context.try_shutdown()
+        leave(node)
 
 
 def ask(request: pytest.FixtureRequest, kind: Any, service: str, asked: Any) -> Any:

@@ -115,6 +115,7 @@ def test_velocity_to_position(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its positions are the integral of the velocities, from where the arm was measured."""
     rclpy = pytest.importorskip('rclpy')
     monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    from handover_dmp.nodes.leaving import leave
     from handover_dmp.nodes.qos import qos_profile
     from handover_dmp.topics import JOINT_COMMAND, JOINT_STATES
     from rclpy.executors import SingleThreadedExecutor
@@ -160,8 +161,7 @@ def test_velocity_to_position(monkeypatch: pytest.MonkeyPatch) -> None:
         process.terminate()
         process.wait()
         executor.shutdown()
-        node.destroy_node()
-        rclpy.shutdown(context=context)
+        leave(node)
     assert len(received) >= 20
     for positions in received:
         moved = positions[0] - start[0]

@@ -270,6 +270,7 @@ def wait_for_nodes(
     names: set[str], domain: int, processes: Sequence[subprocess.Popen[str]]
 ) -> None:
     """Wait until nodes of these names are in the graph."""
+    from handover_dmp.nodes.leaving import leave
     import rclpy
 
     context = rclpy.Context()
@@ -283,8 +284,7 @@ def wait_for_nodes(
             assert time.monotonic() < end, f'only {node.get_node_names()} came up'
             time.sleep(0.05)
     finally:
-        node.destroy_node()
-        rclpy.shutdown(context=context)
+        leave(node)
 
 
 def test_a_launcher_hands_over_arguments_and_process(tmp_path: Path) -> None:

@@ -33,6 +33,7 @@ from typing import Any
 
 from handover_dmp.errors import HandoverError
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
+from handover_dmp.nodes.leaving import leave
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.nodes.spinning import PARENT_VARIABLE
 from handover_dmp.resources import share_path
@@ -336,8 +337,7 @@ class Graph:
                     process.kill()
                     codes[name] = process.wait()
         self._executor.shutdown()
-        self.node.destroy_node()
-        rclpy.try_shutdown()
+        leave(self.node)
         return codes
 
 

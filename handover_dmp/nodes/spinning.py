@@ -26,6 +26,7 @@ import signal
 import sys
 
 from handover_dmp.errors import HandoverError
+from handover_dmp.nodes.leaving import leave
 import rclpy
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.experimental import EventsExecutor
@@ -83,8 +84,7 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
         # what hangs in DDS ends here all the same, and says where it was
         faulthandler.dump_traceback_later(LONGEST_END_S, exit=True)
         executor.shutdown()
-        node.destroy_node()
-        rclpy.try_shutdown()
+        leave(node)
     exit_code = int(getattr(node, 'exit_code', 0))
     # Extension modules complain at exit of what is still there.
     del node, executor

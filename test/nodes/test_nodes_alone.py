@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 from pathlib import Path
 import signal
@@ -25,6 +26,7 @@ import time
 from typing import Any
 
 from handover_dmp.nodes.graph import isolate, NODES
+from handover_dmp.nodes.leaving import LONGEST_WAIT_S, turn_file
 import pytest
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
@@ -67,6 +69,30 @@ def test_starts_alone_and_ends_cleanly(node: str, number: signal.Signals, tmp_pa
     assert process.returncode == 0, said
     assert 'Traceback' not in said[1]
     assert 'leaked' not in said[1]
+
+
+def test_leaves_when_its_turn_comes_and_not_before(tmp_path: Path) -> None:
+    """A node that hears of a neighbour's end while it ends itself may hang in Fast DDS."""
+    processes = [start(node, tmp_path) for node in ('dmp', 'priority_ik')]
+    assert is_up('dmp')
+    assert is_up('priority_ik')
+    with turn_file(int(os.environ['ROS_DOMAIN_ID'])).open('w') as turn:
+        fcntl.flock(turn, fcntl.LOCK_EX)
+        for process in processes:
+            process.send_signal(signal.SIGINT)
+        time.sleep(LONGEST_WAIT_S / 5)
+        assert [process.poll() for process in processes] == [None, None]
+        fcntl.flock(turn, fcntl.LOCK_UN)
+        assert [process.wait(30) for process in processes] == [0, 0]
+
+
+def test_leaves_when_its_turn_never_comes(tmp_path: Path) -> None:
+    process = start('dmp', tmp_path)
+    assert is_up('dmp')
+    with turn_file(int(os.environ['ROS_DOMAIN_ID'])).open('w') as turn:
+        fcntl.flock(turn, fcntl.LOCK_EX)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(LONGEST_WAIT_S + 30) == 0
 
 
 @pytest.mark.parametrize('lockstep', [False, True])
