@@ -134,11 +134,18 @@ def recorded_trial(path: str | Path, *, cutoff_hz: float | None = None) -> Hando
 
 
 def _trial_of_bag(path: Path) -> HandoverTrial:
-    from handover_dmp.hand.bag import read_bag_wrists
+    from handover_dmp.hand.bag import describe_bag, read_bag_wrists
 
     wrists = read_bag_wrists(path)
+    configuration, exchange, number = describe_bag(path)
     return HandoverTrial(
-        wrists.times, wrists.p1, wrists.p2, configuration=path.stem, source=str(path)
+        wrists.times,
+        wrists.p1,
+        wrists.p2,
+        configuration=configuration,
+        exchange=exchange,
+        number=number,
+        source=str(path),
     )
 
 

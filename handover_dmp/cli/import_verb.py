@@ -60,7 +60,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '-o', '--output', type=Path, required=True, metavar='DATASET', help='folder to write'
     )
     parser.add_argument(
-        '--append', action='store_true', help='to the data set that is there, instead of a new one'
+        '--append',
+        action='store_true',
+        help='to the data set that is there, which stays as it is, instead of a new one',
     )
     for partner in ('p1', 'p2'):
         parser.add_argument(
@@ -74,10 +76,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--up', choices=('z', 'y'), help='axis that points up; default: what the file tells, or z'
     )
-    parser.add_argument('--configuration', metavar='NAME', help='default: by the name of the file')
-    parser.add_argument(
-        '--exchange', choices=('give', 'take'), help='default: by the name of the file'
-    )
+    default = 'default: what a bag tells, else by the name of the file'
+    parser.add_argument('--configuration', metavar='NAME', help=default)
+    parser.add_argument('--exchange', choices=('give', 'take'), help=default)
     cutting = parser.add_argument_group('cutting up a long recording')
     cutting.add_argument(
         '--segment', action='store_true', help='find the handovers by distance and speed'
@@ -113,12 +114,22 @@ def run(options: argparse.Namespace) -> int:
         UsageError: options that do not go together.
 
     """
-    from handover_dmp.hand.data_set import file_name, read_data_set, write_data_set
+    from handover_dmp.hand.data_set import (
+        check_no_data_set,
+        file_name,
+        read_data_set,
+        write_data_set,
+    )
     from handover_dmp.hand.tables import save
     from rich.console import Console
     from rich.progress import track
 
     _check(options)
+    old: list[HandoverTrial] = []
+    if options.append:
+        old = read_data_set(options.output)
+    else:
+        check_no_data_set(options.output)
     new: list[HandoverTrial] = []
     segmented: list[SegmentedMotion] = []
     sources = options.sources
@@ -138,9 +149,8 @@ def run(options: argparse.Namespace) -> int:
         draw_segmentation(segmented[0], options.figure)
     if not new:
         raise DataError(f'{", ".join(map(str, sources))}: no handover found{_why(segmented)}')
-    old = read_data_set(options.output) if options.append else []
     new = _numbered(old, new)
-    write_data_set([*old, *new], options.output)
+    write_data_set(new, options.output, append=options.append)
     if options.json:
         found = {
             'data_set': str(options.output),
@@ -219,9 +229,11 @@ def _segment(options: argparse.Namespace, source: Path, motion: WristMotion) -> 
 
 
 def _whole(options: argparse.Namespace, source: Path, motion: WristMotion) -> HandoverTrial:
+    from handover_dmp.hand.bag import describe_bag
     from handover_dmp.hand.trial import describe
 
-    configuration, exchange, number = describe(source)
+    told = describe_bag(source) if options.format == 'bag' else describe(source)
+    configuration, exchange, number = told
     return motion.trial(
         0,
         len(motion.times),

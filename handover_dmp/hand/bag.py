@@ -16,12 +16,17 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+import json
 from pathlib import Path
+import re
 from typing import Any
 
 from handover_dmp.errors import DataError
 from handover_dmp.hand.filtering import interpolate
 from handover_dmp.hand.markers import LONGEST_GAP_S, WristMotion
+from handover_dmp.hand.trial import describe, EXCHANGES
+from handover_dmp.topics import INFO
 import numpy as np
 from numpy.typing import NDArray
 
@@ -66,6 +71,47 @@ def read_bag_wrists(
     return WristMotion(
         times - start, p1[inside], interpolate(p2_times, p2)(times), source=path.name
     ).checked()
+
+
+def describe_bag(path: str | Path) -> tuple[str, str, int]:
+    """
+    Tell what a bag is a recording of.
+
+    Args:
+        path: a rosbag2 folder, an MCAP file or the folder of a run.
+
+    Returns:
+        Configuration, exchange and number: those that the bag carries along, else those of the
+        run that it records, else by its name.
+
+    Raises:
+        DataError: there is no such bag, or it is damaged.
+
+    """
+    # Not at the top: mocap files are read without the libraries that bags need.
+    from handover_dmp.recording.bag_reader import bag_custom_data
+
+    told = bag_custom_data(path)
+    if 'exchange' not in told:
+        told = _run_info(path)
+    configuration, exchange, number = describe(Path(path))
+    if told.get('exchange') in EXCHANGES:
+        exchange = told['exchange']
+    if re.fullmatch('[0-9]{1,9}', told.get('trial', ''), re.ASCII):
+        number = int(told['trial'])
+    return told.get('configuration') or configuration, exchange, number
+
+
+def _run_info(path: str | Path) -> dict[str, str]:
+    """Return what a run says that it replayed, in the words of a trial's bag."""
+    from handover_dmp.recording import read_bag
+
+    for _, message, _ in read_bag(path, [INFO.name]):
+        with suppress(AttributeError, RecursionError, TypeError, ValueError):
+            info = json.loads(message.data)
+            told = {key: str(info.get(key, '')) for key in ('configuration', 'exchange')}
+            return told | {'trial': str(info.get('number', ''))}
+    return {}
 
 
 def _read_poses(path: Path, *topics: str) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:

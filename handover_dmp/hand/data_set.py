@@ -18,13 +18,15 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 import csv
 import io
 from pathlib import Path
 import re
+import shutil
 
 from handover_dmp.errors import DataError
-from handover_dmp.hand.tables import quote, read_records, save
+from handover_dmp.hand.tables import quote, read_bytes, read_records, save
 from handover_dmp.hand.trial import (
     EXCHANGES,
     HandoverTrial,
@@ -37,6 +39,7 @@ import numpy as np
 
 # Exchanges of one configuration lie within an arm's length of each other; this is another room.
 SAME_FRAME_M = 2.0
+_COLUMNS = (*INDEX_COLUMNS, 'rate_hz', 'source')
 
 
 def read_data_set(folder: str | Path) -> list[HandoverTrial]:
@@ -78,18 +81,23 @@ def write_data_set(
     trials: Sequence[HandoverTrial],
     folder: str | Path,
     *,
+    append: bool = False,
     progress: Callable[[], object] | None = None,
 ) -> None:
     """
     Write trials and their index; the index last, so that it never names a file that is not there.
 
+    What is there already stays as it is: no file is replaced, and an index only gets more lines.
+
     Args:
         trials: what to write, no two of one configuration, exchange and number.
-        folder: where to; made if need be. Files of the same names are replaced.
+        folder: where to; made if need be.
+        append: to the data set that is there, instead of making one.
         progress: called after each trial.
 
     Raises:
-        DataError: two trials have the same name, or the folder cannot be written to.
+        DataError: two trials have the same name, a file exists already, or the folder cannot be
+            written to; nothing is written then.
 
     """
     folder = Path(folder)
@@ -97,22 +105,65 @@ def write_data_set(
     repeated = [name for name, count in Counter(files).items() if count > 1]
     if repeated:
         raise DataError(f'{folder}: more than one trial would be written as {repeated[0]}')
-    table = io.StringIO()
-    writer = csv.writer(table, lineterminator='\n')
-    writer.writerow([*INDEX_COLUMNS, 'rate_hz', 'source'])
-    for trial, file in zip(trials, files, strict=True):
-        write_trial(trial, folder / file)
-        if progress:
-            progress()
-        row = [file, trial.configuration, trial.exchange, trial.number]
-        writer.writerow([*row, f'{trial.rate_hz:g}', trial.source])
-    save(folder / INDEX_NAME, table.getvalue())
+    if not append:
+        check_no_data_set(folder)
+    for file in files:
+        if (folder / file).exists():
+            raise DataError(f'{folder / file}: exists already; a trial is never overwritten')
+    index = _with_rows(folder / INDEX_NAME if append else None, trials)
+    with ExitStack() as undo:
+        if not folder.exists():
+            undo.callback(shutil.rmtree, folder, ignore_errors=True)
+        for trial, file in zip(trials, files, strict=True):
+            write_trial(trial, folder / file)
+            undo.callback((folder / file).unlink)
+            if progress:
+                progress()
+        save(folder / INDEX_NAME, index)
+        undo.pop_all()
+
+
+def check_no_data_set(folder: Path) -> None:
+    """
+    Make sure that a folder is free for a new data set.
+
+    Args:
+        folder: where it is to be.
+
+    Raises:
+        DataError: there is one already.
+
+    """
+    if (folder / INDEX_NAME).exists():
+        raise DataError(
+            f'{folder / INDEX_NAME}: exists already; a data set is never overwritten '
+            '(`import --append` adds to one)'
+        )
 
 
 def file_name(trial: HandoverTrial) -> str:
     """Return the name of a trial's file, `<configuration>_<exchange>_<number>.csv`."""
     configuration = re.sub(r'[^A-Za-z0-9_-]+', '-', trial.configuration).strip('-') or 'unnamed'
     return f'{configuration}_{trial.exchange}_{trial.number}.csv'
+
+
+def _with_rows(index: Path | None, trials: Sequence[HandoverTrial]) -> str:
+    """Return the text of an index (none: an empty one) with trials added in its own columns."""
+    old = ','.join(_COLUMNS)
+    if index:
+        read_records(index, INDEX_COLUMNS)
+        old = read_bytes(index).decode('utf-8')
+    end = '\r\n' if '\r\n' in old else '\n'
+    header = next(csv.reader(old.removeprefix('\ufeff').splitlines()))
+    table = io.StringIO()
+    writer = csv.DictWriter(
+        table, [name.strip() for name in header], extrasaction='ignore', lineterminator=end
+    )
+    for trial in trials:
+        row = (file_name(trial), trial.configuration, trial.exchange, trial.number)
+        values = (*row, f'{trial.rate_hz:g}', trial.source)
+        writer.writerow(dict(zip(_COLUMNS, values, strict=True)))
+    return old.rstrip('\r\n ') + end + table.getvalue()
 
 
 def _read_row(folder: Path, row: dict[str, str], where: str) -> HandoverTrial:

@@ -61,11 +61,12 @@ def read_qualisys(path: str | Path, markers: Sequence[str] | None = None) -> Mar
     for number, line in iterate_lines(path):
         cells = line.split('\t')
         where = f'{path}: line {number}'
-        if layout is None and cells[0][:1].isalpha():
+        if layout is None and cells[0][:1].isalpha() and not _not_seen(cells[0]):
             if len(header) > _MOST_HEADER_LINES:
                 raise DataError(f'{where}: still no frames')
             header[cells[0].strip()] = [cell.strip() for cell in cells[1:]]
-        elif line.strip():
+        # Tabs alone are a frame in which no marker was seen.
+        elif line.strip(' '):
             layout = layout or _layout(header, markers, len(cells), where)
             if len(values) > _MOST_VALUES:
                 raise DataError(f'{where}: more than can be held')
@@ -115,7 +116,7 @@ class _Layout:
         found: list[float] = []
         for name, first in self.columns.items():
             place = cells[first: first + 3]  # fmt: skip
-            if any(cell.strip().lower() in _NOT_SEEN for cell in place):
+            if any(map(_not_seen, place)):
                 place = ['0'] * 3
             found += parse_numbers(place, (name,) * 3, where)
         return found
@@ -147,6 +148,10 @@ def _layout(
         period_s = 1.0 / rate
     columns = {name: leading + 3 * place for name, place in choose(names, markers).items()}
     return _Layout(names, columns, leading, time_column, period_s)
+
+
+def _not_seen(cell: str) -> bool:
+    return cell.strip().lower() in _NOT_SEEN
 
 
 def _value(header: dict[str, list[str]], name: str, otherwise: str) -> str:

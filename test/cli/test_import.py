@@ -99,14 +99,38 @@ def test_a_long_recording_is_cut_and_shown(tmp_path, trials, capsys):
         np.testing.assert_allclose(new.p2[-1], old.p2[-1], atol=0.01)
 
 
-def test_append_takes_the_next_numbers(tmp_path, trials):
+def test_append_takes_the_next_numbers(tmp_path, trials, capsys):
     source = str(tsv(tmp_path / 'bay_give_1.tsv', trials[:1]))
     output = tmp_path / 'set'
     for more in ([], ['--append'], ['--append']):
         assert main(['import', 'qualisys', source, '-o', str(output), *MARKERS, *more]) == 0
     assert [trial.number for trial in read_data_set(output)] == [1, 2, 3]
-    assert main(['import', 'qualisys', source, source, '-o', str(output), *MARKERS]) == 0
-    assert [trial.number for trial in read_data_set(output)] == [1, 2]
+    index = (output / 'trials.csv').read_text()
+    # Before the sources are read.
+    words = ['import', 'qualisys', str(tmp_path / 'none'), '-o', str(output), *MARKERS]
+    assert main(words) == 1
+    assert 'trials.csv: exists already' in capsys.readouterr().err
+    assert (output / 'trials.csv').read_text() == index
+    twice = str(tmp_path / 'twice')
+    assert main(['import', 'qualisys', source, source, '-o', twice, *MARKERS]) == 0
+    assert [trial.number for trial in read_data_set(twice)] == [1, 2]
+
+
+def test_append_keeps_what_the_index_tells(tmp_path, trials):
+    source = str(tsv(tmp_path / 'bay_give_1.tsv', trials[:1]))
+    words = ['import', 'qualisys', source, '-o', str(tmp_path / 'set'), *MARKERS]
+    assert main(words) == 0
+    (tmp_path / 'set' / 'bay_give_1.csv').rename(tmp_path / 'set' / 'monday.csv')
+    index = tmp_path / 'set' / 'trials.csv'
+    index.write_text(
+        'file,configuration,exchange,trial,source,giver_id\n'
+        'monday.csv,bay,give,1,vicon session 7,g12\n'
+    )
+    before = index.read_text()
+    assert main([*words, '--append']) == 0
+    assert index.read_text() == before + 'bay_give_2.csv,bay,give,2,bay_give_1.tsv,\n'
+    names = {path.name for path in index.parent.iterdir()}
+    assert names == {'trials.csv', 'monday.csv', 'bay_give_2.csv'}
 
 
 def test_c3d_with_y_up(tmp_path, trials):
@@ -164,9 +188,11 @@ def test_a_bag_of_this_package(tmp_path, trials):
 
     write_data_set(trials[2:3], tmp_path / 'old')
     assert main(['bag', str(tmp_path / 'old'), '-o', str(tmp_path / 'bags')]) == 0
-    bag = next(path.parent for path in (tmp_path / 'bags').rglob('metadata.yaml'))
+    (written,) = (tmp_path / 'bags').iterdir()
+    bag = written.rename(tmp_path / 'monday')
     words = ['import', 'bag', str(bag), '-o', str(tmp_path / 'new')]
-    assert main([*words, '--configuration', 'engine_bay', '--exchange', 'take']) == 0
+    assert main(words) == 0
     made = read_data_set(tmp_path / 'new')[0]
+    assert made.label == trials[2].label
     np.testing.assert_allclose(made.p1[0], trials[2].p1[0], atol=5e-3)
     np.testing.assert_allclose(made.p1[-1], trials[2].p1[-1], atol=5e-3)

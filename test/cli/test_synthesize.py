@@ -37,11 +37,13 @@ def test_the_data_set_of_the_library(tmp_path, capsys):
         np.testing.assert_array_equal(one.p2, other.p2)
 
 
-def test_again_the_same_bytes_in_place_of_the_old_ones(tmp_path):
-    for seed, output in ((3, 'a'), (3, 'b'), (4, 'c'), (3, 'c')):
+def test_again_the_same_bytes_but_not_over_the_old_ones(tmp_path, capsys):
+    for seed, output, code in ((3, 'a', 0), (3, 'b', 0), (4, 'b', 1)):
         words = ['synthesize', '--seed', str(seed), '--trials', '2', '-o', str(tmp_path / output)]
-        assert main(words) == 0
-    assert files(tmp_path / 'a') == files(tmp_path / 'b') == files(tmp_path / 'c')
+        assert main(words) == code
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f'handover_dmp synthesize: {tmp_path / "b" / "trials.csv"}: exists')
+    assert files(tmp_path / 'a') == files(tmp_path / 'b')
     assert len(files(tmp_path / 'a')) == 13
 
 

@@ -16,10 +16,13 @@
 
 from __future__ import annotations
 
+import json
+
 from handover_dmp.errors import DataError
 from handover_dmp.hand import synthesize
-from handover_dmp.hand.bag import read_bag_wrists
+from handover_dmp.hand.bag import describe_bag, read_bag_wrists
 from handover_dmp.hand.filtering import interpolate
+from handover_dmp.scenario import recorded_trial
 import numpy as np
 import pytest
 
@@ -141,6 +144,38 @@ def test_where_p2_is_silent_nothing_is_made_up(tmp_path, trial):
     motion = read_bag_wrists(folder, '/a', '/b')
     assert not ((motion.times > 0.41) & (motion.times < 0.79)).any()
     assert len(motion.spans()) == 2
+
+
+def test_a_bag_tells_what_it_is_of(tmp_path, trial):
+    from handover_dmp.recording.trial_bag import write_trial_bag
+
+    assert trial.label == 'engine_bay take 1'
+    folder = tmp_path / 'monday'
+    write_trial_bag(trial, folder)
+    again = recorded_trial(folder)
+    assert again.label == recorded_trial(folder / 'monday_0.mcap').label == trial.label
+    np.testing.assert_allclose(again.p2[-1], trial.p2[-1], atol=5e-3)
+
+
+RUN = {'configuration': 'under_car', 'exchange': 'take', 'number': 3, 'trial': 'under_car take 3'}
+TOLD = {
+    'a run': (RUN, {}, ('under_car', 'take', 3)),
+    'both': (RUN, {'exchange': 'give', 'trial': '7'}, ('bay', 'give', 7)),
+    'its name': ({'seed': 7}, {'robot': 'lwr4'}, ('bay', 'take', 2)),
+    'nonsense': (['take'], {'exchange': 'lend', 'trial': '-1'}, ('bay', 'take', 2)),
+}
+
+
+@pytest.mark.parametrize('name', TOLD)
+def test_what_a_bag_tells_goes_before_its_name(tmp_path, name):
+    from handover_dmp.recording import BagWriter
+    from handover_dmp.recording.messages import string
+
+    info, pairs, expected = TOLD[name]
+    with BagWriter(tmp_path / 'bay_take_2', custom_data=pairs) as bag:
+        bag.add_topic('/handover/info', 'std_msgs/msg/String')
+        bag.write_message('/handover/info', string(json.dumps(info)), 1)
+    assert describe_bag(tmp_path / 'bay_take_2') == expected
 
 
 def test_bags_that_cannot_be_used(tmp_path, trial):

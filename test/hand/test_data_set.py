@@ -119,6 +119,55 @@ def test_two_trials_cannot_have_one_file(tmp_path, trials):
     assert not list(tmp_path.iterdir())
 
 
+def files(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_what_is_there_is_not_overwritten(folder, trials):
+    before = files(folder)
+    with pytest.raises(DataError, match=r'trials\.csv: exists already; .* --append'):
+        write_data_set(trials, folder)
+    with pytest.raises(DataError, match=r'_give_1\.csv: exists already; a trial is never'):
+        write_data_set(trials, folder, append=True)
+    assert files(folder) == before
+    (folder / 'trials.csv').unlink()
+    with pytest.raises(DataError, match=r'_give_1\.csv: exists already'):
+        write_data_set([replace(trials[0], number=7), *trials], folder)
+    assert files(folder).keys() == before.keys() - {'trials.csv'}
+
+
+def test_appending_leaves_what_others_wrote_as_it_is(tmp_path, trials):
+    write_data_set([replace(trials[0], configuration='hall')], tmp_path)
+    (tmp_path / 'hall_give_1.csv').rename(tmp_path / 'monday.csv')
+    index = (
+        b'\xef\xbb\xbftrial, source ,giver_id,configuration,file,exchange\r\n'
+        b'1,"vicon, session 7",g12, hall ,monday.csv,give'
+    )
+    (tmp_path / 'trials.csv').write_bytes(index + b'\r\n\r\n')
+    before = files(tmp_path)
+    write_data_set([replace(trials[0], source='a, b'), trials[1]], tmp_path, append=True)
+    after = files(tmp_path)
+    assert after.pop('trials.csv') == index + (
+        b'\r\n1,"a, b",,engine_bay,engine_bay_give_1.csv,give'
+        b'\r\n2,synthetic (seed 0),,engine_bay,engine_bay_give_2.csv,give\r\n'
+    )
+    assert before.items() - after.items() == {('trials.csv', before['trials.csv'])}
+    labels = [trial.label for trial in read_data_set(tmp_path)]
+    assert labels == ['hall give 1', 'engine_bay give 1', 'engine_bay give 2']
+
+
+@pytest.mark.parametrize('append', [False, True])
+def test_what_breaks_off_leaves_nothing(tmp_path, trials, append):
+    folder = tmp_path / 'set'
+    if append:
+        write_data_set([replace(trials[0], configuration='hall')], folder)
+    before = files(folder) if append else None
+    steps = iter([None])
+    with pytest.raises(StopIteration):
+        write_data_set(trials, folder, append=append, progress=lambda: next(steps))
+    assert (files(folder) if folder.exists() else None) == before
+
+
 def test_a_place_that_cannot_be_written_to(tmp_path, trials):
     (tmp_path / 'file').write_text('x')
     with pytest.raises(DataError, match='cannot be written'):

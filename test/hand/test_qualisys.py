@@ -110,6 +110,19 @@ def test_markers_out_of_sight(tmp_path, frame_and_time):
         np.testing.assert_array_equal(one.positions[name], other.positions[name])
 
 
+@pytest.mark.parametrize('word', ['', 'NaN', 'null', '-'])
+def test_frames_before_any_marker_is_seen_take_their_time(tmp_path, word):
+    table = positions()
+    table[:5] = np.nan
+    text = qtm(table=table, frame_and_time=False, titles=False)
+    unseen = '\t'.join([''] * 9)
+    lines = text.replace(unseen, unseen.replace('\t', f'{word}\t') + word).split('\r\n')
+    recording = read(tmp_path, '\n'.join(lines[:1] + lines[2:]))  # without NO_OF_FRAMES
+    np.testing.assert_allclose(recording.times, np.arange(FRAMES) / 120.0)
+    for k, name in enumerate(NAMES):
+        np.testing.assert_allclose(recording.positions[name], table[:, k], atol=1e-3)
+
+
 def test_tabs_at_the_end_of_a_line_and_old_encodings(tmp_path):
     text = qtm(names=['Höger', 'Vänster', 'verktyg']).replace('\r\n', '\t\r\n')
     for encoding in ('cp1252', 'utf-8', 'utf-8-sig'):
