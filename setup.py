@@ -30,6 +30,7 @@ REQUIREMENTS = [
     'pybullet>=3.2.7',
     'PyYAML>=6.0.1',
     'rich>=13.7',
+    'rosbags>=0.10',
     'ruckig>=0.12.2',
     'scipy>=1.11',
     'u-msgpack-python>=2.8',
@@ -51,7 +52,6 @@ EXTRAS = {
         'pytest>=8.0',
         'pytest-rerunfailures>=14.0',
         'pytest-timeout>=2.3',
-        'rosbags>=0.10',
         'scikit-learn>=1.4',
         'setuptools>=70.1,<80',
     ],
@@ -76,7 +76,6 @@ EXTRAS = {
         'placo>=0.6',
         'psutil>=5.9',
         'pydmps>=0.2',
-        'rosbags>=0.10',
         'scikit-learn>=1.4',
     ],
 }

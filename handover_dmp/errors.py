@@ -14,6 +14,8 @@
 
 """Errors that a user can act on: one clear line each, and the exit code that goes with it."""
 
+GET_ROS = "source a ROS 2 installation or run: pip install 'handover_dmp[ros]'"
+
 
 class HandoverError(Exception):
     """

@@ -40,8 +40,6 @@ DISTRIBUTIONS = {
 }
 # Not of ROS, though its key in `package.xml` has the form of one that is.
 LIBRARIES = {'pinocchio'}
-# Used where it is installed, done without where it is not.
-OPTIONAL = {'rosbags'}
 ROS_ROOMS = ('nodes', 'recording', 'bench')
 FOREIGN = {
     'dmp': ('robot', 'hand', 'recording', 'nodes', 'evaluation'),
@@ -110,8 +108,7 @@ def third_party() -> dict[str, set[str]]:
 
 def test_what_is_imported_is_declared() -> None:
     ros = names_of_ros()
-    for module in third_party().keys() - OPTIONAL:
-        rooms = third_party()[module]
+    for module, rooms in third_party().items():
         if module in ros:
             assert rooms <= set(ROS_ROOMS), f'{module} belongs in {ROS_ROOMS}, not in {rooms}'
             continue

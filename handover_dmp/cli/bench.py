@@ -105,7 +105,7 @@ def _measure(options: argparse.Namespace) -> int:
 
     from handover_dmp.bench.measurement import Measurement
     from handover_dmp.bench.report import machine, markdown, table, write_json
-    from handover_dmp.errors import HandoverError, UsageError
+    from handover_dmp.errors import GET_ROS, HandoverError, UsageError
     from handover_dmp.files import write_text
     from rich.console import Console
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -136,7 +136,8 @@ def _measure(options: argparse.Namespace) -> int:
             except ModuleNotFoundError as error:
                 if str(error.name).startswith('handover_dmp'):
                     raise
-                absent = f'{subject}: {error.name} is not installed'
+                way_out = GET_ROS if subject == 'ros' else "run: pip install 'handover_dmp[bench]'"
+                absent = f'{subject}: {error.name} is not installed; {way_out}'
                 if options.words:
                     raise HandoverError(absent) from error
                 skipped.append(absent)

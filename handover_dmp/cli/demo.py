@@ -21,6 +21,7 @@ from functools import partial
 from pathlib import Path
 
 from handover_dmp.cli.running import add_run_arguments, run_and_report
+from handover_dmp.errors import GET_ROS, HandoverError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,7 +36,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the verb."""
-    from handover_dmp.nodes.conduct import conduct
-
+    try:
+        from handover_dmp.nodes.conduct import conduct
+    except ModuleNotFoundError as error:
+        raise HandoverError(f'{error.name} is not installed; {GET_ROS}') from error
     in_time = partial(conduct, lockstep=not options.wall_clock)
     return run_and_report(options, options.trial, options.model, in_time)

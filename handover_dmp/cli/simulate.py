@@ -43,7 +43,17 @@ def run(options: argparse.Namespace) -> int:
     """Run the verb."""
     if options.recorded is not None and options.trial is not None:
         raise UsageError('give the trial once, as TRIAL.csv or with --trial')
+    _check_definitions()
     return run_and_report(options, options.recorded or options.trial, options.model, _conduct)
+
+
+def _check_definitions() -> None:
+    """Find those of the messages of a run before it begins: without them, it leaves no bag."""
+    from handover_dmp.recording import message_definition
+    from handover_dmp.topics import TOPICS
+
+    for topic in TOPICS:
+        message_definition(topic.type_name)
 
 
 def _conduct(folder: Path, scenario: Scenario, info: dict[str, Any], tell: Tell) -> None:

@@ -18,7 +18,7 @@ The definition of a ROS message: its full text, and the hash that ROS 2 knows th
 A bag is worth reading in ten years only if it carries the definitions of what is in it. They come
 from the message packages: from `share/<package>/msg` below every prefix of a sourced ROS 2
 (`AMENT_PREFIX_PATH`) or of this Python environment, where the wheels put them. Where neither is,
-the library `rosbags` is asked, if it is installed; it knows the standard packages.
+the library `rosbags` is asked, which knows the standard packages.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ import re
 import sys
 from typing import Any
 
-from handover_dmp.errors import DataError
+from handover_dmp.errors import DataError, GET_ROS
 
 SEPARATOR = '=' * 80
 TYPE_NAME = re.compile(r'([A-Za-z]\w*)/msg/([A-Za-z]\w*)')
@@ -138,8 +138,7 @@ def _from_rosbags(type_name: str) -> MessageDefinition:
         text, _ = store.generate_msgdef(type_name, ros_version=2)
         return MessageDefinition(type_name, text, store.hash_rihs01(type_name))
     except Exception as error:
-        # whichever way the optional library fails, the way out is the same
+        # whichever way the library fails, the way out is the same
         raise DataError(
-            f'{type_name}: no package on this machine defines it; source a ROS 2 installation or '
-            f"run: pip install 'handover_dmp[ros]'"
+            f'{type_name}: no package on this machine defines it; {GET_ROS}'
         ) from error

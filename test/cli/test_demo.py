@@ -132,6 +132,43 @@ def test_bad_trials_give_one_line_and_leave_nothing(
     assert not (tmp_path / 'run').exists()
 
 
+WITHOUT = """
+import sys
+for name in sys.argv.pop(1).split(','):
+    sys.modules[name] = None
+if 'rosbags' in sys.modules:
+    sys.prefix = '/nowhere'
+from handover_dmp.cli.main import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.parametrize(
+    ('absent', 'words', 'fault'),
+    [
+        ('rclpy', ['demo', '-o', 'run'], 'rclpy'),
+        ('std_srvs.srv', ['demo', '-o', 'run'], 'std_srvs.srv is not installed'),
+        ('rclpy', ['bench', 'ros', '--json', 'run'], 'ros: rclpy'),
+        ('rosbags', ['simulate', '-o', 'run'], 'no package on this machine defines it'),
+    ],
+)
+def test_what_is_not_installed_is_said_before_anything_is_written(
+    tmp_path: Path, absent: str, words: list[str], fault: str
+) -> None:
+    done = subprocess.run(
+        [sys.executable, '-c', WITHOUT, absent, *words],
+        cwd=tmp_path,
+        env=os.environ | {'AMENT_PREFIX_PATH': ''},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 1
+    (line,) = done.stderr.strip().splitlines()
+    assert fault in line
+    assert "pip install 'handover_dmp[ros]'" in line
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_an_unreachable_way_names_the_distance(tmp_path: Path) -> None:
     done = run('simulate', '--scale', '6', folder=tmp_path)
     assert done.returncode == 1

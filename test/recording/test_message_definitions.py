@@ -66,7 +66,7 @@ def test_the_text_is_laid_out_as_rosbag2_does() -> None:
     ]
 
 
-def test_without_message_packages_the_optional_library_serves(
+def test_without_message_packages_the_library_serves(
     fresh: None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     pytest.importorskip('rosbags.typesys')
