@@ -24,6 +24,8 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
+FAR_RAD = 0.1  # from where the arm is measured: nothing further is commanded
+
 
 class VelocityToPosition(Node):
     """Publishes ~/positions, in the order of the parameter `joints`."""
@@ -31,22 +33,26 @@ class VelocityToPosition(Node):
     def __init__(self) -> None:
         super().__init__('velocity_to_position')
         self.joints = self.declare_parameter('joints', [f'lbr_A{i}' for i in range(1, 8)]).value
-        self.positions, self.last_ns = None, 0
+        self.measured, self.positions, self.last_ns = None, None, 0
         self.publisher = self.create_publisher(Float64MultiArray, '~/positions', 1)
         for topic, kind in ((JOINT_STATES, JointState), (JOINT_COMMAND, Float64MultiArray)):
             call = self.measure if kind is JointState else self.move
             self.create_subscription(kind, topic.name, call, qos_profile(topic.quality))
 
     def measure(self, message: JointState) -> None:
-        if self.positions is None and set(self.joints) <= set(message.name):
-            self.positions = np.array(message.position)[[*map(message.name.index, self.joints)]]
+        if set(self.joints) <= set(message.name):
+            self.measured = np.array(message.position)[[*map(message.name.index, self.joints)]]
 
     def move(self, message: Float64MultiArray) -> None:
         now_ns = self.get_clock().now().nanoseconds
         step_s, self.last_ns = (now_ns - self.last_ns) / 1e9, now_ns
-        if self.positions is not None and 0.0 < step_s <= 0.02:  # else it holds
-            self.positions = self.positions + np.array(message.data) * step_s
-            self.publisher.publish(Float64MultiArray(data=self.positions))
+        if self.measured is None:
+            return
+        if self.positions is None or not 0.0 < step_s <= 0.02:  # anew, from where the arm is now
+            self.positions, step_s = self.measured, 0.0
+        moved = self.positions + np.array(message.data) * step_s
+        self.positions = np.clip(moved, self.measured - FAR_RAD, self.measured + FAR_RAD)
+        self.publisher.publish(Float64MultiArray(data=self.positions))
 
 
 if __name__ == '__main__':

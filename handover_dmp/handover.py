@@ -145,9 +145,10 @@ class Handover:
         if self._rotation is None:
             self._rotation = rotation
         samples = self.hand.due(now_s)
+        seen = False
         for sample in samples:
             hand = tuple(sample.position.tolist())
-            self.controller.set_hand(sample.stamp_s, hand, now_s, now_s)
+            seen |= not self.controller.set_hand(sample.stamp_s, hand, now_s, now_s)
         self.controller.set_wrist(tuple(wrist.tolist()))
         command = self.controller.step(now_s, self.period_s, self._phase_rate)
         assert command is not None
@@ -155,7 +156,7 @@ class Handover:
         target = WristTarget(place, velocity, self._rotation, STILL)
         self.wrist_controller.set_target(target, now_s)
         estimate = self.controller.estimate(now_s)
-        if samples and estimate is not None:
+        if seen and estimate is not None:
             known = Partner(np.array(estimate.position), np.array(estimate.velocity))
             self.wrist_controller.set_hand(known, now_s)
         answer = self.wrist_controller.update(now_s, self.period_s)

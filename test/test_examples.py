@@ -16,11 +16,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import os
 from pathlib import Path
 import re
 import subprocess
 import sys
+from time import monotonic
 
 from handover_dmp.hand import synthesize, write_data_set
 import pytest
@@ -28,6 +30,8 @@ import pytest
 pytestmark = pytest.mark.timeout(1800)  # on a machine that does much else
 EXAMPLES = Path(__file__).resolve().parents[1] / 'examples'
 MOST_LINES = 40
+FAR_RAD = 0.1
+GAP_S = 0.3
 HEADER_LINES = 14  # of the licence, and the line below
 
 
@@ -112,7 +116,11 @@ def test_tune_parameters(tmp_path: Path) -> None:
 
 @pytest.mark.ros
 def test_velocity_to_position(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its positions are the integral of the velocities, from where the arm was measured."""
+    """
+    Its positions are the integral of the velocities, from where the arm was measured.
+
+    They never go far from there, and begin anew where the arm is when the commands had a gap.
+    """
     rclpy = pytest.importorskip('rclpy')
     monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     from handover_dmp.nodes.leaving import leave
@@ -134,6 +142,7 @@ def test_velocity_to_position(monkeypatch: pytest.MonkeyPatch) -> None:
     executor.add_node(node)
     received: list[list[float]] = []
     start = [0.1 * i for i in range(7)]
+    elsewhere = [1.0 + place for place in start]
     joints = [f'lbr_A{i}' for i in range(1, 8)]
     try:
         node.create_subscription(
@@ -149,23 +158,43 @@ def test_velocity_to_position(monkeypatch: pytest.MonkeyPatch) -> None:
             Float64MultiArray, JOINT_COMMAND.name, qos_profile(JOINT_COMMAND.quality)
         )
         # Its joints in another order, and one that is not of the arm.
-        state = JointState(name=['gripper', *joints[::-1]], position=[9.0, *start[::-1]])
-        for _ in range(20_000):
-            states.publish(state)
-            commands.publish(Float64MultiArray(data=[0.5, 0.0, 0.0, 0.0, 0.0, 0.0, -0.5]))
+
+        def measure_at(place: list[float]) -> None:
+            names = ['gripper', *joints[::-1]]
+            states.publish(JointState(name=names, position=[9.0, *place[::-1]]))
             executor.spin_once(timeout_sec=0.005)
-            if len(received) >= 20:
-                break
-            assert process.poll() is None
+
+        def move_until(done: Callable[[], bool]) -> None:
+            for _ in range(20_000):
+                commands.publish(Float64MultiArray(data=[0.5, 0.0, 0.0, 0.0, 0.0, 0.0, -0.5]))
+                executor.spin_once(timeout_sec=0.005)
+                if done():
+                    return
+                assert process.poll() is None
+            pytest.fail('nothing comes')
+
+        def moved_from_start() -> bool:
+            measure_at(start)
+            return len(received) >= 20 and received[-1] == received[-2]
+
+        move_until(moved_from_start)
+        followed = len(received)
+        end_s = monotonic() + GAP_S
+        while monotonic() < end_s:
+            measure_at(elsewhere)
+        move_until(lambda: len(received) > followed)
     finally:
         process.terminate()
         process.wait()
         executor.shutdown()
         leave(node)
     assert len(received) >= 20
-    for positions in received:
+    assert received[followed] == elsewhere
+    assert received[followed - 1][0] == pytest.approx(start[0] + FAR_RAD)
+    del received[followed:]
+    for positions in received[1:]:
         moved = positions[0] - start[0]
-        assert moved > 0.0
+        assert moved >= 0.0
         assert positions[6] - start[6] == pytest.approx(-moved)
         assert positions[1:6] == pytest.approx(start[1:6])
     first = [positions[0] for positions in received]

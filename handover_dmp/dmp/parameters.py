@@ -56,7 +56,7 @@ class DmpParameters:
 
     def __post_init__(self) -> None:
         """Turn the numbers into plain floats and check their ranges."""
-        for name, low, high in _RANGES:
+        for name, (low, high) in RANGES.items():
             try:
                 value = float(getattr(self, name))
             except (TypeError, ValueError, OverflowError) as error:
@@ -101,14 +101,15 @@ class DmpParameters:
         return self.effective_damping * duration_s
 
 
-_RANGES = (
-    ('stiffness', 1e-3, 1e6),
-    ('damping', 0.0, 1e5),
-    ('goal_velocity_gain', -1e6, 1e6),
-    ('phase_at_end', 1e-9, 0.99),
-    ('mu', -10.0, 10.0),
-    ('sigma', 1e-4, 10.0),
-)
+RANGES = {
+    'stiffness': (1e-3, 1e6),
+    'damping': (0.0, 1e5),
+    'goal_velocity_gain': (-1e6, 1e6),
+    'phase_at_end': (1e-9, 0.99),
+    'mu': (-10.0, 10.0),
+    'sigma': (1e-4, 10.0),
+}
+"""Least and greatest value of each number."""
 
 
 def _shown(value: object) -> str:

@@ -229,13 +229,21 @@ class PriorityIk:
     It holds no state but scratch arrays: the answer depends on the arguments alone.
     """
 
-    def __init__(self, model: RobotModel, options: IkOptions | None = None) -> None:
+    def __init__(
+        self,
+        model: RobotModel,
+        options: IkOptions | None = None,
+        *,
+        collision_model: CollisionModel | None = None,
+    ) -> None:
         """
         Take the arm.
 
         Args:
             model: the arm.
             options: see there; the defaults if left out.
+            collision_model: of this arm, if there is one; else it is made when it is needed,
+                which takes longer than some periods.
 
         """
         self.model = model
@@ -268,8 +276,9 @@ class PriorityIk:
         self._closing = _closing_speed(
             self.options.collision_distance, self.options.collision_deceleration
         )
-        collisions = self.options.self_collision or self.options.forearm_collision
-        self._collisions = CollisionModel(model) if collisions else None
+        self.collision_model = collision_model
+        if self.options.self_collision:
+            self._collisions()
 
     def solve(
         self,
@@ -447,24 +456,25 @@ class PriorityIk:
         names: list[str] = []
         rows: list[Array] = []
         bounds: list[float] = []
-        if options.separation and partner is not None:
-            directions, most = self._separation.rows(position, velocity, partner, dt)
+        if options.separation:
+            # a hand that is not known may be at the wrist itself
+            feared = partner or Partner(position, np.zeros(3))
+            directions, most = self._separation.rows(position, velocity, feared, dt)
             names += ['approach', 'speed near hand'][: len(most)]
             rows += list(-directions @ linear)
             bounds += list(-most)
         near: list[NearPair] = []
-        if self._collisions is not None:
-            if options.self_collision:
-                fastest = np.maximum(box[1], -box[0])
-                near += self._collisions.near_pairs(world_jacobian, self._closing, fastest)
-            if options.forearm_collision and partner is not None and partner.elbow is not None:
-                near += self._collisions.near_forearm(
-                    world_jacobian,
-                    partner.position,
-                    partner.elbow,
-                    partner.velocity,
-                    options.collision_activation,
-                )
+        if options.self_collision:
+            fastest = np.maximum(box[1], -box[0])
+            near += self._collisions().near_pairs(world_jacobian, self._closing, fastest)
+        if options.forearm_collision and partner is not None and partner.elbow is not None:
+            near += self._collisions().near_forearm(
+                world_jacobian,
+                partner.position,
+                partner.elbow,
+                partner.velocity,
+                options.collision_activation,
+            )
         for pair in near:
             names.append(pair.name)
             rows.append(pair.row)
@@ -472,6 +482,11 @@ class PriorityIk:
         if not names:
             return names, self._no_rows, self._no_bounds
         return names, np.array(rows), np.array(bounds)
+
+    def _collisions(self) -> CollisionModel:
+        if self.collision_model is None:
+            self.collision_model = CollisionModel(self.model)
+        return self.collision_model
 
     def _elbow_away(self, world_jacobian: Array, partner: Partner) -> Array:
         """Give joint velocities that move the elbow away from the partner, if it is near."""

@@ -50,7 +50,7 @@ class WristControllerOptions:
     When inputs are too old.
 
     Attributes:
-        joint_state_timeout_s: age, by arrival, beyond which nothing is commanded any more, s.
+        joint_state_timeout_s: age, by arrival, beyond which the arm brakes without looking, s.
         command_timeout_s: the same for the wrist command, beyond which the arm brakes, s.
         hand_timeout_s: the same for the hand, beyond which it is taken to be anywhere, s.
         hold_distance_m: a wrist this near to a target that stands is there, m.
@@ -68,7 +68,7 @@ class JointCommand(NamedTuple):
     The answer of one period.
 
     Attributes:
-        velocities: (n,), rad/s, in the model's order; None if the arm must not be commanded.
+        velocities: (n,), rad/s, in the model's order; None if there is nothing to be commanded.
         reason: why the arm brakes or is not commanded; empty while all is well.
         solution: what the inverse kinematics found; None while braking or at rest.
         smallest_singular_value: of the Jacobian of the wrist's position, m; NaN where the joints
@@ -147,6 +147,23 @@ class WristController:
     def positions(self) -> Array | None:
         """Joint positions, (n,), rad, in the model's order; None before the first good ones."""
         return self._positions
+
+    def ages_s(self, now_s: float) -> dict[str, float]:
+        """
+        Tell how old the inputs are.
+
+        Args:
+            now_s: the time, s, on the clock of the arrivals.
+
+        Returns:
+            Name to age, s; infinite for what never came.
+
+        """
+        return {
+            'joint states': now_s - self._joint_arrival_s,
+            'wrist command': now_s - self._target_arrival_s,
+            'hand': now_s - self._hand_arrival_s,
+        }
 
     def set_joint_state(
         self,
@@ -241,10 +258,10 @@ class WristController:
 
         """
         if self._joint_fault:
-            return self._stop(self._joint_fault)
+            return self.stop(self._joint_fault, dt)
         age = now_s - self._joint_arrival_s
         if age > self.options.joint_state_timeout_s:
-            return self._stop(f'joint states are {age:.3f} s old')
+            return self.stop(f'joint states are {age:.3f} s old', dt)
         if self._commanded is None:
             self._commanded = self._measured_velocities
         if self._target is None:
@@ -263,6 +280,27 @@ class WristController:
         return JointCommand(
             solution.joint_velocity, '', solution, solution.smallest_singular_value
         )
+
+    def stop(self, reason: str, dt: float) -> JointCommand:
+        """
+        Brake from what was commanded last, without looking at the arm; then command nothing.
+
+        A velocity controller keeps its last command for ever, so the last one is zero.
+
+        Args:
+            reason: why.
+            dt: until the next answer, s.
+
+        Returns:
+            Joint velocities, less and less; None once they have been zero.
+
+        """
+        if self._commanded is None or not self._commanded.any():
+            self._commanded = None
+            return JointCommand(None, reason)
+        most = self.model.limits.acceleration * dt
+        self._commanded = self._commanded - np.clip(self._commanded, -most, most)
+        return JointCommand(self._commanded, reason)
 
     def _holds(self, target: WristTarget) -> bool:
         """Whether the wrist is told to stand where it stands; then nothing else moves either."""
@@ -296,10 +334,6 @@ class WristController:
         self._commanded = self.ik.brake(positions, self._commanded, dt)
         singular_value, _ = smallest_singular(self.model.wrist_jacobian(positions)[:3])
         return JointCommand(self._commanded, reason, smallest_singular_value=singular_value)
-
-    def _stop(self, reason: str) -> JointCommand:
-        self._commanded = None
-        return JointCommand(None, reason)
 
 
 def _finite(values: Array) -> bool:

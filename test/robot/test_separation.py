@@ -103,7 +103,16 @@ def test_wrist_follows_a_receding_hand_at_the_speed_relative_to_it():
     assert distances[-1] < 0.01, 'it catches up, for which it must be faster than 0.25 m/s'
 
 
-def _reach(arm, hand, hand_velocity, *, separation, duration_s=3.0):
+def test_near_a_hand_that_is_not_known_the_wrist_is_slow_everywhere():
+    arm = RobotModel.load('lwr4')
+    start, _ = arm.wrist_pose(arm.home)
+    hand = start + [-0.05, 0.55, -0.1]
+    _, speeds, distances = _reach(arm, hand, np.zeros(3), separation=True, seen=False)
+    assert speeds.max() <= 0.25 + 1e-6
+    assert distances[-1] < 0.005
+
+
+def _reach(arm, hand, hand_velocity, *, separation, duration_s=3.0, seen=True):
     """Give the last posture, wrist speed relative to the hand, and distance at each start."""
     ik = PriorityIk(
         arm,
@@ -125,7 +134,8 @@ def _reach(arm, hand, hand_velocity, *, separation, duration_s=3.0):
         target = WristTarget(at, moving + 1.5 * (at - wrist) / np.linalg.norm(at - wrist + 1e-9))
         if np.linalg.norm(at - wrist) < 0.05:
             target = WristTarget(at, moving)
-        solution = ik.solve(posture, velocity, target, DT, hand=Partner(at, moving))
+        partner = Partner(at, moving) if seen else None
+        solution = ik.solve(posture, velocity, target, DT, hand=partner)
         velocity = solution.joint_velocity
         speeds.append(np.linalg.norm(jacobian @ velocity - moving))
         distances.append(np.linalg.norm(at - wrist))

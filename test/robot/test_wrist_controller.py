@@ -20,6 +20,7 @@ from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.priority_ik import PriorityIk, WristTarget
 from handover_dmp.robot.wrist_controller import WristController, WristControllerOptions
 import numpy as np
+from numpy.typing import NDArray
 import pytest
 
 PERIOD_S = 0.005
@@ -78,12 +79,11 @@ def test_wrong_joint_states_stop_the_commands_and_say_why(
     names, home, still = list(robot.joint_names), list(robot.home), [0.0] * robot.dof
     controller.set_joint_state(names, home, still, 0.0)
     controller.set_target(target_beside(robot), 0.0)
-    assert controller.update(0.0, PERIOD_S).velocities is not None
+    moving = controller.update(0.0, PERIOD_S).velocities
+    assert moving is not None
     wrong = change(names, home, still)  # type: ignore[operator]
     assert not controller.set_joint_state(*wrong, 0.005)
-    answer = controller.update(0.005, PERIOD_S)
-    assert answer.velocities is None
-    assert reason in answer.reason
+    assert_comes_to_rest(controller, moving, 0.005, reason)
     assert controller.set_joint_state(names, home, still, 0.01)
     assert controller.update(0.01, PERIOD_S).velocities is not None
 
@@ -93,10 +93,26 @@ def test_stale_joint_states_stop_the_commands(
 ) -> None:
     controller.set_joint_state(list(robot.joint_names), robot.home, np.zeros(robot.dof), 0.0)
     controller.set_target(target_beside(robot), 0.06)
-    assert controller.update(0.049, PERIOD_S).velocities is not None
-    answer = controller.update(0.06, PERIOD_S)
-    assert answer.velocities is None
-    assert 'old' in answer.reason
+    moving = controller.update(0.049, PERIOD_S).velocities
+    assert moving is not None
+    assert_comes_to_rest(controller, moving, 0.06, 'old')
+
+
+def assert_comes_to_rest(
+    controller: WristController, moving: NDArray[np.float64], now_s: float, reason: str
+) -> None:
+    """Assert that blind braking keeps the limits, ends at zero, and then is silent."""
+    most = controller.model.limits.acceleration * PERIOD_S
+    assert moving.any()
+    while True:
+        answer = controller.update(now_s, PERIOD_S)
+        assert reason in answer.reason
+        if answer.velocities is None:
+            break
+        assert np.all(np.abs(answer.velocities - moving) <= most + 1e-12)
+        assert np.sum(np.abs(answer.velocities)) < np.sum(np.abs(moving))
+        moving, now_s = answer.velocities, now_s + PERIOD_S
+    assert not moving.any()
 
 
 def test_a_stale_command_brakes_within_the_acceleration_limit(
