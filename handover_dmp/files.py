@@ -29,12 +29,15 @@ def replacing(path: Path) -> Iterator[Path]:
     Give a temporary path beside `path` and move it there if the block ends without an error.
 
     Args:
-        path: file to write; its folder is made if need be.
+        path: file to write; its folder is made if need be. A device or a pipe is written to itself.
 
     Yields:
         The temporary path to write to, with the same suffix.
 
     """
+    if path.exists() and not path.is_file() and not path.is_dir():
+        yield path
+        return
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(prefix=f'.{path.stem}-', suffix=path.suffix, dir=path.parent)
     os.close(handle)
@@ -45,6 +48,10 @@ def replacing(path: Path) -> Iterator[Path]:
         os.umask(mask)
         temporary.chmod(0o666 & ~mask)
         temporary.replace(path)
+    except OSError as error:
+        # a full disk does not say which file it was
+        error.filename = error.filename or str(path)
+        raise
     finally:
         with suppress(FileNotFoundError):
             temporary.unlink()

@@ -19,6 +19,7 @@ from __future__ import annotations
 from datetime import datetime
 from importlib.metadata import PackageNotFoundError, version
 import json
+import math
 from pathlib import Path
 import platform
 import shlex
@@ -33,10 +34,11 @@ from handover_dmp.hand import HandoverTrial, write_trial
 from handover_dmp.report import write_report
 from handover_dmp.scenario import Scenario
 from handover_dmp.view.stage import set_up
+import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 
 LIBRARIES = ('numpy', 'scipy', 'pin', 'daqp', 'ruckig', 'pybullet', 'mcap')
-PICTURES = ('start', 'middle', 'exchange')
 
 
 def new_run_folder(output: Path | None, trial: HandoverTrial) -> Path:
@@ -108,7 +110,7 @@ def run_info(scenario: Scenario, scale: float) -> dict[str, Any]:
         'base_yaw_rad': robot.base.yaw,
         'joint_names': list(robot.joint_names),
         'joint_limits': {
-            name: getattr(limits, name).tolist()
+            name: _finite(getattr(limits, name))
             for name in ('lower', 'upper', 'velocity', 'acceleration')
         },
         'command': shlex.join(['handover_dmp', *sys.argv[1:]]),
@@ -119,6 +121,11 @@ def run_info(scenario: Scenario, scale: float) -> dict[str, Any]:
         },
         'machine': f'{platform.system()} {platform.machine()}',
     }
+
+
+def _finite(numbers: NDArray[np.float64]) -> list[float | None]:
+    """Return them as JSON has them, which knows of no limit that is infinite."""
+    return [number if math.isfinite(number) else None for number in numbers.tolist()]
 
 
 def _version(library: str) -> str:
@@ -143,7 +150,9 @@ def finish(folder: Path, scenario: Scenario) -> dict[str, Any]:
     """
     with set_up(folder, str(scenario.robot.urdf_path)) as stage:
         (folder / 'figures').mkdir(exist_ok=True)
-        for name, pixels in zip(PICTURES, stage.scene.three_images(), strict=True):
+        met = math.isfinite(stage.scene.exchange_time_s)
+        names = ('start', 'middle', 'exchange' if met else 'end')
+        for name, pixels in zip(names, stage.scene.three_images(), strict=True):
             Image.fromarray(pixels).save(folder / 'figures' / f'scene_{name}.png')
     report: dict[str, Any] = write_report(folder)
     return report

@@ -17,7 +17,9 @@
 from __future__ import annotations
 
 from importlib import import_module
+import os
 from pathlib import Path
+import resource
 import subprocess
 import sys
 
@@ -107,3 +109,28 @@ def test_every_verb_has_a_module_of_one_form() -> None:
         module = import_module(f'handover_dmp.cli.{"import_verb" if verb == "import" else verb}')
         assert callable(module.add_arguments)
         assert callable(module.run)
+
+
+def test_a_pipe_is_written_to_and_not_replaced(tmp_path: Path) -> None:
+    pipe = tmp_path / 'pipe.json'
+    os.mkfifo(pipe)
+    writing = 'import sys; from pathlib import Path; from handover_dmp.files import write_text; '
+    writing += "write_text(Path(sys.argv[1]), 'all of it')"
+    with subprocess.Popen([sys.executable, '-c', writing, str(pipe)]) as process:
+        assert pipe.read_text(encoding='utf-8') == 'all of it'
+    assert process.returncode == 0
+    assert pipe.is_fifo()
+
+
+def test_a_full_disk_is_one_line_that_names_the_file(tmp_path: Path) -> None:
+    result = subprocess.run(
+        [sys.executable, '-B', '-m', 'handover_dmp', 'figure1', '-o', 'curve.png'],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        timeout=120,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096)),
+    )
+    assert result.returncode == 1
+    assert result.stderr == 'handover_dmp figure1: curve.png: File too large\n'
+    assert list(tmp_path.iterdir()) == []

@@ -74,9 +74,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return error.exit_code
     except OSError as error:
         # A folder that is a file, a full disk, no permission: for the user to mend.
-        if error.filename is None:
-            raise
-        print(f'handover_dmp {options.verb}: {error.filename}: {error.strerror}', file=sys.stderr)
+        named = f'{error.filename}: ' if error.filename else ''
+        fault = error.strerror or error
+        print(f'handover_dmp {options.verb}: {named}{fault}', file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         print(f'handover_dmp {options.verb}: interrupted', file=sys.stderr)

@@ -282,8 +282,12 @@ def draw_joints(run: RunRecord) -> Figure:
                 commands = np.degrees(run.joint_commands[:, index])
                 speed.plot(run.joint_command_times, commands, **COMMAND)
             if limits is not None:
-                for bound in (limits.lower[index], limits.upper[index]):
-                    position.axhline(np.degrees(bound), **LIMIT)
+                for bound, turn in ((limits.lower[index], -180.0), (limits.upper[index], 180.0)):
+                    if np.isfinite(bound):
+                        position.axhline(np.degrees(bound), **LIMIT)
+                    else:
+                        # half a turn, or noise would fill the panel of a joint at rest
+                        position.update_datalim([(run.joint_times[0], turn)])
                 for sign in (-1, 1):
                     speed.axhline(sign * np.degrees(limits.velocity[index]), **LIMIT)
             position.set_ylabel(name.replace('_', ' '), fontsize=9)

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from handover_dmp.report.motion import bell_of, RATE_HZ, resample, velocity
@@ -215,6 +216,7 @@ def joint_limits(run: RunRecord) -> Numbers:
         For `position`, `velocity` and `acceleration`: the greatest share of the limit that was
         used (`share`, 1 at the limit), the joint, and whether it was kept (`met`, with 1 %
         for the noise of measurement); `met` for all; None where the limits are not known.
+        Joints without a limit, as those that turn for ever, do not count.
 
     """
     limits = run.joint_limits
@@ -230,17 +232,22 @@ def joint_limits(run: RunRecord) -> Numbers:
     }
     found: Numbers = {}
     for name, (values, bound) in quantities.items():
-        found[name] = None
-        if bound is not None and (bound > 0).all():
-            shares = values.max(axis=0) / bound
-            worst = int(np.argmax(shares))
-            found[name] = {
-                'share': float(shares[worst]),
-                'joint': run.joint_names[worst],
-                'met': bool(shares[worst] <= 1.0 + LIMIT_TOLERANCE),
-            }
+        found[name] = None if bound is None else _most_used(run.joint_names, values, bound)
     known = [one['met'] for one in found.values() if one is not None]
     return {'met': all(known) if known else None, **found}
+
+
+def _most_used(names: Sequence[str], values: Array, bound: Array) -> Numbers | None:
+    limited = np.flatnonzero(np.isfinite(bound) & (bound > 0))
+    if not len(limited):
+        return None
+    shares = values[:, limited].max(axis=0) / bound[limited]
+    worst = int(np.argmax(shares))
+    return {
+        'share': float(shares[worst]),
+        'joint': names[limited[worst]],
+        'met': bool(shares[worst] <= 1.0 + LIMIT_TOLERANCE),
+    }
 
 
 def topic_rates(run: RunRecord) -> dict[str, Numbers]:

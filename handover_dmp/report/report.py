@@ -33,6 +33,7 @@ SCENES = {
     'scene_start': 'The scene when the arm begins to move',
     'scene_middle': 'half way',
     'scene_exchange': 'and at the exchange.',
+    'scene_end': 'and at the end.',
 }
 
 

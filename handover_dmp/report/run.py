@@ -65,8 +65,8 @@ class JointLimits:
     Limits of the joints, in the order of the joints of the run.
 
     Attributes:
-        lower: (n,) rad.
-        upper: (n,) rad.
+        lower: (n,) rad; NaN for a joint that turns for ever.
+        upper: (n,) rad; the same.
         velocity: (n,) rad/s.
         acceleration: (n,) rad/s²; None where the run does not tell.
 

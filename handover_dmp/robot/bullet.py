@@ -16,39 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-import ctypes
-import os
-
-
-@contextmanager
-def silenced() -> Iterator[None]:
-    """
-    Send what C code writes to stdout and stderr to nowhere while the block runs.
-
-    Redirects the file descriptors 1 and 2 of the whole process, so keep the block short. The
-    buffers of the C library are flushed before and after; what stood in them would come out later.
-    """
-    flush = ctypes.CDLL(None).fflush
-    flush(None)
-    kept: list[tuple[int, int]] = []
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    try:
-        for descriptor in (1, 2):
-            try:
-                kept.append((descriptor, os.dup(descriptor)))
-            except OSError:  # closed, as a daemon has it: nothing to silence
-                continue
-            os.dup2(nowhere, descriptor)
-        yield
-    finally:
-        flush(None)
-        for descriptor, copy in kept:
-            os.dup2(copy, descriptor)
-            os.close(copy)
-        os.close(nowhere)
-
+from handover_dmp.robot.silence import silenced
 
 with silenced():
     import pybullet

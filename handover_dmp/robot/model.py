@@ -25,6 +25,7 @@ from xml.etree import ElementTree
 from handover_dmp.robot import descriptions
 from handover_dmp.robot.errors import RobotDescriptionError
 from handover_dmp.robot.limits import JointLimits
+from handover_dmp.robot.silence import silenced
 import numpy as np
 from numpy.typing import NDArray
 import pinocchio as pin
@@ -33,6 +34,8 @@ Array = NDArray[np.float64]
 
 TURNS_FOR_EVER = 1e9
 """Position limit, rad, that stands for none while a description is parsed."""
+NUMBERS = {'xyz': 3, 'rpy': 3, 'lower': 1, 'upper': 1, 'velocity': 1, 'effort': 1}
+"""Attributes of a URDF that are numbers, and how many each holds."""
 
 
 @dataclass(frozen=True)
@@ -122,13 +125,7 @@ class RobotModel:
 
         """
         path = descriptions.urdf_file(robot)
-        text = path.read_text(encoding='utf-8')
-        try:
-            tree = ElementTree.fromstring(text)
-        except ElementTree.ParseError as error:
-            raise RobotDescriptionError(f'{path}: not XML: {error}') from error
-        if tree.tag != 'robot':
-            raise RobotDescriptionError(f'{path}: no <robot> element; is it a URDF?')
+        text, tree = _read(path)
         name = tree.get('name', path.stem)
         entry = descriptions.entry_for_urdf(name)
         wrist_frame = _wrist_link(tree, wrist_frame or entry.wrist_frame, path)
@@ -253,6 +250,41 @@ class RobotModel:
         return greatest_reach(self)
 
 
+def _read(path: Path) -> tuple[str, ElementTree.Element]:
+    try:
+        text = path.read_text(encoding='utf-8')
+        tree = ElementTree.fromstring(text)
+    except UnicodeDecodeError as error:
+        raise RobotDescriptionError(f'{path}: not UTF-8: save it in that encoding') from error
+    except ElementTree.ParseError as error:
+        raise RobotDescriptionError(f'{path}: not XML: {error}') from error
+    if tree.tag != 'robot':
+        raise RobotDescriptionError(f'{path}: no <robot> element; is it a URDF?')
+    _check_numbers(tree, path)
+    return text, tree
+
+
+def _check_numbers(tree: ElementTree.Element, path: Path) -> None:
+    """Name the first number that is none; Pinocchio only says that something is wrong."""
+    for element in tree.iter():
+        for key, count in NUMBERS.items():
+            text = element.get(key)
+            if text is not None and _count_numbers(text) != count:
+                wanted = 'a number' if count == 1 else f'{count} numbers'
+                raise RobotDescriptionError(
+                    f'{path}: {key}="{text}" of <{element.tag}> is not {wanted}; '
+                    'if it is a xacro, expand it first: xacro FILE > robot.urdf'
+                )
+
+
+def _count_numbers(text: str) -> int:
+    """Count the numbers of a text; 0 where it holds anything else."""
+    try:
+        return len([float(word) for word in text.split()])
+    except ValueError:
+        return 0
+
+
 def _wrist_link(tree: ElementTree.Element, wrist_frame: str | None, path: Path) -> str:
     links = [link.get('name', '') for link in tree.findall('link')]
     if wrist_frame is not None:
@@ -333,7 +365,7 @@ def _limits(
     for i, joint in enumerate(chain):
         name, kind = joint.get('name'), joint.get('type')
         limit = joint.find('limit')
-        given = {} if limit is None else {k: float(v) for k, v in limit.attrib.items()}
+        given = {} if limit is None else {k: float(v) for k, v in limit.items() if k in NUMBERS}
         lower[i], upper[i] = given.get('lower', 0.0), given.get('upper', 0.0)
         if kind == 'continuous':
             lower[i], upper[i] = -np.inf, np.inf
@@ -387,9 +419,10 @@ def _chain_urdf(
 
 def _pinocchio_model(chain_text: str, base: BasePlacement, path: Path) -> Any:
     try:
-        model = pin.buildModelFromXML(chain_text)
+        with silenced():
+            model = pin.buildModelFromXML(chain_text)
     except (ValueError, RuntimeError) as error:
-        raise RobotDescriptionError(f'{path}: {error}') from error
+        raise RobotDescriptionError(f'{path}: {error} (check_urdf tells why)') from error
     root = pin.SE3(base.rotation, np.array(base.position, dtype=float))
     for joint in range(1, model.njoints):
         if model.parents[joint] == 0:

@@ -187,7 +187,7 @@ class Scene:
             hand_path: (n, 3), m, of the partner's wrist, in `world`.
             wrist_path: (n, 3), m, of the robot's wrist; None: where `joint_positions` put it.
             exchange: `give` (the robot has the object first) or `take` (the partner has it).
-            exchange_time_s: when the object changes hands; None: at the end.
+            exchange_time_s: when the object changes hands; None: never.
             floor_height_m: z of the floor; None: chosen to suit the human figure.
             options: what the pictures look like.
 
@@ -202,9 +202,7 @@ class Scene:
         self.options = options or SceneOptions()
         self.model = model
         self.times = np.asarray(times, dtype=float)
-        self.exchange_time_s = (
-            float(self.times[-1]) if exchange_time_s is None else exchange_time_s
-        )
+        self.exchange_time_s = np.inf if exchange_time_s is None else exchange_time_s
         self._robot_gives = exchange == 'give'
         self._joints = np.asarray(joint_positions, dtype=float)
         self._hand_path = np.asarray(hand_path, dtype=float)
@@ -289,7 +287,8 @@ class Scene:
         Make the object, a rod, and say how each partner holds it.
 
         At the exchange it lies between the robot's flange and the palm of the hand, in the hold of
-        both. Before, it moves as one with the giver; after, with the receiver.
+        both. Before, it moves as one with the giver; after, with the receiver. Without an
+        exchange the giver points it at the other at the end.
         """
         hand = self._hand_pose(self.exchange_time_s)
         flange = self._flange_pose(self.exchange_time_s)
@@ -509,7 +508,7 @@ class Scene:
 
     def three_images(self, width: int = 960, height: int = 720) -> tuple[Image, Image, Image]:
         """
-        Draw the start, the middle of the reach and the exchange.
+        Draw the start, the middle of the reach and the exchange, or the end if there was none.
 
         Args:
             width: of each picture, pixels.
@@ -522,7 +521,7 @@ class Scene:
         return (
             self.image(float(self.times[0]), width, height),
             self.image(self.middle_time_s, width, height),
-            self.image(self.exchange_time_s, width, height),
+            self.image(min(self.exchange_time_s, float(self.times[-1])), width, height),
         )
 
     @property

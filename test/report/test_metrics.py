@@ -119,6 +119,20 @@ def test_limits_that_are_kept(run_bag: Path, make_motion: Callable[..., Any]) ->
     assert limits['acceleration']['share'] == pytest.approx(5.7735 * 0.9 / 1.44 / 8.0, rel=0.01)
 
 
+@pytest.mark.parametrize('endless', [1, 7])
+def test_a_joint_without_limits_keeps_them(run_bag: Path, endless: int) -> None:
+    run = load_run(run_bag)
+    assert run.joint_limits is not None
+    bounds = np.where(np.arange(7) < 7 - endless, run.joint_limits.upper, np.nan)
+    free = replace(run, joint_limits=replace(run.joint_limits, lower=-bounds, upper=bounds))
+    limits = measure(free)['limits']
+    assert limits['met'] is True
+    if endless == 7:
+        assert limits['position'] is None
+    else:
+        assert 0.0 < limits['position']['share'] < 1.0
+
+
 @pytest.mark.parametrize('quantity', ['position', 'velocity', 'acceleration'])
 def test_limits_that_are_broken(run_bag: Path, quantity: str) -> None:
     run = load_run(run_bag)

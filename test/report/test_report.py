@@ -20,7 +20,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from handover_dmp.report import write_report
+from handover_dmp.report import load_run, write_report
+from handover_dmp.report.figures import draw_joints
 from PIL import Image
 import pytest
 
@@ -119,6 +120,25 @@ def test_a_report_is_the_same_every_time(
     for name in FIGURES:
         file = f'figures/{name}.png'
         assert (tmp_path / file).read_bytes() == (folder / file).read_bytes(), name
+
+
+def test_a_joint_without_limits_is_drawn_over_a_turn(
+    make_run: Callable[..., Path], tmp_path: Path
+) -> None:
+    limits = {
+        'lower': [-2.96] * 6 + [None],
+        'upper': [2.96] * 6 + [None],
+        'velocity': [3.0] * 7,
+        'acceleration': [8.0] * 7,
+    }
+    bag = make_run(tmp_path / 'run', info={'joint_limits': limits})
+    panel = draw_joints(load_run(bag)).axes[-2]
+    low, high = panel.get_ylim()
+    assert low <= -180.0
+    assert high >= 180.0
+    assert len(panel.lines) == 1
+    write_report(bag)
+    assert 'used at the most: position' in (tmp_path / 'run_report' / 'report.md').read_text()
 
 
 def test_a_bare_bag(make_run: Callable[..., Path], tmp_path: Path) -> None:

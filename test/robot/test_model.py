@@ -217,12 +217,20 @@ def test_continuous_joints_turn_for_ever(urdf):
             r'say which link is the wrist; the chains end in hand, thumb',
         ),
         ({'more': '<joint name="loose" type="fixed"/>'}, r"'loose' lacks its parent"),
+        (
+            {'second': '<limit lower="${-pi}" upper="1" velocity="1"/>'},
+            r'lower="\$\{-pi\}" of <limit> is not a number; if it is a xacro, expand it first',
+        ),
+        ({'second': LIMIT + '<origin xyz="0 0 up"/>'}, r'xyz="0 0 up" of <origin> is not 3 num'),
+        ({'second': LIMIT + '<origin rpy="0 0"/>'}, r'rpy="0 0" of <origin> is not 3 numbers'),
+        ({'more': '<link name="upper"/>'}, r'check_urdf tells why'),
     ],
 )
-def test_says_what_a_description_lacks(urdf, change, complaint):
+def test_says_what_a_description_lacks(urdf, capfd, change, complaint):
     with pytest.raises(RobotDescriptionError, match=complaint) as caught:
         RobotModel.load(urdf(**change))
     assert 'arm.urdf' in str(caught.value) and '\n' not in str(caught.value)
+    assert capfd.readouterr() == ('', '')
 
 
 def test_mimic_joints_beside_the_chain_are_locked(urdf):
@@ -249,6 +257,13 @@ def test_files_that_are_no_arm(tmp_path, text, complaint):
     path = tmp_path / 'odd.urdf'
     path.write_text(text)
     with pytest.raises(RobotDescriptionError, match=complaint):
+        RobotModel.load(path)
+
+
+def test_a_file_in_another_encoding(tmp_path):
+    path = tmp_path / 'odd.urdf'
+    path.write_bytes('<robot name="é"/>'.encode('latin-1'))
+    with pytest.raises(RobotDescriptionError, match=r'odd\.urdf: not UTF-8'):
         RobotModel.load(path)
 
 

@@ -48,6 +48,7 @@ def write_run(
     *,
     info: dict[str, Any] | None = None,
     exchange: str = 'give',
+    last_state: str = 'done',
 ) -> Path:
     """
     Write the bag of a hand that comes and an arm that swings towards it.
@@ -57,6 +58,7 @@ def write_run(
         robot: name or URDF of the arm.
         info: what the run says of itself, in place of the usual.
         exchange: give or take.
+        last_state: of the handover, after the exchange.
 
     Returns:
         The folder.
@@ -76,7 +78,7 @@ def write_run(
 
         write(graph.ROBOT_DESCRIPTION, string(model.urdf_text), 0.0)
         write(graph.INFO, string(json.dumps(about)), 0.0)
-        states = {0.0: 'idle', REACHING_S: 'reaching', EXCHANGE_S: 'exchange', DONE_S: 'done'}
+        states = {0.0: 'idle', REACHING_S: 'reaching', EXCHANGE_S: 'exchange', DONE_S: last_state}
         for time_s, state in states.items():
             write(graph.STATE, string(state), time_s)
         for time_s in np.arange(0.0, END_S, PERIOD_S):

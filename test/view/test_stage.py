@@ -92,3 +92,12 @@ def test_who_has_the_object_first_is_what_the_run_says(tmp_path: Path, exchange:
         to_wrist = np.linalg.norm(stage.scene.object_position - stage.wrist_path[0])
         to_hand = np.linalg.norm(stage.scene.object_position - stage.hand_path[0])
         assert (to_wrist < to_hand) == (exchange == 'give')
+
+
+def test_an_exchange_that_was_broken_off_is_none(tmp_path: Path) -> None:
+    runs.write_run(tmp_path, last_state='aborted')
+    with set_up(tmp_path) as stage:
+        assert stage.record.exchange_time_s is not None
+        assert stage.scene.exchange_time_s == np.inf
+        last = stage.scene.three_images(40, 30)[-1]
+        assert np.array_equal(last, stage.scene.image(stage.span_s[1], 40, 30))
