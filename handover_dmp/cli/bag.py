@@ -100,6 +100,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _write(source: Path, folder: Path, compression: str, console: Console) -> dict[str, Any]:
     from handover_dmp.hand import read_data_set, read_trial
+    from handover_dmp.recording.bag_metadata import read_metadata
     from handover_dmp.recording.trial_bag import write_trial_bags
     from rich.console import Console as RichConsole
     from rich.progress import Progress
@@ -112,10 +113,15 @@ def _write(source: Path, folder: Path, compression: str, console: Console) -> di
             trials, folder, compression, lambda done: bar.update(task, completed=done)
         )
     word = 'bag' if len(bags) == 1 else 'bags'
-    console.print(f'{len(bags)} {word} in {folder}; try: ros2 bag play {bags[0]}', soft_wrap=True)
+    play = f'ros2 bag play {bags[0]} --delay 2'
+    console.print(f'{len(bags)} {word} in {folder}; try: {play}', soft_wrap=True)
     return {
         'bags': [
-            {'folder': str(bag), 'trial': trial.label, 'messages': 2 * len(trial.times)}
+            {
+                'folder': str(bag),
+                'trial': trial.label,
+                'messages': read_metadata(bag)['message_count'],
+            }
             for bag, trial in zip(bags, trials, strict=True)
         ]
     }

@@ -20,14 +20,15 @@ import sys
 from time import sleep
 
 from geometry_msgs.msg import PoseStamped
-from handover_dmp.hand.replay import Replay
+from handover_dmp.errors import UsageError
+from handover_dmp.hand.playback import PlayedBag, PlayedTrial
+from handover_dmp.hand.replay import HandSample
 from handover_dmp.hand.sensor import SensorModel
-from handover_dmp.hand.tracking import TrackedHand
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds, pose_message, stamp
 from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.lockstep import Lockstep
 from handover_dmp.nodes.node import HandoverNode
-from handover_dmp.nodes.parameters import Parameter
+from handover_dmp.nodes.parameters import Parameter, Values
 from handover_dmp.nodes.spinning import run
 from handover_dmp.scenario import recorded_trial
 from handover_dmp.topics import CLOCK, FRAME, HAND_POSE, HUMAN_POSE, SIGNAL
@@ -39,6 +40,13 @@ class HandTracker(HandoverNode):
 
     NAME = 'hand_tracker'
     PARAMETERS = (
+        Parameter(
+            'source',
+            'a trial as a tracker sees it, or the poses of a bag as they are',
+            choices=('trial', 'bag'),
+            read_only=True,
+        ),
+        Parameter('bag', 'what source: bag plays', read_only=True),
         Parameter('trial', 'CSV file or bag; empty: a synthetic handover', read_only=True),
         Parameter(
             'cutoff_hz', 'low-pass of the recording, Hz; 0: none', 0.0, 100.0, read_only=True
@@ -57,18 +65,10 @@ class HandTracker(HandoverNode):
         """Read the recording, show the hand at rest, wait for the start."""
         super().__init__()
         values = self.values
-        trial = recorded_trial(values['trial'], cutoff_hz=values['cutoff_hz'])
-        worse = {
-            name: values[f'sensor.{name}']
-            for name in ('noise_m', 'delay_s', 'dropout', 'outliers', 'seed')
-        }
-        self._tracked = TrackedHand(
-            Replay.from_trial(trial), SensorModel(rate_hz=values['rate_hz'], **worse)
-        )
-        self._human = Replay.from_motion(trial.times, trial.p2)
+        self._played = _played(values)
         self._periods = Periods(1.0 / values['rate_hz'])
         self._messages: list[PoseStamped] = []
-        self._person: PoseStamped | None = None
+        self._person: list[PoseStamped] = []
         self._hand_pose = self.advertise(HAND_POSE)
         self._human_pose = self.advertise(HUMAN_POSE)
         self._signal = self.advertise(SIGNAL)
@@ -90,8 +90,9 @@ class HandTracker(HandoverNode):
         return ''
 
     def _begin(self, at_s: float) -> None:
-        self._tracked.start(at_s)
-        self._signal.publish(Header(stamp=stamp(round(at_s * NANOSECONDS)), frame_id=FRAME))
+        self._played.start(at_s)
+        time = stamp(round(self._played.signal_s * NANOSECONDS))
+        self._signal.publish(Header(stamp=time, frame_id=FRAME))
 
     def _tick(self) -> None:
         self._answer(self.get_clock().now().nanoseconds, 0.0)
@@ -99,23 +100,35 @@ class HandTracker(HandoverNode):
     def _answer(self, time_ns: int, _elapsed_s: float) -> None:
         self._periods.tick()
         now_s = time_ns / NANOSECONDS
-        self._messages = [
-            pose_message(stamp(round(sample.stamp_s * NANOSECONDS)), sample.position)
-            for sample in self._tracked.due(now_s)
-        ]
-        person = self._human.newest(max(0.0, now_s - self._tracked.start_s))
-        if person is not None:
-            self._person = pose_message(stamp(time_ns), person.position)
+        self._messages = [_message(sample) for sample in self._played.hand(now_s)]
+        self._person = [_message(sample) for sample in self._played.human(now_s)]
         self._publish()
 
     def _publish(self) -> None:
         for message in self._messages:
             self._hand_pose.publish(message)
-        if self._person is not None:
-            self._human_pose.publish(self._person)
+        for message in self._person:
+            self._human_pose.publish(message)
 
     def _condition(self) -> tuple[str, dict[str, str]]:
-        return '', {'replay starts at (s)': f'{self._tracked.start_s:.3f}'}
+        return '', {'replay starts at (s)': f'{self._played.start_s:.3f}'}
+
+
+def _message(sample: HandSample) -> PoseStamped:
+    return pose_message(stamp(round(sample.stamp_s * NANOSECONDS)), sample.position)
+
+
+def _played(values: Values) -> PlayedTrial | PlayedBag:
+    if values['source'] == 'bag':
+        if not values['bag']:
+            raise UsageError('hand_tracker: source is bag, but the parameter bag names none')
+        return PlayedBag(values['bag'])
+    trial = recorded_trial(values['trial'], cutoff_hz=values['cutoff_hz'])
+    worse = {
+        name: values[f'sensor.{name}']
+        for name in ('noise_m', 'delay_s', 'dropout', 'outliers', 'seed')
+    }
+    return PlayedTrial(trial, SensorModel(rate_hz=values['rate_hz'], **worse))
 
 
 def main() -> int:

@@ -30,6 +30,7 @@ from handover_dmp.recording import BagWriter, Qos
 from handover_dmp.recording.messages import string
 from handover_dmp.topics import CLOCK, INFO, Quality, TOPICS
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
 
 STREAMING = (Quality.SENSOR, Quality.COMMAND)
 LOOK_S = 0.5
@@ -70,12 +71,14 @@ class Recorder(HandoverNode):
         self.exit_code = 0
         self._wanted = {name for name in values['topics'] if name}
         self._periods = Periods(1.0)
-        self._subscribed: set[str] = set()
+        self._heard: dict[str, Subscription] = {}
+        self._offered: dict[str, list[Qos]] = {}
+        self._not_installed: set[str] = set()
         self._failure = ''
         for topic in TOPICS:
+            # at once, without knowing what will be offered, so that nothing of the start is missed
             if self._is_wanted(topic.name) and topic is not INFO:
-                offered = qos_profile(topic.quality)
-                self._record(topic.name, topic.type_name, offered, [Qos.from_profile(offered)])
+                self._subscribe(topic.name, topic.type_name, qos_profile(topic.quality))
         if values['info']:
             self._write_info(values['info'])
         self.serve('ready', self._unheard)
@@ -83,13 +86,12 @@ class Recorder(HandoverNode):
         self.every(values['flush_period_s'], self._flush, wall=True)
         Diagnostics(self, self._periods, self._condition)
 
-    def destroy_node(self) -> None:
-        """Close the bag, then end."""
+    def finish(self) -> None:
+        """Close the bag, while there is time: a node may have to wait for its turn to leave."""
         try:
             self._writer.close()
         except DataError as error:
             self._fail(error)
-        super().destroy_node()
 
     def _unheard(self) -> str:
         """Tell which of the streams to be recorded has not been heard of yet."""
@@ -107,33 +109,52 @@ class Recorder(HandoverNode):
         return not self._wanted or name in self._wanted
 
     def _look(self) -> None:
-        """Find topics that appeared since."""
+        """Find topics that appeared since, and publishers that offer less than was asked for."""
         for name, types in self.get_topic_names_and_types():
-            if self._is_wanted(name) and name not in self._subscribed and len(types) == 1:
-                offered = [info.qos_profile for info in self.get_publishers_info_by_topic(name)]
-                if offered and self._has_type(name, types[0]):
-                    profiles = [Qos.from_profile(profile) for profile in offered]
-                    self._record(name, types[0], _weakest(offered), profiles)
+            if not self._is_wanted(name) or len(types) != 1:
+                continue
+            offered = self._look_at(name)
+            subscription = self._heard.get(name)
+            if not offered or (subscription and _suits(subscription.qos_profile, offered)):
+                continue
+            if self._has_type(name, types[0]):
+                if subscription:
+                    self.destroy_subscription(subscription)
+                self._subscribe(name, types[0], _weakest(offered))
+
+    def _look_at(self, name: str) -> list[QoSProfile]:
+        """Ask what the publishers of a topic offer, and keep it for the bag."""
+        offered = [info.qos_profile for info in self.get_publishers_info_by_topic(name)]
+        known = self._offered.setdefault(name, [])
+        now = [Qos.from_profile(profile) for profile in offered]
+        # who has gone did offer it
+        both = now + [profile for profile in known if profile not in now]
+        if both != known:
+            self._offered[name] = both
+            self._writer.set_offered(name, both)
+        return offered
 
     def _has_type(self, name: str, type_name: str) -> bool:
         """Tell whether the messages of a topic are installed here; say so once if not."""
+        if name in self._not_installed:
+            return False
         try:
             message_class(type_name)
         except (ImportError, AttributeError, ValueError):
-            self._subscribed.add(name)
+            self._not_installed.add(name)
             self.get_logger().warning(f'{name}: {type_name} is not installed, not recorded')
             return False
         return True
 
-    def _record(self, name: str, type_name: str, offered: QoSProfile, profiles: list[Qos]) -> None:
-        self._subscribed.add(name)
+    def _subscribe(self, name: str, type_name: str, request: QoSProfile) -> None:
         queue = QoSProfile(
-            depth=QUEUE, reliability=offered.reliability, durability=offered.durability
+            depth=QUEUE, reliability=request.reliability, durability=request.durability
         )
-        write = self._writing(name, type_name, profiles)
-        self.create_subscription(message_class(type_name), name, write, queue, raw=True)
+        self._heard[name] = self.create_subscription(
+            message_class(type_name), name, self._writing(name, type_name), queue, raw=True
+        )
 
-    def _writing(self, name: str, type_name: str, profiles: list[Qos]) -> Callable[[bytes], None]:
+    def _writing(self, name: str, type_name: str) -> Callable[[bytes], None]:
         clock, writer = self.get_clock(), self._writer
 
         def write(data: bytes) -> None:
@@ -141,7 +162,8 @@ class Recorder(HandoverNode):
                 return
             try:
                 if name not in writer.topics:
-                    writer.add_topic(name, type_name, profiles)
+                    self._look_at(name)
+                    writer.add_topic(name, type_name, self._offered[name] or _by_table(name))
                 writer.write(name, data, clock.now().nanoseconds)
             except DataError as error:
                 self._fail(error)
@@ -149,9 +171,7 @@ class Recorder(HandoverNode):
         return write
 
     def _write_info(self, text: str) -> None:
-        self._writer.add_topic(
-            INFO.name, INFO.type_name, Qos.from_profile(qos_profile(INFO.quality))
-        )
+        self._writer.add_topic(INFO.name, INFO.type_name, _by_table(INFO.name))
         self._writer.write_message(INFO.name, string(text), self.get_clock().now().nanoseconds)
 
     def _flush(self) -> None:
@@ -171,6 +191,14 @@ class Recorder(HandoverNode):
         return self._failure, {'messages': str(self._writer.message_count)}
 
 
+def _suits(request: QoSProfile, offered: list[QoSProfile]) -> bool:
+    """Tell whether a subscription hears every publisher."""
+    weakest = _weakest(offered)
+    reliable = request.reliability in (weakest.reliability, ReliabilityPolicy.BEST_EFFORT)
+    durable = request.durability in (weakest.durability, DurabilityPolicy.VOLATILE)
+    return reliable and durable
+
+
 def _weakest(offered: list[QoSProfile]) -> QoSProfile:
     """Ask for no more than every publisher offers, so that none is missed."""
     reliable = all(o.reliability == ReliabilityPolicy.RELIABLE for o in offered)
@@ -180,6 +208,12 @@ def _weakest(offered: list[QoSProfile]) -> QoSProfile:
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
     )
+
+
+def _by_table(name: str) -> tuple[Qos, ...]:
+    """Tell what a topic of our table is offered with, where nobody was seen to offer it."""
+    qualities = [topic.quality.value for topic in TOPICS if topic.name == name]
+    return tuple(Qos(reliability, durability) for reliability, durability, _ in qualities)
 
 
 def main() -> int:

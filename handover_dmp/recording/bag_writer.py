@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 from time import monotonic
 from types import TracebackType
@@ -143,6 +144,21 @@ class BagWriter:
             self._file.add_topic(self._topics[name], definition)
         except OSError as error:
             raise self._failed(error) from error
+
+    def set_offered(self, name: str, profiles: Iterable[Qos]) -> None:
+        """
+        Correct what the publishers of a topic offered; of one that is not known, nothing.
+
+        `metadata.yaml` and the files still to be begun tell it; what stands in the present file
+        since the first message stays.
+
+        Args:
+            name: of the topic.
+            profiles: of its publishers.
+
+        """
+        if name in self._topics:
+            self._topics[name] = replace(self._topics[name], qos=tuple(profiles))
 
     def write(
         self, topic: str, data: bytes, log_time_ns: int, publish_time_ns: int | None = None

@@ -16,10 +16,12 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+import sys
 
 from handover_dmp.cli.main import main
 from handover_dmp.hand import HandoverTrial, write_data_set
-from handover_dmp.recording import read_bag
+from handover_dmp.recording import message_definition, read_bag
+from handover_dmp.scenario import recorded_trial
 import numpy as np
 import pytest
 
@@ -56,24 +58,41 @@ def test_trials_become_bags(trials: list[HandoverTrial], data_set: Path, tmp_pat
     for trial, bag in zip(trials, written, strict=True):
         with highlevel.AnyReader([Path(bag['folder'])]) as reader:
             paths: dict[str, list[list[float]]] = {'/hand/pose': [], '/human/pose': []}
-            stamps = []
+            stamps: dict[str, list[int]] = {'/hand/pose': [], '/human/pose': []}
+            signals = []
             for connection, time_ns, data in reader.messages():
-                pose = reader.deserialize(data, connection.msgtype)
-                assert pose.header.frame_id == 'world'
-                assert pose.header.stamp.sec * 10**9 + pose.header.stamp.nanosec == time_ns > 0
-                point = pose.pose.position
+                message = reader.deserialize(data, connection.msgtype)
+                header = getattr(message, 'header', message)
+                assert header.frame_id == 'world'
+                assert header.stamp.sec * 10**9 + header.stamp.nanosec == time_ns > 0
+                if connection.topic == '/handover/signal':
+                    assert connection.ext.offered_qos_profiles[0].durability.name == (
+                        'TRANSIENT_LOCAL'
+                    )
+                    signals.append(time_ns)
+                    continue
+                point = message.pose.position
                 paths[connection.topic].append([point.x, point.y, point.z])
-                stamps.append(time_ns)
-        np.testing.assert_array_equal(paths['/hand/pose'], trial.p1)
+                stamps[connection.topic].append(time_ns)
+        # the hand rests for 0.5 s before the trial and for 5 s after it
+        first, end = 20, 20 + len(trial.times)
+        hand, seconds = np.array(paths['/hand/pose']), np.array(stamps['/hand/pose']) * 1e-9
+        np.testing.assert_array_equal(hand[first:end], trial.p1)
+        np.testing.assert_array_equal(hand[:first], np.tile(trial.p1[0], (20, 1)))
+        np.testing.assert_array_equal(hand[end:], np.tile(trial.p1[-1], (200, 1)))
+        np.testing.assert_allclose(np.diff(seconds), 0.025, atol=2e-9)
         np.testing.assert_array_equal(paths['/human/pose'], trial.p2)
-        seconds = (np.array(stamps[::2]) - stamps[0]) * 1e-9
-        np.testing.assert_allclose(seconds, trial.times - trial.times[0], atol=1e-9)
+        assert stamps['/human/pose'] == stamps['/hand/pose'][first:end]
+        assert signals == stamps['/human/pose'][:1]
+        back = recorded_trial(bag['folder'], cutoff_hz=0.0)
+        np.testing.assert_array_equal(back.p1, trial.p1)
+        np.testing.assert_allclose(np.diff(back.times), np.diff(trial.times), atol=1e-9)
 
 
 def test_one_trial_becomes_a_bag(data_set: Path, tmp_path: Path) -> None:
     trial = data_set / 'engine_bay_take_2.csv'
     assert main(['bag', str(trial), '-o', str(tmp_path / 'bags'), '--compression', 'lz4']) == 0
-    assert sum(1 for _ in read_bag(tmp_path / 'bags' / 'engine_bay_take_2')) == 122
+    assert sum(1 for _ in read_bag(tmp_path / 'bags' / 'engine_bay_take_2')) == 343
 
 
 def test_nothing_is_overwritten_and_nothing_half_done(
@@ -83,6 +102,21 @@ def test_nothing_is_overwritten_and_nothing_half_done(
     assert main(['bag', str(data_set), '-o', str(tmp_path / 'bags')]) == 1
     assert 'engine_bay_take_1: exists already' in capsys.readouterr().err
     assert [path.name for path in (tmp_path / 'bags').iterdir()] == ['engine_bay_take_1']
+
+
+def test_without_definitions_no_empty_bag_is_left(
+    data_set: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    message_definition.cache_clear()
+    monkeypatch.setattr(sys, 'prefix', '/nowhere')
+    monkeypatch.setenv('AMENT_PREFIX_PATH', '')
+    monkeypatch.setitem(sys.modules, 'rosbags.typesys', None)
+    assert main(['bag', str(data_set), '-o', str(tmp_path / 'bags')]) == 1
+    assert 'no package on this machine defines it' in capsys.readouterr().err
+    assert not (tmp_path / 'bags').exists()
 
 
 def test_information_and_repair(
@@ -96,7 +130,7 @@ def test_information_and_repair(
     assert information['complete']
     assert information['topics']['/hand/pose'] == {
         'type': 'geometry_msgs/msg/PoseStamped',
-        'messages': 61,
+        'messages': 281,
         'rate_hz': pytest.approx(40.0),
     }
     # a recorder that is killed leaves no metadata and a file without an end
@@ -109,7 +143,7 @@ def test_information_and_repair(
     assert main(['bag', 'repair', str(bag), '--json', str(outcome)]) == 0
     repaired = json.loads(outcome.read_text())
     assert repaired['rewritten'] == [str(file)]
-    assert repaired['messages'] == 122
+    assert repaired['messages'] == 343
     assert main(['bag', 'repair', str(bag)]) == 0
     assert 'nothing to repair' in capsys.readouterr().out
 

@@ -22,6 +22,7 @@ import sys
 from handover_dmp.errors import DataError, UsageError
 from handover_dmp.recording import bag_files, bag_information, BagWriter, Qos, read_bag
 from handover_dmp.recording.messages import string
+from mcap.reader import make_reader
 import pytest
 import yaml
 
@@ -150,6 +151,25 @@ def test_topics_may_come_late_and_twice(tmp_path: Path) -> None:
             bag.write_message('/a', string('before all time'), -1)
     read = [(topic, message.data) for topic, message, _ in read_bag(tmp_path / 'run')]
     assert read == [('/a', 'first'), ('/b', 'second'), ('/b', 'third')]
+
+
+def test_what_was_offered_may_be_known_late(tmp_path: Path) -> None:
+    offered = [Qos(), Qos(reliability='best_effort')]
+    with BagWriter(tmp_path / 'run', split_duration_s=1.0) as bag:
+        bag.set_offered('/a', offered)
+        bag.add_topic('/a', 'std_msgs/msg/String', ())
+        bag.write_message('/a', string('first'), 0)
+        bag.set_offered('/a', offered)
+        bag.write_message('/a', string('second'), 2 * 10**9)
+    tree = yaml.safe_load((tmp_path / 'run' / 'metadata.yaml').read_text())
+    (topic,) = tree['rosbag2_bagfile_information']['topics_with_message_count']
+    expected = [profile.as_rosbag2() for profile in offered]
+    assert topic['topic_metadata']['offered_qos_profiles'] == expected
+    with (tmp_path / 'run' / 'run_1.mcap').open('rb') as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    (channel,) = summary.channels.values()
+    assert yaml.safe_load(channel.metadata['offered_qos_profiles']) == expected
 
 
 def test_an_empty_bag_is_a_bag(tmp_path: Path) -> None:
