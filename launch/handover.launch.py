@@ -39,6 +39,7 @@ from launch.substitutions import LaunchConfiguration, OrSubstitution
 from launch_ros.actions import Node
 
 PACKAGE = 'handover_dmp'
+NODES = ('recorder', 'hand_tracker', 'dmp', 'priority_ik', 'robot_sim')
 ARGUMENTS = {
     'robot': ('lwr4', 'lwr4, iiwa14, panda, ur5 or the path of a URDF'),
     'trial': ('', 'CSV file of a recorded handover, whose partner is replayed'),
@@ -69,24 +70,27 @@ def generate_launch_description() -> LaunchDescription:
 def nodes(context: LaunchContext) -> list[Node]:
     """Make the nodes, with the parameters that follow from the recording and the arm."""
     chosen = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
-    robot, parameters = prepare(chosen)
+    robot, own = prepare(chosen)
     graph = [
         Node(
             package=PACKAGE,
             executable=name,
             name=name,
             output='screen',
-            parameters=[chosen['parameters'], own],
+            # Both files name their sections after nodes of the root namespace. A dictionary in
+            # place of the second would be a section for all nodes, which yields to named ones.
+            namespace='/',
+            parameters=[chosen['parameters'], str(own)],
             condition=IfCondition(chosen['record']) if name == 'recorder' else None,
             # The arm brakes by itself; four nodes without the fifth are of no use.
             on_exit=Shutdown(reason=f'{name} ended'),
         )
-        for name, own in parameters.items()
+        for name in NODES
     ]
     return graph + viewers(robot, _is_true(chosen['use_sim_time']))
 
 
-def prepare(chosen: dict[str, str]) -> tuple[Any, dict[str, dict[str, Any]]]:
+def prepare(chosen: dict[str, str]) -> tuple[Any, Path]:
     """
     Put the run together and make its folder.
 
@@ -94,10 +98,11 @@ def prepare(chosen: dict[str, str]) -> tuple[Any, dict[str, dict[str, Any]]]:
         chosen: value of each launch argument.
 
     Returns:
-        The arm in its place, and the parameters of each node that differ from the file's.
+        The arm in its place, and the file of the parameters that go before those of the user's.
 
     """
     from handover_dmp.nodes.conduct import graph_parameters
+    from handover_dmp.nodes.graph import write_parameters
     from handover_dmp.run import keep_inputs, new_run_folder, run_info
 
     scenario = _scenario(chosen)
@@ -113,7 +118,9 @@ def prepare(chosen: dict[str, str]) -> tuple[Any, dict[str, dict[str, Any]]]:
         own['lockstep'] = simulated
         # `robot_sim` makes the time of the others.
         own['use_sim_time'] = simulated and name != 'robot_sim'
-    return scenario.robot, parameters
+    file = folder / 'parameters.yaml'
+    write_parameters(file, parameters)
+    return scenario.robot, file
 
 
 def viewers(robot: Any, simulated: bool) -> list[Node]:

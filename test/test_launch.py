@@ -16,9 +16,13 @@
 
 from __future__ import annotations
 
+from array import array
 import ast
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+import signal
+import subprocess
+import sys
 from typing import Any
 from xml.etree import ElementTree
 
@@ -28,6 +32,7 @@ from handover_dmp.hand import read_trial
 from handover_dmp.settings import defaults
 import numpy as np
 import pytest
+import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 LAUNCH = ROOT / 'launch' / 'handover.launch.py'
@@ -86,6 +91,12 @@ def choose(functions: dict[str, Any], **chosen: str) -> dict[str, str]:
     return {name: default for name, (default, _) in functions['ARGUMENTS'].items()} | chosen
 
 
+def sections(file: Path) -> dict[str, dict[str, Any]]:
+    """Read a file of parameters: node to name to value."""
+    read = yaml.safe_load(file.read_text(encoding='utf-8'))
+    return {node: section['ros__parameters'] for node, section in read.items()}
+
+
 @pytest.mark.parametrize('exchange', ['give', 'take'])
 @pytest.mark.parametrize('use_sim_time', ['true', 'false'])
 def test_a_synthetic_handover_is_left_for_the_nodes(
@@ -98,7 +109,8 @@ def test_a_synthetic_handover_is_left_for_the_nodes(
     pytest.importorskip('rclpy')
     monkeypatch.chdir(tmp_path)
     chosen = choose(functions, exchange=exchange, use_sim_time=use_sim_time)
-    robot, parameters = functions['prepare'](chosen)
+    robot, file = functions['prepare'](chosen)
+    parameters = sections(file)
     assert set(parameters) == NODES
     trial = read_trial(Path(parameters['hand_tracker']['trial']))
     assert load_model(Path(parameters['dmp']['model'])).duration_s > 0.0
@@ -115,11 +127,97 @@ def test_a_synthetic_handover_is_left_for_the_nodes(
 
 def test_every_node_gets_parameters_that_it_has(functions: dict[str, Any], tmp_path: Path) -> None:
     pytest.importorskip('rclpy')
-    _, parameters = functions['prepare'](choose(functions, output=str(tmp_path / 'run')))
+    _, file = functions['prepare'](choose(functions, output=str(tmp_path / 'run')))
+    parameters = sections(file)
     # Of rclpy; and without a default, so not in the file of defaults.
     others = {'use_sim_time', 'initial_positions'}
     for node, own in parameters.items():
         assert set(own) <= set(defaults(node)) | others, node
+
+
+class Context:
+    """Gives every substitution of the launch file its default, where `launch` is not installed."""
+
+    def __init__(self, functions: dict[str, Any], **chosen: str) -> None:
+        self.values = choose(functions, **chosen)
+
+
+class Configuration:
+    """What the launch file asks of `LaunchConfiguration`."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def perform(self, context: Context) -> str:
+        return context.values[self.name]
+
+
+def node_actions(functions: dict[str, Any], **chosen: str) -> list[dict[str, Any]]:
+    """Return what the launch file gives to each `Node`."""
+    functions |= {
+        'LaunchConfiguration': Configuration,
+        'Node': lambda **given: given,
+        **dict.fromkeys(('IfCondition', 'OrSubstitution', 'Shutdown'), lambda *_, **__: None),
+    }
+    actions: list[dict[str, Any]] = functions['nodes'](Context(functions, **chosen))
+    return actions
+
+
+def ros_arguments(action: dict[str, Any], folder: Path) -> list[str]:
+    """Write the command line as launch_ros does: name, namespace, parameters in their order."""
+    name, namespace = action['name'], action.get('namespace')
+    words = ['--ros-args', '-r', f'__node:={name}']
+    if namespace is not None:
+        words += ['-r', f'__ns:={namespace}']
+    for k, given in enumerate(action['parameters']):
+        file = given
+        if isinstance(given, dict):
+            # launch_ros (Jazzy), Node._create_params_file_from_dict
+            key = '/**' if namespace is None else f'{namespace.rstrip("/")}/{name}'
+            file = folder / f'{name}_{k}.yaml'
+            file.write_text(yaml.dump({key: {'ros__parameters': given}}), encoding='utf-8')
+        words += ['--params-file', str(file)]
+    return words
+
+
+@pytest.mark.ros
+@pytest.mark.timeout(300)
+def test_the_nodes_take_what_the_launch_file_gives_them(
+    functions: dict[str, Any], tmp_path: Path
+) -> None:
+    """The files name the same nodes, so the later one wins; seen from another process."""
+    rclpy = pytest.importorskip('rclpy')
+    from handover_dmp.nodes.graph import isolate
+    from rclpy.parameter import parameter_value_to_python
+    from rclpy.parameter_client import AsyncParameterClient
+
+    isolate()
+    output = tmp_path / 'run'
+    actions = node_actions(functions, exchange='take', output=str(output))
+    own = sections(output / 'parameters.yaml')
+    assert own['recorder']['folder'] == str(output / 'bag')
+    processes = []
+    rclpy.init(args=[])
+    try:
+        for action in actions:
+            if action['package'] == 'handover_dmp':
+                node = f'handover_dmp.nodes.{action["executable"]}'
+                words = [sys.executable, '-m', node, *ros_arguments(action, tmp_path)]
+                processes.append(subprocess.Popen(words))
+        assert len(processes) == len(NODES)
+        look = rclpy.create_node('look')
+        for name, expected in own.items():
+            client = AsyncParameterClient(look, f'/{name}')
+            assert client.wait_for_services(60.0), name
+            asked = client.get_parameters(list(expected))
+            rclpy.spin_until_future_complete(look, asked, timeout_sec=60.0)
+            values = [parameter_value_to_python(value) for value in asked.result().values]
+            assert [list(v) if isinstance(v, array) else v for v in values] == [*expected.values()]
+    finally:
+        for process in processes:
+            process.send_signal(signal.SIGINT)
+        assert [process.wait(60) for process in processes] == [0] * len(processes)
+        rclpy.try_shutdown()
 
 
 def test_a_trial_of_the_users_own(
@@ -128,8 +226,8 @@ def test_a_trial_of_the_users_own(
     pytest.importorskip('rclpy')
     trial = sorted(kth_folder.rglob('raw_*.csv'))[0]
     chosen = choose(functions, trial=str(trial), output=str(tmp_path / 'run'))
-    _, parameters = functions['prepare'](chosen)
-    kept = read_trial(Path(parameters['hand_tracker']['trial']))
+    _, file = functions['prepare'](chosen)
+    kept = read_trial(Path(sections(file)['hand_tracker']['trial']))
     assert kept.duration_s == pytest.approx(read_trial(trial).duration_s, abs=0.05)
 
 

@@ -16,32 +16,103 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, ExitStack
+from dataclasses import dataclass
 import os
 from pathlib import Path
 import subprocess
 import sys
 from tempfile import TemporaryDirectory
+from time import monotonic, time
+from typing import Any, TYPE_CHECKING
 
 from handover_dmp.bench.measurement import Measurement
+from handover_dmp.errors import HandoverError
 from handover_dmp.recording import read_bag
 from handover_dmp.run import keep_inputs
-from handover_dmp.scenario import make_scenario
-from handover_dmp.topics import HAND_POSE, IK_STATUS, POSE_COMMAND
+from handover_dmp.scenario import make_scenario, Scenario
+from handover_dmp.topics import HAND_POSE, HUMAN_POSE, IK_STATUS, PHASE, STATE
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from handover_dmp.nodes.graph import Graph
 
 Array = NDArray[np.float64]
 
 PERIOD_S = 0.005
 DURATION_S = float(os.environ.get('HANDOVER_DMP_BENCH_SECONDS', '60'))
-START_AND_END_S = 2.0
-PROBES = ('empty', 'urgent', 'sleep', 'echo', 'ping')
+SETTLING_S = 1.0
+LEAST_S = 5.0
+LONGEST_WAIT_S = 60.0
+ROUNDING_S = 1e-6
+PROBES = ('empty', 'urgent', 'sleep', 'echo', 'ping', 'listener')
+CONDUCTOR = 'conductor'
+
+LEAD_S = 0.1
+"""From bringing the hand back until it sets out again, s."""
+BESIDE_EACH_OTHER_HZ = {'dmp': 200.4, 'priority_ik': 201.1}
+"""Rates of timers that pass through every offset from each other and from the hand's 200 Hz."""
+IN_MOTION = 80.0
+"""Share of the periods that is to be in motion for the figures to tell anything, %."""
+
+
+@dataclass(frozen=True)
+class _Run:
+    """
+    What one run of the graph left, all times on the wall clock.
+
+    Attributes:
+        hand: (n, 2) when a pose was published and its stamp, s.
+        dmp: (n, 4) when a period began; stamp of the newest pose it knew; how long ago that had
+            come, s; 1 while a handover was on.
+        ik: (n, 3) when a period began; stamp of the wrist command it followed; how long ago that
+            had come, s.
+        joints: (n, 3) which period a joint command answers, when it was heard, s; 1 if it moves.
+        probes: name to what the probe wrote.
+        handovers: how many came to their end, those before and after the time measured too.
+        span: from when to when all was measured, s.
+
+    """
+
+    hand: Array
+    dmp: Array
+    ik: Array
+    joints: Array
+    probes: dict[str, Array]
+    handovers: int
+    span: tuple[float, float]
+
+    def within(self, rows: Array) -> Array:
+        """Keep the rows whose first column is a time that was measured."""
+        times = rows if rows.ndim == 1 else rows[:, 0]
+        return rows[(times > self.span[0]) & (times < self.span[1])]
+
+
+@dataclass(frozen=True)
+class _Answers:
+    """
+    How long poses of the hand took to become joint velocities, while a handover was on.
+
+    Attributes:
+        latency_ms: from the tracker's period that published a pose to the reception of the first
+            joint command that follows from this pose or a newer one.
+        waiting_ms: of that, how long the pose lay in `dmp` and the wrist command in `priority_ik`
+            until their timers fired.
+
+    """
+
+    latency_ms: Array
+    waiting_ms: Array
 
 
 def run(progress: Callable[[str], None]) -> list[Measurement]:
     """
     Run the five nodes on the wall clock and the probes beside them, all at the same time.
+
+    The arm is in motion nearly all the time: one handover follows the other. For a third of the
+    time more, the same is run with timers that are not moved behind their input.
 
     Args:
         progress: is told what goes on.
@@ -50,70 +121,154 @@ def run(progress: Callable[[str], None]) -> list[Measurement]:
         Period errors, drift and latency.
 
     """
+    scenario = make_scenario()
+    locked = _run_graph(scenario, DURATION_S, {}, progress)
+    alone = {
+        node: {'phase_lock': False, 'rate_hz': rate} for node, rate in BESIDE_EACH_OTHER_HZ.items()
+    }
+    free = _run_graph(scenario, max(DURATION_S / 3.0, LEAST_S), alone, progress)
+    return [
+        *_motion(locked),
+        *_periods('dmp', locked, locked.dmp),
+        *_periods('priority_ik', locked, locked.ik),
+        *_latency(locked, free),
+    ]
+
+
+def _run_graph(
+    scenario: Scenario,
+    duration_s: float,
+    changes: dict[str, dict[str, Any]],
+    progress: Callable[[str], None],
+) -> _Run:
     from handover_dmp.nodes.conduct import graph_parameters
     from handover_dmp.nodes.graph import Graph
 
     with TemporaryDirectory() as name:
         folder = Path(name)
-        scenario = make_scenario()
         keep_inputs(folder, scenario)
         parameters = graph_parameters(folder, scenario, {}, lockstep=False)
+        # the conductor says when to start, once the hand is back
+        parameters['dmp']['start'] = 'service'
+        parameters['hand_tracker']['lead_s'] = LEAD_S
+        for node, more in changes.items():
+            parameters[node] |= more
         progress('starting the graph')
-        with Graph(folder, parameters, lockstep=False) as graph:
-            progress(f'measuring for {DURATION_S:.0f} s')
-            probes = [_start(probe, folder) for probe in PROBES]
-            graph.call('/hand_tracker/replay')
-            while any(probe.poll() is None for probe in probes):
-                graph.spin()
+        with Graph(folder, parameters, lockstep=False) as graph, ExitStack() as running:
+            running.enter_context(_probe(CONDUCTOR, folder))
+            # by the end of the first handover the timers have found their places
+            if not graph.wait_for_state(('done',), LONGEST_WAIT_S, lambda: None):
+                raise HandoverError(f'no handover within {LONGEST_WAIT_S:.0f} s')
+            for probe in PROBES:
+                running.enter_context(_probe(probe, folder))
+            _wait_for_probes(graph, folder)
+            progress(f'measuring for {duration_s:.0f} s')
+            graph.linger(SETTLING_S)
+            begun_s = time()
+            graph.linger(duration_s)
+            span = begun_s, time()
         progress('reading the bag')
-        ordinary, empty, slept = (_times(folder / probe) for probe in PROBES[:3])
-        span = empty[0] + START_AND_END_S, empty[-1] - START_AND_END_S
-        hand, command, solved = (
-            times[(times > span[0]) & (times < span[1])] for times in _recorded(folder / 'bag')
-        )
-        round_trip = _times(folder / 'ping')
+        return _read(folder, span)
+
+
+@contextmanager
+def _probe(name: str, folder: Path) -> Iterator[None]:
+    words = [sys.executable, '-m', 'handover_dmp.nodes.probes', name, str(folder / name)]
+    process = subprocess.Popen(words)
+    try:
+        yield
+    finally:
+        process.terminate()
+        process.wait()
+
+
+def _wait_for_probes(graph: Graph, folder: Path) -> None:
+    deadline_s = monotonic() + LONGEST_WAIT_S
+    while absent := [name for name in PROBES if not (folder / name).exists()]:
+        graph.spin()
+        if monotonic() > deadline_s:
+            raise HandoverError(f'{absent[0]} does not run within {LONGEST_WAIT_S:.0f} s')
+
+
+def _read(folder: Path, span: tuple[float, float]) -> _Run:
+    """Put together what the probes and the recorder have left."""
+    stamps: dict[str, list[float]] = {HAND_POSE.name: [], HUMAN_POSE.name: []}
+    dmp, ik, states = [], [], []
+    for topic, message, _ in read_bag(
+        folder / 'bag', [*stamps, PHASE.name, IK_STATUS.name, STATE.name]
+    ):
+        if topic in stamps:
+            stamp = message.header.stamp
+            stamps[topic].append((stamp.sec * 10**9 + stamp.nanosec) / 1e9)
+        elif topic == STATE.name:
+            states.append(message.data)
+        elif topic == PHASE.name:
+            dmp.append(_labelled(message, 'time_s', 'hand_stamp_s', 'hand_age_s', 'phase'))
+        else:
+            ik.append(_labelled(message, 'time_s', 'command_stamp_s', 'command_age_s'))
+    hand, ticks = map(np.array, stamps.values())
+    # `hand_tracker` stamps the person's pose with its own time, the hand's with that of the pose
+    published = np.searchsorted(ticks, hand - ROUNDING_S)
+    seen = published < len(ticks)
+    probes = {
+        name: np.array((folder / name).read_text(encoding='utf-8').split(), dtype=float)
+        for name in PROBES
+    }
+    return _Run(
+        hand=np.column_stack((ticks[published[seen]], hand[seen])),
+        dmp=_with_motion(np.array(dmp)),
+        ik=np.array(ik),
+        joints=probes['listener'].reshape(-1, 3),
+        probes=probes,
+        handovers=states.count('done'),
+        span=span,
+    )
+
+
+def _labelled(message: Any, *names: str) -> list[float]:
+    values = dict(zip((part.label for part in message.layout.dim), message.data, strict=True))
+    return [values[name] for name in names]
+
+
+def _with_motion(dmp: Array) -> Array:
+    """Make the last column tell whether a handover is on: the phase stands still while not."""
+    falls = np.diff(dmp[:, 3], prepend=np.inf) < 0.0
+    return np.column_stack((dmp[:, :3], falls))
+
+
+def _motion(run: _Run) -> list[Measurement]:
+    rows = {
+        'a handover is on': run.within(run.dmp)[:, 3],
+        'the arm moves': run.within(run.joints)[:, 2],
+    }
     return [
-        *_periods('dmp', command, empty, ordinary, slept),
-        *_periods('priority_ik', solved, empty, ordinary, slept),
-        *_latency(hand, command, solved, round_trip),
+        Measurement(
+            name=f'share of the measured periods in which {what}',
+            value=100.0 * float(np.mean(share)),
+            unit='%',
+            target=IN_MOTION,
+            higher_is_better=True,
+            note=f'{run.handovers} handovers, one after the other',
+        )
+        for what, share in rows.items()
     ]
 
 
-def _start(probe: str, folder: Path) -> subprocess.Popen[bytes]:
-    words = [sys.executable, '-m', 'handover_dmp.nodes.probes']
-    return subprocess.Popen([*words, probe, str(DURATION_S), str(folder / probe)])
-
-
-def _times(file: Path) -> Array:
-    return np.array(file.read_text(encoding='utf-8').split(), dtype=float)
-
-
-def _recorded(bag: Path) -> tuple[Array, Array, Array]:
-    """Stamps of the hand and of the wrist commands, and when the joints were solved for, s."""
-    found: dict[str, list[float]] = {t.name: [] for t in (HAND_POSE, POSE_COMMAND, IK_STATUS)}
-    for topic, message, _ in read_bag(bag, list(found)):
-        if topic == IK_STATUS.name:
-            found[topic].append(message.data[0])
-        else:
-            stamp = message.header.stamp
-            found[topic].append(stamp.sec + stamp.nanosec * 1e-9)
-    hand, command, solved = (np.array(times) for times in found.values())
-    return hand, command, solved
-
-
-def _periods(
-    node: str, times: Array, empty: Array, ordinary: Array, slept: Array
-) -> list[Measurement]:
-    def errors_ms(of: Array) -> Array:
-        return np.abs(np.diff(of) - PERIOD_S) * 1e3
-
-    errors = [errors_ms(each) for each in (times, empty, ordinary, slept)]
-    rows = []
+def _periods(node: str, run: _Run, rows: Array) -> list[Measurement]:
+    """Compare the periods of a node with those of the probes and of its own input."""
+    rows = run.within(rows)
+    times, empty, ordinary, slept = (
+        run.within(each)
+        for each in (rows[:, 0], *(run.probes[p] for p in ('urgent', 'empty', 'sleep')))
+    )
+    errors = [_errors_ms(np.diff(each)) for each in (times, empty, ordinary, slept)]
+    errors.append(_errors_ms(_input_periods(rows)))
+    found = []
     for share in (50, 99):
-        value, floor, at_ordinary_priority, plain = (
+        value, floor, at_ordinary_priority, plain, on_arrival = (
             float(np.percentile(e, share)) for e in errors
         )
-        rows.append(
+        found.append(
             Measurement(
                 name=f'period error of {node}, {share} %',
                 value=value,
@@ -123,38 +278,108 @@ def _periods(
                 peers={
                     'empty timer, ordinary priority': at_ordinary_priority,
                     'plain sleep loop': plain,
+                    'if it answered on arrival': on_arrival,
                 },
                 note='floor: empty rclpy timer beside it, same executor and priority',
             )
         )
-    rate = (len(times) - 1) / (times[-1] - times[0])
-    bare_rate = (len(empty) - 1) / (empty[-1] - empty[0])
+    return [*found, *_pace(node, times, empty)]
+
+
+def _errors_ms(periods: Array) -> Array:
+    return np.abs(periods - PERIOD_S) * 1e3
+
+
+def _input_periods(rows: Array) -> Array:
+    """Return the times between arrivals of one input and the next, s; between those used alone."""
+    stamps, arrivals = rows[:, 1], rows[:, 0] - rows[:, 2]
+    new = np.flatnonzero(np.diff(stamps)) + 1
+    neighbours = np.diff(stamps[new]) < 1.5 * PERIOD_S
+    return np.diff(arrivals[new])[neighbours]
+
+
+def _pace(node: str, times: Array, empty: Array) -> list[Measurement]:
+    """Tell whether a node's rate is that of the clock, and whether it loses periods."""
+
+    def behind(ticks: Array) -> float:
+        """By how many periods the last tick is later than the first one says."""
+        return float((ticks[-1] - ticks[0]) / PERIOD_S - (len(ticks) - 1))
+
+    def parts_per_million(periods: float) -> float:
+        return float(abs(periods) * PERIOD_S / (times[-1] - times[0]) * 1e6)
+
+    lost, bare = behind(times), behind(empty)
     return [
-        *rows,
+        Measurement(
+            name=f'periods lost by {node}',
+            value=float(round(lost)),
+            unit='periods',
+            target=float(max(round(bare), 0)),
+            floor=float(round(bare)),
+            note=f'of {len(times)}; floor and target: empty rclpy timer beside it',
+        ),
         Measurement(
             name=f'drift of {node} from 200 Hz',
-            value=abs(rate * PERIOD_S - 1.0) * 1e6,
+            value=parts_per_million(lost),
             unit='ppm',
-            floor=abs(bare_rate * PERIOD_S - 1.0) * 1e6,
-            note='floor: empty rclpy timer beside it',
+            target=parts_per_million(abs(bare) + 1.0),
+            floor=parts_per_million(bare),
+            note='floor: empty rclpy timer beside it; target: one period more in the whole time',
         ),
     ]
 
 
-def _latency(hand: Array, command: Array, solved: Array, round_trip: Array) -> list[Measurement]:
-    """From the stamp of a hand pose to the solution for the next wrist command."""
-    following = np.searchsorted(command, hand)
-    answered = following < len(command)
-    answers = np.searchsorted(solved, command[following[answered]])
-    in_time = answers < len(solved)
-    latency = (solved[answers[in_time]] - hand[answered][in_time]) * 1e3
+def _latency(locked: _Run, free: _Run) -> list[Measurement]:
+    answers, left_alone = _answers(locked), _answers(free)
+    names = {
+        'hand pose to joint velocity': (locked, answers),
+        'hand pose to joint velocity, timers left alone': (free, left_alone),
+    }
+    notes = (
+        'from publication to reception of the first command that follows from it: three hops; '
+        'floor: bare round trip of a JointState between two processes, two hops',
+        'the same, timers not moved behind their input, at every offset from it',
+    )
     return [
         Measurement(
-            name=f'hand pose to joint velocity, {share} %',
-            value=float(np.percentile(latency, share)),
+            name=f'{name}, {share} %',
+            value=float(np.percentile(found.latency_ms, share)),
             unit='ms',
-            floor=float(np.percentile(round_trip, share)) * 1e3,
-            note='floor: bare round trip of a JointState between two processes',
+            floor=float(np.percentile(run.probes['ping'], share)) * 1e3,
+            peers={
+                'on arrival, without waiting for a timer': float(
+                    np.percentile(found.latency_ms - found.waiting_ms, share)
+                )
+            },
+            note=note,
         )
+        for (name, (run, found)), note in zip(names.items(), notes, strict=True)
         for share in (50, 99)
     ]
+
+
+def _answers(run: _Run) -> _Answers:
+    """
+    Follow each pose of the hand through the periods that used it.
+
+    A joint command names the period of `priority_ik` that it answers, that period the wrist
+    command, and the period of `dmp` which made that names the newest pose it knew.
+    """
+    # the same whole number of nanoseconds gives the same float, so these match exactly
+    solved = {row[0]: row[1:] for row in run.ik.tolist()}
+    stepped = {row[0]: row[1:] for row in run.dmp.tolist()}
+    chain = []
+    for period_s, heard_s, moves in run.joints.tolist():
+        stamp_s, command_age_s = solved.get(period_s, (None, 0.0))
+        known_s, hand_age_s, handing_over = stepped.get(stamp_s, (np.nan, 0.0, 0.0))
+        if np.isfinite(known_s):
+            waiting_s = hand_age_s + command_age_s
+            chain.append((known_s, heard_s, waiting_s, moves and handing_over))
+    known, heard, waiting, moving = np.array(chain).T
+    published, stamps = run.within(run.hand).T
+    answer = np.searchsorted(np.maximum.accumulate(known), stamps)
+    answered = answer < len(known)
+    answer, published = answer[answered], published[answered]
+    counts = moving[answer] > 0.0
+    answer, published = answer[counts], published[counts]
+    return _Answers((heard[answer] - published) * 1e3, waiting[answer] * 1e3)

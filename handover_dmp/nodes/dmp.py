@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from math import isfinite, nan
+from math import inf, isfinite, nan
 from pathlib import Path
 import sys
 from time import monotonic
@@ -27,6 +27,7 @@ from typing import Any
 from geometry_msgs.msg import PoseStamped
 from handover_dmp.controller import HandoverController, HandoverOptions, MOVING
 from handover_dmp.dmp import DecoupledDmp, relearn
+from handover_dmp.dmp.parameters import RANGES
 from handover_dmp.hand import GoalEstimator, HandFilter
 from handover_dmp.nodes.conversions import (
     labelled,
@@ -43,7 +44,7 @@ from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.lockstep import Lockstep
 from handover_dmp.nodes.markers import Markers
 from handover_dmp.nodes.node import HandoverNode
-from handover_dmp.nodes.parameters import declare, on_change, Parameter, Values
+from handover_dmp.nodes.parameters import declare, HAND, on_change, Parameter, TIMER, Values
 from handover_dmp.nodes.phase_lock import PhaseLock
 from handover_dmp.nodes.spinning import run
 from handover_dmp.scenario import example_model, read_model
@@ -68,11 +69,13 @@ WAKING_PERIODS = 10
 LONGEST_GAP_S = 0.05
 """What `LONGEST_STALL_S` is in these."""
 PRIMITIVE = (
-    Parameter('stiffness', 'K of (8)', 0.001, 10000.0),
-    Parameter('damping', 'D of (8); 0: critical, 2 sqrt(K)', 0.0, 1000.0),
-    Parameter('goal_velocity_gain', 'K_v of (8), s; negative: D tau', -1.0, 1000.0),
-    Parameter('mu', 'centre of the goal weight (7), in units of tau', -5.0, 5.0),
-    Parameter('sigma', 'width of the goal weight (7), in units of tau', 0.0001, 5.0),
+    Parameter('stiffness', 'K of (8)', *RANGES['stiffness']),
+    Parameter('damping', 'D of (8); 0: critical, 2 sqrt(K)', *RANGES['damping']),
+    Parameter(
+        'goal_velocity_gain', 'K_v of (8), s; negative: D tau', *RANGES['goal_velocity_gain']
+    ),
+    Parameter('mu', 'centre of the goal weight (7), in units of tau', *RANGES['mu']),
+    Parameter('sigma', 'width of the goal weight (7), in units of tau', *RANGES['sigma']),
     Parameter('formulation', 'K_s of (8)', choices=('stiff', 'printed')),
 )
 HANDOVER = (
@@ -107,6 +110,8 @@ class Dmp(HandoverNode):
     PARAMETERS = (
         Parameter('model', 'file of the learnt movement; empty: a synthetic one', read_only=True),
         Parameter('rate_hz', 'of the commands, Hz', 10.0, 1000.0, read_only=True),
+        *TIMER,
+        *HAND,
         *HANDOVER,
         *(replace(parameter, read_only=True) for parameter in HAND_FILTER),
     )  # fmt: skip
@@ -115,7 +120,7 @@ class Dmp(HandoverNode):
         """Load the model, connect the topics, wait for hand and wrist."""
         super().__init__()
         path = self.values['model']
-        learnt = read_model(Path(path)) if path else example_model()
+        self._learnt = learnt = read_model(Path(path)) if path else example_model()
         self.values |= declare(self, PRIMITIVE, defaults_from=asdict(learnt.parameters))
         self._controller = HandoverController(
             _with_parameters(learnt, self.values), _options(self.values), _estimator(self.values)
@@ -126,9 +131,11 @@ class Dmp(HandoverNode):
         self._periods = Periods(period_s)
         self._hands: list[tuple[float, tuple[float, float, float]]] = []
         self._newest_hand_ns = -1
+        self._known_s = nan
         self._phase_rate = 1.0
         self._phase_rate_ns = -1
         self._rotation: Any = None
+        self._wrist_arrival_s = -inf
         self._last_s: float | None = None
         self._stepped_s: float | None = None
         self._stepped_monotonic_s = monotonic()
@@ -144,12 +151,15 @@ class Dmp(HandoverNode):
             period_s,
             self._answer,
             self._publish,
+            patience_s=self.patience_s,
             begun=lambda: self._newest_hand_ns >= 0,
             ready=self._ready,
             jumped=self._jumped,
         )
         if not self.lockstep:
-            self._phase_lock.drive(self.every(period_s, self._tick))
+            timer = self.every(period_s, self._tick)
+            if self.values['phase_lock']:
+                self._phase_lock.drive(timer)
         Diagnostics(self, self._periods, self._condition)
         self._say()
 
@@ -175,7 +185,7 @@ class Dmp(HandoverNode):
         if message.header.frame_id != FRAME:
             self._fault(f'hand in frame {message.header.frame_id!r} instead of {FRAME!r}')
             return
-        time_ns = nanoseconds(message.header.stamp)
+        time_ns = self.hand_stamp_ns(message.header.stamp)
         self._hands.append((time_ns / NANOSECONDS, position_of(message)))
         self._newest_hand_ns = time_ns
         if self.lockstep:
@@ -189,10 +199,13 @@ class Dmp(HandoverNode):
             fault = self._controller.set_hand(stamp_s, position, now_s, arrival_s)
             if fault:
                 self._fault(fault)
+            else:
+                self._known_s = stamp_s
         self._hands.clear()
 
     def _on_wrist(self, message: PoseStamped) -> None:
         self._controller.set_wrist(position_of(message))
+        self._wrist_arrival_s = self.arrival_s()
         if self._rotation is None:
             self._rotation = rotation_of(message)
         if self.lockstep:
@@ -209,10 +222,14 @@ class Dmp(HandoverNode):
         self._clock_of_periods.look()
 
     def _on_signal(self, message: Header) -> None:
-        self._signal_s = nanoseconds(message.stamp) / NANOSECONDS
+        self._signal_s = self.hand_stamp_ns(message.stamp) / NANOSECONDS
+        if self._begun_s is None:
+            return
         # one that was latched before this node was there may come after its first period
-        if self._begun_s is not None and self._signal_s >= self._begun_s:
+        if self._signal_s >= self._begun_s:
             self._controller.signal(self._signal_s)
+        else:
+            self._fault('signal of an earlier time')
 
     # Services and parameters
 
@@ -225,10 +242,12 @@ class Dmp(HandoverNode):
 
     def _reset(self) -> str:
         self._controller.reset()
+        self._known_s = nan
         return ''
 
     def _change(self, values: Values) -> None:
-        model = _with_parameters(self._controller.model, values)
+        # always from what was learnt: a shape that once had no weight would be lost
+        model = _with_parameters(self._learnt, values)
         self._controller.options = _options(values)
         self._controller.model = model
 
@@ -270,7 +289,7 @@ class Dmp(HandoverNode):
         time = stamp(time_ns)
         self._pose = pose_message(time, command.position, self._rotation)
         self._twist = twist_message(time, command.velocity)
-        self._values = labelled(command.numbers(now_s))
+        self._values = labelled({**command.numbers(now_s), 'hand_stamp_s': self._known_s})
         self._publish()
         self._say()
         controller = self._controller
@@ -313,6 +332,7 @@ class Dmp(HandoverNode):
     def _jumped(self) -> None:
         self._fault('time jumped')
         self._controller.forget_hand()
+        self._known_s = nan
 
     # Condition
 
@@ -321,10 +341,15 @@ class Dmp(HandoverNode):
 
     def _condition(self) -> tuple[str, dict[str, str]]:
         faults, self._faults = self._faults, {}
-        age_s = self._controller.hand_age_s(self.arrival_s())
+        now_s = self.arrival_s()
+        age_s = self._controller.hand_age_s(now_s)
         if age_s > self._controller.options.hand_timeout_s:
             faults['no fresh hand: braking'] = 1
-        values = {'state': self._controller.state.value, 'age of the hand (s)': f'{age_s:.3f}'}
+        values = {
+            'state': self._controller.state.value,
+            'age of the hand (s)': f'{age_s:.3f}',
+            'age of the wrist (s)': f'{now_s - self._wrist_arrival_s:.3f}',
+        }
         return '; '.join(f'{fault} ({count} times)' for fault, count in faults.items()), values
 
 

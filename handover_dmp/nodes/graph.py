@@ -20,7 +20,7 @@ For the demo, the benchmark and the tests. Whoever uses `ros2 launch` has no nee
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 import os
 from pathlib import Path
 import signal
@@ -71,6 +71,8 @@ FIRST_PORT = 7400
 PORTS = 250
 FIRST_PARTICIPANT = 10
 DOMAINS = 100
+PROFILE_VARIABLE = 'FASTRTPS_DEFAULT_PROFILES_FILE'
+RANGE_VARIABLE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 
 
 class GraphError(HandoverError):
@@ -131,12 +133,14 @@ class Graph:
         """Start the nodes and wait until they hear each other."""
         isolate()
         (self._folder / 'logs').mkdir(parents=True, exist_ok=True)
-        tree = {name: {'ros__parameters': values} for name, values in self._parameters.items()}
-        text = yaml.dump(tree, Dumper=_WithoutAliases)
-        (self._folder / 'parameters.yaml').write_text(text, encoding='utf-8')
+        write_parameters(self._folder / 'parameters.yaml', self._parameters)
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         try:
             self._watch()
+        except BaseException:
+            rclpy.try_shutdown()
+            raise
+        try:
             for name in self._nodes:
                 self.start(name)
             self._wait_for(self._complete, START_TIMEOUT_S, 'the nodes do not find each other')
@@ -350,10 +354,41 @@ def isolate() -> None:
     """
     if 'ROS_DOMAIN_ID' not in os.environ:
         os.environ['ROS_DOMAIN_ID'] = str(_free_domain())
-    if 'FASTRTPS_DEFAULT_PROFILES_FILE' not in os.environ:
-        profile = share_path('config/fastdds_loopback.xml')
-        os.environ['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(profile)
-        os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'SYSTEM_DEFAULT'
+    os.environ |= isolation(rclpy.get_rmw_implementation_identifier(), os.environ)
+
+
+def isolation(middleware: str, environment: Mapping[str, str]) -> dict[str, str]:
+    """
+    Tell what keeps a middleware on this machine.
+
+    Args:
+        middleware: its identifier, e.g. `rmw_fastrtps_cpp`.
+        environment: what is set already.
+
+    Returns:
+        Environment variables to set.
+
+    """
+    if not middleware.startswith('rmw_fastrtps'):
+        return {RANGE_VARIABLE: 'LOCALHOST'}
+    if PROFILE_VARIABLE in environment:
+        return {}
+    # of the values of the range, only this one leaves the transports to the profile
+    profile = share_path('config/fastdds_loopback.xml')
+    return {PROFILE_VARIABLE: str(profile), RANGE_VARIABLE: 'SYSTEM_DEFAULT'}
+
+
+def write_parameters(file: Path, parameters: Mapping[str, Mapping[str, Any]]) -> None:
+    """
+    Write the parameters of several nodes to a file for `--params-file`.
+
+    Args:
+        file: to write.
+        parameters: node to name to value.
+
+    """
+    tree = {name: {'ros__parameters': dict(values)} for name, values in parameters.items()}
+    file.write_text(yaml.dump(tree, Dumper=_WithoutAliases), encoding='utf-8')
 
 
 def _free_domain() -> int:

@@ -24,6 +24,7 @@ from tempfile import gettempdir
 from time import monotonic, sleep
 from typing import TextIO
 
+import rclpy
 from rclpy.node import Node
 
 SETTLE_S = 0.05
@@ -51,7 +52,9 @@ def leave(node: Node) -> None:
             _wait_for(turn.enter_context(file))
         sleep(SETTLE_S)
         node.destroy_node()
-        node.context.try_shutdown()
+        # only so is the default one replaced; that of another node is not to end with it
+        own = node.context is not rclpy.utilities.get_default_context()
+        rclpy.try_shutdown(context=node.context if own else None)
 
 
 def turn_file(domain: int) -> Path:

@@ -18,18 +18,23 @@ Answering each period of simulated time once, however slow the machine.
 `robot_sim` does not step on before the joint command of a period has come, so every node has one
 answer a period to give: when it has been asked, and when all that the answer needs is there. A
 message that was lost makes `robot_sim` ask again; then the same answer is given again. An input
-that does not come for long is done without, and from then on not waited for until it comes again.
+that does not come for `patience_s` is done without, and from then on not waited for until it comes
+again. Who waits for one that waits is that much more patient, so that only the neighbour of the
+one that is gone goes on without it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import inf
 
 from handover_dmp.nodes.conversions import NANOSECONDS
 
-ASKED_IN_VAIN = 20
-ASKED_WHEN_GONE = 2
+ASK_AGAIN_S = 0.15
+PATIENCE_WHEN_GONE_S = ASK_AGAIN_S
+HEAD_START_S = 3 * ASK_AGAIN_S
 JUMP_PERIODS = 10
+LONGEST_LATENESS_S = 0.1
 
 
 class Lockstep:
@@ -41,6 +46,7 @@ class Lockstep:
         answer: Callable[[int, float], None],
         again: Callable[[], None],
         *,
+        patience_s: Callable[[], float] = lambda: 0.0,
         begun: Callable[[], bool] = lambda: True,
         ready: Callable[[int], bool] = lambda _tick_ns: True,
         jumped: Callable[[], None] = lambda: None,
@@ -53,6 +59,7 @@ class Lockstep:
             answer: computes and publishes the answer to a period, given its time, ns, and the
                 time since the last one answered, s.
             again: publishes the last answer again.
+            patience_s: how long to ask in vain before there is an answer without an input, s.
             begun: whether every input has come once; before that there is no answer.
             ready: whether all that the answer needs is there.
             jumped: called before the answer where time went back or far ahead.
@@ -63,7 +70,8 @@ class Lockstep:
         self._again = again
         self._begun = begun
         self._ready = ready
-        self._waits = ASKED_IN_VAIN
+        self._patience_s = patience_s
+        self._gone = False
         self._jumped = jumped
         self._asked_ns: int | None = None
         self._times_asked = 0
@@ -89,10 +97,12 @@ class Lockstep:
         tick_ns = self._asked_ns
         if tick_ns is None or tick_ns == self.answered_ns:
             return
-        ready = self._begun() and self._ready(tick_ns)
-        if not ready and (self._times_asked < self._waits or not self._begun()):
+        if not self._begun():
             return
-        self._waits = ASKED_IN_VAIN if ready else ASKED_WHEN_GONE
+        ready = self._ready(tick_ns)
+        if not ready and not self._waited_in_vain():
+            return
+        self._gone = not ready
         elapsed_ns = self._period_ns
         if self.answered_ns is not None:
             elapsed_ns = tick_ns - self.answered_ns
@@ -101,3 +111,38 @@ class Lockstep:
                 elapsed_ns = self._period_ns
         self.answered_ns = tick_ns
         self._answer(tick_ns, elapsed_ns / NANOSECONDS)
+
+    def _waited_in_vain(self) -> bool:
+        # counted in askings, not by a clock: where all nodes stood still, nobody was slow
+        patience_s = self._patience_s()
+        if self._gone:
+            patience_s = min(patience_s, PATIENCE_WHEN_GONE_S)
+        return (self._times_asked - 1) * ASK_AGAIN_S >= patience_s
+
+
+class Pace:
+    """Keeps simulated time at a multiple of the wall clock's, on average."""
+
+    def __init__(self) -> None:
+        """Begin with nothing due."""
+        self._due_s = -inf
+
+    def wait_s(self, now_s: float, period_s: float) -> float:
+        """
+        Tell how long to wait before the next period.
+
+        A period that came late is made up by the next ones; later than `LONGEST_LATENESS_S`, as
+        after a pause, time goes on from where it is.
+
+        Args:
+            now_s: on a monotonic clock, s.
+            period_s: how long a period should take on it, s.
+
+        Returns:
+            Time to wait, s.
+
+        """
+        self._due_s += period_s
+        if self._due_s < now_s - LONGEST_LATENESS_S:
+            self._due_s = now_s
+        return max(0.0, self._due_s - now_s)

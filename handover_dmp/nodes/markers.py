@@ -52,6 +52,7 @@ class Markers:
         self._learnt_path = learnt_path
         self._hand_trail: deque[Position] = deque(maxlen=TRAIL_LENGTH)
         self._wrist_trail: deque[Position] = deque(maxlen=TRAIL_LENGTH)
+        self._exchange: Position | None = None
         self._count = 0
 
     def update(
@@ -71,6 +72,11 @@ class Markers:
         if self._count % EVERY:
             return
         markers = [self._line(time, 'learnt path', self._learnt_path, GREY)]
+        if self._exchange is not None and exchange is None:  # another handover
+            self._hand_trail.clear()
+            self._wrist_trail.clear()
+            markers.append(Marker(ns='exchange', action=Marker.DELETE))
+        self._exchange = exchange
         for name, place, trail, colour in (
             ('hand', hand, self._hand_trail, RED),
             ('wrist', wrist, self._wrist_trail, BLUE),

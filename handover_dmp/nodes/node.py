@@ -20,7 +20,8 @@ from collections.abc import Callable
 from time import monotonic
 from typing import Any, ClassVar
 
-from handover_dmp.nodes.conversions import NANOSECONDS
+from builtin_interfaces.msg import Time
+from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
 from handover_dmp.nodes.parameters import COMMON, declare, Parameter
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.topics import Topic
@@ -108,6 +109,10 @@ class HandoverNode(Node):  # type: ignore[misc]
         clock = Clock(clock_type=ClockType.STEADY_TIME) if steady else None
         return self.create_timer(period_s, callback, clock=clock)
 
+    def patience_s(self) -> float:
+        """Return how long to wait for another node in lockstep, s; may change at any time."""
+        return float(self.get_parameter('patience_s').value)
+
     def hand_is_there(self, tick_ns: int, newest_ns: int, timeout_s: float) -> bool:
         """
         Tell, in lockstep, whether there is no pose of the hand to be waited for.
@@ -123,6 +128,22 @@ class HandoverNode(Node):  # type: ignore[misc]
         """
         age_s = (tick_ns - newest_ns) / NANOSECONDS
         return age_s < self.values['lockstep_hand_period_s'] - ROUNDING_S or age_s >= timeout_s
+
+    def hand_stamp_ns(self, stamp: Time) -> int:
+        """
+        Tell the time of a message about the hand, by the parameter `hand_stamps`.
+
+        Args:
+            stamp: of its header; zero stands for the present.
+
+        Returns:
+            Time on this node's clock, ns.
+
+        """
+        time_ns = nanoseconds(stamp)
+        if time_ns == 0 or self.values['hand_stamps'] == 'arrival':
+            return int(self.get_clock().now().nanoseconds)
+        return time_ns
 
     def now_s(self) -> float:
         """Return the time of stamps, s."""

@@ -89,6 +89,7 @@ COMMON = (
     Parameter(
         'lockstep_hand_period_s', 'how often the hand comes then, s', 0.001, 1.0, read_only=True
     ),
+    Parameter('patience_s', 'how long to wait for another node then, s', 0.05, 600.0),
     Parameter(
         'executor', 'which executor of rclpy', choices=('events', 'default'), read_only=True
     ),
@@ -97,6 +98,23 @@ COMMON = (
         'real-time (FIFO), where the system permits it; not in lockstep; 0: ordinary',
         0,
         99,
+        read_only=True,
+    ),
+)
+
+TIMER = (
+    Parameter(
+        'phase_lock',
+        'whether the timer is moved behind its input; not in lockstep',
+        read_only=True,
+    ),
+)
+
+HAND = (
+    Parameter(
+        'hand_stamps',
+        'time of a pose of the hand: of its header, or of its arrival',
+        choices=('header', 'arrival'),
         read_only=True,
     ),
 )

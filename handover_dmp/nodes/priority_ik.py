@@ -16,7 +16,9 @@
 
 from __future__ import annotations
 
+from math import nan
 import sys
+from time import sleep
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped, TwistStamped
@@ -32,9 +34,9 @@ from handover_dmp.nodes.conversions import (
     velocities_of,
 )
 from handover_dmp.nodes.diagnostics import Diagnostics, Periods
-from handover_dmp.nodes.lockstep import Lockstep
+from handover_dmp.nodes.lockstep import HEAD_START_S, Lockstep
 from handover_dmp.nodes.node import HandoverNode
-from handover_dmp.nodes.parameters import ARM, on_change, Parameter, Values
+from handover_dmp.nodes.parameters import ARM, HAND, on_change, Parameter, TIMER, Values
 from handover_dmp.nodes.phase_lock import PhaseLock
 from handover_dmp.nodes.spinning import run
 from handover_dmp.robot.model import BasePlacement, RobotModel
@@ -56,9 +58,9 @@ from sensor_msgs.msg import JointState
 
 LONGEST_STEP = 4.0
 TIMEOUTS = (
-    Parameter('joint_state_timeout_s', 'older: nothing is commanded, s', 0.005, 10.0),
+    Parameter('joint_state_timeout_s', 'older: the arm brakes without looking, s', 0.005, 10.0),
     Parameter('command_timeout_s', 'older: the arm brakes, s', 0.005, 10.0),
-    Parameter('hand_timeout_s', 'older: the hand is taken to be unknown, s', 0.005, 10.0),
+    Parameter('hand_timeout_s', 'older: the hand may be anywhere, s', 0.005, 10.0),
     Parameter('hold_distance_m', 'to a target that stands, where the wrist rests, m', 0.0, 0.1),
 )
 TASKS = (
@@ -80,9 +82,7 @@ TASKS = (
     Parameter('separation_speed', 'within it, relative to the hand, m/s', 0.0, 5.0),
     Parameter('separation_deceleration', 'on the way there, m/s2', 0.01, 100.0),
     Parameter('self_collision', 'whether the links are kept apart'),
-    Parameter('forearm_collision', "whether they are kept off the partner's forearm"),
     Parameter('collision_distance', 'that is always kept, m', 0.0, 1.0),
-    Parameter('collision_activation', 'within which links are looked at, m', 0.0, 2.0),
     Parameter('collision_deceleration', 'of links towards each other, m/s2', 0.01, 100.0),
 )
 
@@ -93,6 +93,8 @@ class PriorityIkNode(HandoverNode):
     NAME = 'priority_ik'
     PARAMETERS = (
         *ARM,
+        *TIMER,
+        *HAND,
         *TIMEOUTS,
         *TASKS,
         Parameter('rate_hz', 'of the joint commands, Hz', 10.0, 1000.0, read_only=True),
@@ -116,11 +118,14 @@ class PriorityIkNode(HandoverNode):
         self._pose: PoseStamped | None = None
         self._twist: TwistStamped | None = None
         self._answered_s: float | None = None
+        self._followed_s = self._follows_since_s = nan
         self._command: Any = None
         self._status: Any = None
         self._fault = 'no joint states yet'
         self._active: tuple[str, ...] = ()
         self._refused = 0
+        self._joints = frozenset(self._model.joint_names)
+        self._twist_awaited = False
         self._phase_lock = PhaseLock()
         self._connect()
         self._taken_ns: int | None = None
@@ -128,11 +133,14 @@ class PriorityIkNode(HandoverNode):
             self._period_s,
             self._answer,
             self._publish,
+            patience_s=lambda: self.patience_s() + HEAD_START_S,
             begun=lambda: self._taken_ns is not None or self._pose is not None,
             ready=self._ready,
         )
         if not self.lockstep:
-            self._phase_lock.drive(self.every(self._period_s, self._tick))
+            timer = self.every(self._period_s, self._tick)
+            if self.values['phase_lock']:
+                self._phase_lock.drive(timer)
         Diagnostics(self, self._periods, self._condition)
 
     def _connect(self) -> None:
@@ -148,6 +156,8 @@ class PriorityIkNode(HandoverNode):
     # Inputs
 
     def _on_joint_states(self, message: JointState) -> None:
+        if self._joints.isdisjoint(message.name):
+            return  # of a gripper, or of another arm
         time_ns = nanoseconds(message.header.stamp)
         arrival_s = time_ns / NANOSECONDS if self.lockstep else self.arrival_s()
         controller = self._controller
@@ -184,11 +194,11 @@ class PriorityIkNode(HandoverNode):
         if message.header.frame_id != FRAME:
             self._refused += 1
             return
-        self._newest_hand_ns = nanoseconds(message.header.stamp)
+        self._newest_hand_ns = self.hand_stamp_ns(message.header.stamp)
         stamp_s = self._newest_hand_ns / NANOSECONDS
-        self._hand.update(stamp_s, position_of(message))
+        used = self._hand.update(stamp_s, position_of(message))
         estimate = self._hand.estimate(stamp_s)
-        if estimate is not None:
+        if used and estimate is not None:
             known = Partner(np.array(estimate.position), np.array(estimate.velocity))
             self._controller.set_hand(known, stamp_s if self.lockstep else self.arrival_s())
         if self.lockstep:
@@ -199,6 +209,12 @@ class PriorityIkNode(HandoverNode):
         pose, twist = self._pose, self._twist
         return pose is not None and twist is not None and pose.header.stamp == twist.header.stamp
 
+    def _awaits_twist(self) -> bool:
+        """Whether the twist of the newest pose, where twists come, gets one more period."""
+        late = self._twist is not None and not self._matched()
+        self._twist_awaited = late and not self._twist_awaited
+        return self._twist_awaited
+
     def _take(self, arrival_s: float) -> None:
         """Hand the newest command on; without a twist, the wrist is to come to rest there."""
         pose, twist = self._pose, self._twist
@@ -207,13 +223,20 @@ class PriorityIkNode(HandoverNode):
         if twist is not None and self._matched():
             linear, angular = map(np.array, velocities_of(twist))
         target = WristTarget(np.array(position_of(pose)), linear, rotation_of(pose), angular)
-        if not self._controller.set_target(target, arrival_s):
+        if self._controller.set_target(target, arrival_s):
+            self._followed_s = nanoseconds(pose.header.stamp) / NANOSECONDS
+            self._follows_since_s = arrival_s
+        else:
             self._refused += 1
         self._pose = None
 
     def _change(self, values: Values) -> None:
-        ik, timeouts = PriorityIk(self._model, _tasks(values)), _timeouts(values)
-        self._controller.ik = ik
+        old = self._controller.ik
+        tasks, timeouts = _tasks(values), _timeouts(values)
+        if tasks != old.options:
+            self._controller.ik = PriorityIk(
+                self._model, tasks, collision_model=old.collision_model
+            )
         self._controller.options = timeouts
 
     # Periods
@@ -242,7 +265,7 @@ class PriorityIkNode(HandoverNode):
         now_s = self.arrival_s()
         last_s, self._answered_s = self._answered_s, now_s
         self._phase_lock.ticked()
-        if self._pose is not None:
+        if self._pose is not None and not self._awaits_twist():
             self._take(now_s)
         elapsed_s = self._period_s if last_s is None else max(now_s - last_s, 0.0)
         elapsed_s = min(elapsed_s, LONGEST_STEP * self._period_s)
@@ -255,7 +278,11 @@ class PriorityIkNode(HandoverNode):
         self._command = None
         if command.velocities is not None:
             self._command = answering(time_ns, command.velocities)
-        self._status = labelled(command.numbers(time_ns / NANOSECONDS))
+        followed = {
+            'command_stamp_s': self._followed_s,
+            'command_age_s': now_s - self._follows_since_s,
+        }
+        self._status = labelled({**command.numbers(time_ns / NANOSECONDS), **followed})
         self._active = command.solution.active_limits if command.solution else ()
         self._publish()
 
@@ -265,11 +292,24 @@ class PriorityIkNode(HandoverNode):
         if self._status is not None:
             self._ik_status.publish(self._status)
 
+    def finish(self) -> None:
+        """Bring the arm to rest, since a velocity controller keeps its last command for ever."""
+        while not self.lockstep:
+            command = self._controller.stop('told to end', self._period_s)
+            if command.velocities is None:
+                return
+            self._joint_command.publish(
+                answering(self.get_clock().now().nanoseconds, command.velocities)
+            )
+            sleep(self._period_s)
+
     # Condition
 
     def _condition(self) -> tuple[str, dict[str, str]]:
         refused, self._refused = self._refused, 0
+        ages = self._controller.ages_s(self.now_s() if self.lockstep else self.arrival_s())
         return self._fault, {
+            **{f'age of the {name} (s)': f'{age_s:.3f}' for name, age_s in ages.items()},
             'active limits': ', '.join(self._active) or 'none',
             'messages refused': str(refused),
         }

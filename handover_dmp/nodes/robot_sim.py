@@ -23,6 +23,7 @@ from time import monotonic, sleep
 
 from handover_dmp.nodes.conversions import NANOSECONDS, period_of, stamp
 from handover_dmp.nodes.diagnostics import Diagnostics, Periods
+from handover_dmp.nodes.lockstep import ASK_AGAIN_S, HEAD_START_S, Pace
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import ARM, on_change, Parameter, Values
 from handover_dmp.nodes.spinning import run
@@ -36,12 +37,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 
 LOOK_S = 0.02
-ASK_AGAIN_S = 0.15
 PATIENCE_WHEN_LOST_S = 0.5
 
 CHANGEABLE = (
     Parameter('real_time_factor', 'of simulated time; 0: as fast as it goes', 0.0, 100.0),
-    Parameter('patience_s', 'how long to wait for a command in lockstep, s', 0.05, 600.0),
 )
 
 
@@ -85,7 +84,10 @@ class RobotSim(HandoverNode):
         self._period_ns = round(self._period_s * NANOSECONDS)
         self._periods = Periods(self._period_s)
         self._tick_ns = 0
-        self._tick_since_s = self._asked_s = monotonic()
+        self._looked_s = self._asked_s = monotonic()
+        self._waited_s = 0.0
+        self._pace = Pace()
+        self._slept_s = 0.0
         self._answers = 0
         self._lost = False
         self._paused: bool = self.values['paused']
@@ -98,7 +100,9 @@ class RobotSim(HandoverNode):
         Diagnostics(self, self._periods, self._condition)
 
     def _connect(self, model: RobotModel) -> None:
-        self._time_publisher = self.advertise(CLOCK) if self.lockstep else None
+        # whoever follows the time of another simulator makes none
+        own_time = self.lockstep or not self._simulated
+        self._time_publisher = self.advertise(CLOCK) if own_time else None
         self._states = self.advertise(JOINT_STATES)
         self._message = JointState(name=list(model.joint_names))
         self._description = self.advertise(ROBOT_DESCRIPTION)
@@ -114,7 +118,8 @@ class RobotSim(HandoverNode):
     def _on_command(self, message: Float64MultiArray) -> None:
         if not self.lockstep:
             self._arm.command(message.data)
-        elif period_of(message) == self._tick_ns and not self._paused:
+        elif period_of(message) in (self._tick_ns, None) and not self._paused:
+            # who names no period, as a controller of ros2_control need not, means this one
             self._arm.command(message.data)
             self._answers += 1
             self._lost = False
@@ -127,16 +132,22 @@ class RobotSim(HandoverNode):
         """Ask again for a command that does not come; after a while, go on without it."""
         # also while time stands still, so that everybody is heard before it begins to run
         now_s = monotonic()
-        patience_s = self.values['patience_s']
-        if self._lost:
-            patience_s = min(patience_s, PATIENCE_WHEN_LOST_S)
+        # no more than this at once: where all nodes stood still, nobody was slow
+        self._waited_s += min(now_s - self._looked_s, ASK_AGAIN_S)
+        self._looked_s = now_s
         if self._paused:
-            self._tick_since_s = now_s
-        if self._answers and now_s - self._tick_since_s > patience_s:
+            self._waited_s = 0.0
+        if self._answers and self._waited_s > self._patience_s():
             self._lost = True
             self._advance()
         elif now_s - self._asked_s > ASK_AGAIN_S:
             self._publish()
+
+    def _patience_s(self) -> float:
+        # `dmp` is to give up first, then `priority_ik`
+        if self._lost:
+            return min(self.patience_s(), PATIENCE_WHEN_LOST_S)
+        return self.patience_s() + 2 * HEAD_START_S
 
     def _advance(self) -> None:
         self._periods.tick()
@@ -144,8 +155,10 @@ class RobotSim(HandoverNode):
         self._tick_ns += self._period_ns
         factor = self.values['real_time_factor']
         if factor > 0.0:
-            sleep(max(0.0, self._tick_since_s + self._period_s / factor - monotonic()))
-        self._tick_since_s = monotonic()
+            wait_s = self._pace.wait_s(monotonic(), self._period_s / factor)
+            self._slept_s += wait_s
+            sleep(wait_s)
+        self._looked_s, self._waited_s = monotonic(), 0.0
         self._publish()
 
     # The wall clock
@@ -161,11 +174,9 @@ class RobotSim(HandoverNode):
 
     def _publish(self) -> None:
         self._asked_s = monotonic()
+        time = stamp(self._tick_ns) if self.lockstep else self.get_clock().now().to_msg()
         if self._time_publisher is not None:
-            time = stamp(self._tick_ns)
             self._time_publisher.publish(Clock(clock=time))
-        else:
-            time = self.get_clock().now().to_msg()
         self._message.header.stamp = time
         self._message.position = self._arm.joint_positions.tolist()
         self._message.velocity = self._arm.joint_velocities.tolist()
@@ -196,7 +207,13 @@ class RobotSim(HandoverNode):
     def _condition(self) -> tuple[str, dict[str, str]]:
         report = self._arm.report
         fault = '' if report.state is ArmState.READY else f'stopped: {report.last_fault}'
-        return fault, {key: str(value) for key, value in asdict(report).items()}
+        values = {key: str(value) for key, value in asdict(report).items()}
+        if self.lockstep:
+            values |= {
+                'simulated (s)': f'{self._tick_ns / NANOSECONDS:.3f}',
+                'slept for real_time_factor (s)': f'{self._slept_s:.3f}',
+            }
+        return fault, values
 
 
 def main() -> int:

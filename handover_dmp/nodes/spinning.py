@@ -49,7 +49,8 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
 
     Args:
         make_node: makes the node; a `HandoverError` there ends the process with its one line.
-            A node ends itself by setting `ended`.
+            A node ends itself by setting `ended`. Its `finish`, if it has one, is called before
+            it takes its turn to leave.
         arguments: ROS arguments; those of the process if left out.
 
     Returns:
@@ -83,6 +84,7 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
             signal.signal(number, signal.SIG_IGN)
         # what hangs in DDS ends here all the same, and says where it was
         faulthandler.dump_traceback_later(LONGEST_END_S, exit=True)
+        getattr(node, 'finish', lambda: None)()
         executor.shutdown()
         leave(node)
     exit_code = int(getattr(node, 'exit_code', 0))

@@ -27,6 +27,7 @@ from handover_dmp.bench.report import cells, compare, markdown, read_json, write
 from handover_dmp.cli.bench import SUBJECTS
 from handover_dmp.cli.main import main
 from handover_dmp.errors import DataError
+import numpy as np
 import pytest
 
 
@@ -60,6 +61,84 @@ def test_a_run_writes_machine_and_figures(
     assert result['value'] > 0.5 * result['floor'] > 0.0
     assert 'start of `handover_dmp --help`' in capsys.readouterr().out
     assert '| start of `handover_dmp --help` |' in markdown_file.read_text()
+
+
+@pytest.mark.slow
+def test_the_graph_is_measured_in_motion(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip('rclpy', reason='ROS 2 is not installed')
+    from handover_dmp.bench import ros
+
+    monkeypatch.setattr(ros, 'DURATION_S', 6.0)
+    file = tmp_path / 'figures.json'
+    assert main(['bench', 'ros', '--json', str(file)]) == 0
+    rows = {row.name: row for row in read_json(file)}
+
+    for what in ('a handover is on', 'the arm moves'):
+        assert rows[f'share of the measured periods in which {what}'].value > 50.0
+    for node in ('dmp', 'priority_ik'):
+        lost, drift = rows[f'periods lost by {node}'], rows[f'drift of {node} from 200 Hz']
+        assert lost.target is not None and lost.value == round(lost.value)
+        assert drift.target is not None and drift.floor is not None
+        assert drift.target > drift.floor
+        for share in (50, 99):
+            row = rows[f'period error of {node}, {share} %']
+            assert row.value >= 0.0
+            assert len(row.peers) == 3
+    for name in ('', ', timers left alone'):
+        middle, worst = (
+            rows[f'hand pose to joint velocity{name}, {share} %'] for share in (50, 99)
+        )
+        # three hops and two computations cannot take less than two hops alone
+        assert middle.floor is not None
+        assert middle.floor < middle.value <= worst.value
+        for row in (middle, worst):
+            (at_once,) = row.peers.values()
+            assert 0.0 < at_once <= row.value
+
+
+def test_an_answer_is_what_follows_from_the_pose_and_not_what_comes_next() -> None:
+    from handover_dmp.bench.ros import _answers, _Run
+
+    # the wrist command of 1.006 does not know the pose of 1.005, and 1.008 still follows that of
+    # 1.006: what answers the pose is heard at 1.0145
+    run = _Run(
+        hand=np.array([[1.0, 1.0], [1.0051, 1.005]]),
+        dmp=np.array([[1.006, 1.0, 0.0055, 1.0], [1.011, 1.005, 0.0055, 1.0]]),
+        ik=np.array([[1.008, 1.006, 0.0015], [1.013, 1.011, 0.0015]]),
+        joints=np.array([[1.008, 1.0095, 1.0], [1.013, 1.0145, 1.0]]),
+        probes={},
+        handovers=1,
+        span=(0.5, 2.0),
+    )
+    found = _answers(run)
+    np.testing.assert_allclose(found.latency_ms, [9.5, 9.4])
+    np.testing.assert_allclose(found.waiting_ms, [7.0, 7.0])
+
+
+def test_an_answer_of_an_arm_at_rest_is_none() -> None:
+    from handover_dmp.bench.ros import _answers, _Run
+
+    run = _Run(
+        hand=np.array([[1.0, 1.0]]),
+        dmp=np.array([[1.001, 1.0, 0.0005, 0.0]]),
+        ik=np.array([[1.002, 1.001, 0.0005]]),
+        joints=np.array([[1.002, 1.003, 0.0]]),
+        probes={},
+        handovers=0,
+        span=(0.5, 2.0),
+    )
+    assert len(_answers(run).latency_ms) == 0
+
+
+@pytest.mark.parametrize(('missing', 'lost'), [((), 0), ((200,), 1), ((200, 201, 600), 3)])
+def test_lost_periods_are_counted(missing: tuple[int, ...], lost: int) -> None:
+    from handover_dmp.bench.ros import _pace
+
+    ticks = np.arange(1000) * 0.005
+    count, drift = _pace('dmp', np.delete(ticks, missing), ticks)
+    assert count.value == lost
+    assert count.reached == (lost == 0)
+    assert drift.reached == (lost <= 1)
 
 
 def test_a_subject_that_does_not_exist(capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,21 +18,38 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
+import shutil
+import signal
 import subprocess
 import sys
 import time
 from typing import Any
 
+from handover_dmp.hand import write_data_set
 from handover_dmp.handover import Handover
-from handover_dmp.nodes.graph import Graph
+from handover_dmp.nodes.conduct import graph_parameters
+from handover_dmp.nodes.conversions import answering, NANOSECONDS, nanoseconds
+from handover_dmp.nodes.graph import Graph, isolation, NODES
+from handover_dmp.nodes.lockstep import ASK_AGAIN_S, Lockstep, Pace
+from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.recording import read_bag
+from handover_dmp.run import keep_inputs
 from handover_dmp.scenario import Scenario
+from handover_dmp.settings import defaults
+from handover_dmp.topics import JOINT_COMMAND, JOINT_STATES
 import numpy as np
 import pytest
+import rclpy
+from rclpy.parameter import Parameter as RosParameter
+from rclpy.parameter_client import AsyncParameterClient
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(400)]
 
 LONGEST_S = 20.0
+ROS2 = shutil.which('ros2')
+PLAYER = Path(__file__).with_name('play_bag.py')
+PLAY = [ROS2, 'bag', 'play'] if ROS2 else [sys.executable, str(PLAYER)]
+STALL_S = 4.0
 STREAMS = (
     '/clock',
     '/hand/pose',
@@ -64,6 +81,19 @@ def lockstep_path(scenario: Scenario) -> dict[int, np.ndarray]:
     return path
 
 
+@pytest.fixture(scope='module')
+def undisturbed(
+    tmp_path_factory: pytest.TempPathFactory, scenario: Scenario
+) -> dict[int, np.ndarray]:
+    """Give the path of the wrist on the graph, when nothing goes wrong."""
+    folder = tmp_path_factory.mktemp('undisturbed')
+    keep_inputs(folder, scenario)
+    with Graph(folder, graph_parameters(folder, scenario, {}, True)) as graph:
+        graph.unpause()
+        assert graph.wait_for_state(('done',), LONGEST_S, lambda: None)
+    return positions(folder / 'bag', '/wrist/pose')
+
+
 @pytest.mark.parametrize(
     ('factor', 'executor'), [(0.0, 'events'), (0.2, 'events'), (2.0, 'events'), (0.0, 'default')]
 )
@@ -85,6 +115,9 @@ def test_gives_the_same_motion_as_one_process_at_any_speed(
         graph.linger(0.1)
     if factor:
         assert took >= 0.9 * passed / factor
+        # on any machine: no slower than it has to be, by its own doing
+        simulated_s, slept_s = pacing(folder / 'bag')
+        assert slept_s <= simulated_s / factor
     recorded = positions(folder / 'bag', '/wrist/pose')
     counts = Counter(topic for topic, _, _ in read_bag(folder / 'bag'))
     periods = max(recorded) // 5_000_000 + 1
@@ -98,9 +131,182 @@ def test_gives_the_same_motion_as_one_process_at_any_speed(
     assert max(apart) < 1e-6
 
 
-def hand_over(graph: Graph) -> None:
+def pacing(bag: Path) -> tuple[float, float]:
+    """Return what robot_sim said last: the simulated time, s, and how long it slept for it, s."""
+    said = [
+        {value.key: value.value for value in status.values}
+        for _, message, _ in read_bag(bag, ['/diagnostics'])
+        for status in message.status
+        if status.name == 'robot_sim'
+    ]
+    simulated_s, slept_s = (
+        float(said[-1][key]) for key in ('simulated (s)', 'slept for real_time_factor (s)')
+    )
+    assert simulated_s > 0.0
+    return simulated_s, slept_s
+
+
+@pytest.mark.parametrize('factor', [0.5, 2.0, 20.0])
+def test_the_pace_is_kept_on_average(factor: float) -> None:
+    """Rounds that take longer than a period are made up; only a long pause is not."""
+    generator = np.random.default_rng(1)
+    rounds_s = generator.exponential(0.6 * 0.005 / factor, 20_000)
+    pace, now_s, slept_s, count = Pace(), 100.0, 0.0, 0
+    for round_s in rounds_s:
+        now_s += round_s
+        wait_s = pace.wait_s(now_s, 0.005 / factor)
+        slept_s += wait_s
+        now_s += wait_s
+        count += 1
+    wanted_s = count * 0.005 / factor
+    assert now_s - 100.0 == pytest.approx(wanted_s, rel=0.005)
+    assert 0.0 < slept_s < wanted_s
+    now_s += 60.0
+    resumed_s = now_s
+    for _ in range(200):
+        now_s += pace.wait_s(now_s, 0.005 / factor)
+    assert now_s - resumed_s == pytest.approx(199 * 0.005 / factor), 'nothing rushes'
+
+
+def test_a_node_that_stalls_changes_nothing(
+    prepare: Any, undisturbed: dict[int, np.ndarray]
+) -> None:
+    """Nobody goes on without it, and nothing tells afterwards that it stood still."""
+    folder, parameters = prepare()
+    with Graph(folder, parameters) as graph:
+        graph.unpause()
+        assert graph.wait_for_state(('reaching',), LONGEST_S, lambda: None)
+        for stalled in ('hand_tracker', 'dmp', 'priority_ik'):
+            graph.linger(0.2)
+            graph.processes[stalled].send_signal(signal.SIGSTOP)
+            time.sleep(STALL_S)
+            graph.processes[stalled].send_signal(signal.SIGCONT)
+        assert graph.wait_for_state(('done',), LONGEST_S, lambda: None)
+    path = positions(folder / 'bag', '/wrist/pose')
+    common = sorted(path.keys() & undisturbed.keys())
+    assert len(common) > 300
+    assert all(np.array_equal(path[t], undisturbed[t]) for t in common)
+
+
+def test_parameters_that_are_set_back_leave_the_movement_as_it_was(
+    prepare: Any, undisturbed: dict[int, np.ndarray]
+) -> None:
+    """At mu 0 nothing is left of the learnt shape; what was learnt must not be lost with it."""
+    folder, parameters = prepare()
+    with Graph(folder, parameters) as graph:
+        for mu in (0.0, parameters['dmp'].get('mu', defaults('dmp')['mu'])):
+            client = AsyncParameterClient(graph.node, 'dmp')
+            answer = client.set_parameters([RosParameter('mu', value=mu)])
+            while not answer.done():
+                graph.spin(0.02)
+            assert answer.result().results[0].successful
+        graph.unpause()
+        assert graph.wait_for_state(('done',), LONGEST_S, lambda: None)
+    way = positions(folder / 'bag', '/wrist/pose')
+    assert len(way) > 100
+    assert all(np.array_equal(way[t], undisturbed[t]) for t in way if t in undisturbed)
+
+
+def test_who_is_gone_is_waited_for_until_patience_ends() -> None:
+    """Asked every 0.15 s for as long as the parameter says, and hardly at all from then on."""
+    answers: list[int] = []
+    there = False
+    lockstep = Lockstep(
+        0.005, lambda tick_ns, _elapsed_s: answers.append(tick_ns), lambda: None,
+        patience_s=lambda: 20.0, ready=lambda _tick_ns: there,
+    )  # fmt: skip
+
+    def asked(tick_ns: int) -> int:
+        for count in range(1, 1000):
+            lockstep.ask(tick_ns)
+            if answers and answers[-1] == tick_ns:
+                return count
+        raise AssertionError('no answer')
+
+    assert (asked(0) - 1) * ASK_AGAIN_S >= 20.0
+    assert asked(1) == 2
+    there = True
+    assert asked(2) == 1
+    there = False
+    assert (asked(3) - 1) * ASK_AGAIN_S >= 20.0
+
+
+@pytest.mark.parametrize('labelled', [False, True])
+def test_lockstep_goes_on_with_the_velocities_of_anybody(prepare: Any, labelled: bool) -> None:
+    """One that knows nothing of periods answers the present one."""
+    folder, parameters = prepare()
+    with Graph(folder, parameters, nodes=('robot_sim',)) as graph:
+        kind, quality = message_class(JOINT_COMMAND.type_name), qos_profile(JOINT_COMMAND.quality)
+        publisher = graph.node.create_publisher(kind, JOINT_COMMAND.name, quality)
+        graph.unpause()
+        end_s = time.monotonic() + 60.0
+        while graph.time_s < 0.1 and time.monotonic() < end_s:
+            command = answering(round(graph.time_s * NANOSECONDS), [0.1] * 7)
+            if not labelled:
+                command.layout.dim = []
+            publisher.publish(command)
+            graph.spin(0.02)
+    assert graph.time_s >= 0.1
+
+
+def test_on_the_wall_clock_there_is_a_time_for_who_uses_simulated_time(tmp_path: Path) -> None:
+    """`use_sim_time` alone: the time of the joint states, from robot_sim."""
+    with Graph(tmp_path, {}, lockstep=False, nodes=('robot_sim',)) as graph:
+        simulated = RosParameter('use_sim_time', RosParameter.Type.BOOL, True)
+        graph.node.set_parameters([simulated])
+        stamps: list[int] = []
+        graph.node.create_subscription(
+            message_class(JOINT_STATES.type_name),
+            JOINT_STATES.name,
+            lambda message: stamps.append(nanoseconds(message.header.stamp)),
+            qos_profile(JOINT_STATES.quality),
+        )
+        clock, end_s = graph.node.get_clock(), time.monotonic() + 60.0
+        while (not stamps or clock.now().nanoseconds == 0) and time.monotonic() < end_s:
+            graph.spin(0.02)
+        begun_ns = clock.now().nanoseconds
+        assert abs(begun_ns - stamps[-1]) < 60 * NANOSECONDS
+        while clock.now().nanoseconds < begun_ns + NANOSECONDS and time.monotonic() < end_s:
+            graph.spin(0.02)
+        assert clock.now().nanoseconds >= begun_ns + NANOSECONDS
+
+
+@pytest.mark.parametrize(
+    ('middleware', 'environment', 'expected'),
+    [
+        ('rmw_fastrtps_cpp', {}, 'SYSTEM_DEFAULT'),
+        ('rmw_fastrtps_dynamic_cpp', {}, 'SYSTEM_DEFAULT'),
+        ('rmw_fastrtps_cpp', {'FASTRTPS_DEFAULT_PROFILES_FILE': 'mine.xml'}, None),
+        ('rmw_cyclonedds_cpp', {}, 'LOCALHOST'),
+        ('rmw_cyclonedds_cpp', {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}, 'LOCALHOST'),
+        ('rmw_zenoh_cpp', {'FASTRTPS_DEFAULT_PROFILES_FILE': 'mine.xml'}, 'LOCALHOST'),
+    ],
+)
+def test_only_fast_dds_is_told_to_look_everywhere(
+    middleware: str, environment: dict[str, str], expected: str | None
+) -> None:
+    """Only it knows the profile that then keeps it on the loopback interface."""
+    told = isolation(middleware, environment)
+    assert told.get('ROS_AUTOMATIC_DISCOVERY_RANGE') == expected
+    assert ('FASTRTPS_DEFAULT_PROFILES_FILE' in told) == (expected == 'SYSTEM_DEFAULT')
+
+
+def test_a_graph_that_cannot_begin_says_why(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: Any, **__: Any) -> Any:
+        raise RuntimeError('no such network')
+
+    with monkeypatch.context() as broken:
+        broken.setattr(rclpy, 'create_node', refuse)
+        with pytest.raises(RuntimeError, match='no such network'), Graph(tmp_path, {}):
+            pass
+    assert not rclpy.ok(), 'the next one can begin'
+
+
+def hand_over(graph: Graph, bag: Path | None = None) -> None:
     """
-    Hand over on the wall clock.
+    Hand over on the wall clock, to the hand of `hand_tracker` or to that of a bag that is played.
 
     Tried again where the machine has stood still for so long that a node has stopped the arm, as
     it must.
@@ -109,8 +315,13 @@ def hand_over(graph: Graph) -> None:
         for service in ('/dmp/reset', '/robot_sim/reset', '/robot_sim/resume'):
             graph.call(service)
         assert graph.wait_for_state(('idle',), LONGEST_S, lambda: None)
-        graph.call('/hand_tracker/replay')
-        graph.wait_for_state(('done', 'aborted'), 8.0, lambda: None)
+        if bag is None:
+            graph.call('/hand_tracker/replay')
+            graph.wait_for_state(('done', 'aborted'), 8.0, lambda: None)
+        else:
+            with subprocess.Popen([*PLAY, str(bag), '--delay', '2']) as player:
+                graph.wait_for_state(('done', 'aborted'), 30.0, lambda: None)
+                player.kill()
         if graph.state == 'done':
             graph.linger(0.3)  # the recorder may be the last to hear of it
             return
@@ -144,25 +355,36 @@ def test_two_handovers_one_after_the_other_are_alike(prepare: Any) -> None:
     assert np.linalg.norm(first - second) < 0.005
 
 
-@pytest.mark.parametrize('source', ['bag', '24 Hz'])
+@pytest.fixture
+def trial_bag(tmp_path: Path, scenario: Scenario) -> Path:
+    """Give the bag that `handover_dmp bag` makes of the scenario's trial."""
+    write_data_set([scenario.trial], tmp_path / 'data')
+    words = ['-m', 'handover_dmp', 'bag', str(tmp_path / 'data'), '-o', str(tmp_path / 'bags')]
+    subprocess.run([sys.executable, *words], check=True)
+    return next(path for path in (tmp_path / 'bags').iterdir() if path.is_dir())
+
+
+SLOW = {'lockstep_hand_period_s': 1.0 / 24.0}
+
+
+@pytest.mark.parametrize(
+    ('source', 'tolerance_m'), [('trial', 1e-4), ('bag', 1e-6), ('24 Hz', 0.02)]
+)
 def test_the_hand_may_come_from_a_bag_or_from_a_slow_tracker(
-    prepare: Any, tmp_path: Path, scenario: Scenario, source: str,
+    prepare: Any, trial_bag: Path, source: str, tolerance_m: float,
     lockstep_path: dict[int, np.ndarray],
 ) -> None:  # fmt: skip
-    change: dict[str, Any]
-    if source == 'bag':
-        bags = tmp_path / 'bags'
-        data_set = tmp_path / 'data'
-        from handover_dmp.hand import write_data_set
-
-        write_data_set([scenario.trial], data_set)
-        words = ['-m', 'handover_dmp', 'bag', str(data_set), '-o', str(bags)]
-        subprocess.run([sys.executable, *words], check=True)
-        change = {'hand_tracker': {'trial': str(next(p for p in bags.iterdir() if p.is_dir()))}}
-    else:
-        slow = {'lockstep_hand_period_s': 0.04}
-        change = {'hand_tracker': {'rate_hz': 25.0}, 'dmp': slow, 'priority_ik': slow}
-    folder, parameters = prepare(**change)
+    changes: dict[str, dict[str, Any]] = {
+        'trial': {'hand_tracker': {'trial': str(trial_bag)}},
+        # its signal comes 0.5 s after its first pose, at the time of the others' start
+        'bag': {
+            'hand_tracker': {
+                'source': 'bag', 'bag': str(trial_bag), 'trial': '/nowhere', 'replay_at_s': 0.0
+            }
+        },
+        '24 Hz': {'hand_tracker': {'rate_hz': 24.0}, 'dmp': SLOW, 'priority_ik': SLOW},
+    }  # fmt: skip
+    folder, parameters = prepare(**changes[source])
     with Graph(folder, parameters) as graph:
         graph.unpause()
         assert graph.wait_for_state(('done',), LONGEST_S, lambda: None)
@@ -170,4 +392,91 @@ def test_the_hand_may_come_from_a_bag_or_from_a_slow_tracker(
     apart = [
         np.linalg.norm(recorded[t] - lockstep_path[t]) for t in lockstep_path if t in recorded
     ]
-    assert np.sqrt(np.mean(np.square(apart))) < (1e-4 if source == 'bag' else 0.02)
+    assert len(apart) > 300
+    assert np.sqrt(np.mean(np.square(apart))) < tolerance_m
+    hand = sorted(positions(folder / 'bag', '/hand/pose'))
+    period_s = 1.0 / 24.0 if source == '24 Hz' else 0.005
+    np.testing.assert_allclose(np.diff(hand) * 1e-9, period_s, atol=1e-8)
+
+
+def last_way(bag: Path) -> np.ndarray:
+    """Return the way of the wrist from the last start to the last exchange, (n, 3), m."""
+    way: list[list[float]] = []
+    moving = False
+    for topic, message, _ in read_bag(bag, ['/handover/state', '/wrist/pose']):
+        if topic == '/handover/state':
+            way = [] if message.data == 'reaching' else way
+            moving = message.data in ('reaching', 'exchange')
+        elif moving:
+            place = message.pose.position
+            way.append([place.x, place.y, place.z])
+    return np.array(way)
+
+
+def farthest(way: np.ndarray, other: np.ndarray) -> float:
+    """Tell how far a way leads from another one at most, whenever it is where, m."""
+    apart = np.linalg.norm(way[:, None, :] - other[None, :, :], axis=2)
+    return float(apart.min(axis=1).max())
+
+
+def test_a_bag_that_is_played_moves_the_arm_as_the_tracker_does(
+    prepare: Any, trial_bag: Path
+) -> None:
+    """As by `ros2 bag play`: stamps of long ago, no `hand_tracker`, on the wall clock."""
+    ways = []
+    for source in ('player', 'hand_tracker'):
+        stamps = {'hand_stamps': 'arrival' if source == 'player' else 'header'}
+        folder, parameters = prepare(
+            lockstep=False,
+            recorder={'folder': str(trial_bag.parent / f'run_{source}')},
+            hand_tracker={'source': 'bag', 'bag': str(trial_bag), 'trial': '/nowhere'},
+            dmp=stamps,
+            priority_ik=stamps,
+        )
+        nodes = tuple(node for node in NODES if (node, source) != ('hand_tracker', 'player'))
+        with Graph(folder, parameters, lockstep=False, nodes=nodes) as graph:
+            hand_over(graph, trial_bag if source == 'player' else None)
+        ways.append(last_way(trial_bag.parent / f'run_{source}'))
+    played, tracked = ways
+    assert np.linalg.norm(tracked[-1] - tracked[0]) > 0.3
+    # a period of either clock, at 1 m/s, and what the wall clock takes from both
+    assert np.linalg.norm(played[-1] - tracked[-1]) < 0.01
+    assert max(farthest(played, tracked), farthest(tracked, played)) < 0.02
+
+
+@pytest.mark.parametrize(
+    ('bag', 'code', 'fault'), [('/nowhere', 1, '/nowhere: no such bag'), ('', 2, 'names none')]
+)
+def test_a_bag_that_is_not_there_is_told_in_one_line(bag: str, code: int, fault: str) -> None:
+    words = ['--ros-args', '-p', 'source:=bag', '-p', f'bag:="{bag}"']
+    node = [sys.executable, '-m', 'handover_dmp.nodes.hand_tracker']
+    done = subprocess.run([*node, *words], capture_output=True, text=True)
+    assert done.returncode == code
+    assert fault in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_hands_over_to_a_hand_that_is_seen_badly(
+    prepare: Any, lockstep_path: dict[int, np.ndarray]
+) -> None:
+    """Noise, 20 ms of delay, drop-outs and outliers of 1 m, on the wall clock."""
+    sensor = {'noise_m': 0.001, 'delay_s': 0.02, 'dropout': 0.1, 'outliers': 0.02, 'seed': 3}
+    folder, parameters = prepare(
+        lockstep=False, hand_tracker={f'sensor.{name}': value for name, value in sensor.items()}
+    )
+    with Graph(folder, parameters, lockstep=False) as graph:
+        hand_over(graph)
+    stamps, places = [], []
+    for _, message, log_time_ns in read_bag(folder / 'bag', ['/hand/pose']):
+        stamps.append((nanoseconds(message.header.stamp), log_time_ns))
+        place = message.pose.position
+        places.append([place.x, place.y, place.z])
+    sent, arrived = np.array(stamps).T
+    assert np.median(arrived - sent) >= 0.02 * NANOSECONDS
+    usual = np.median(np.diff(np.unique(sent)))
+    assert np.mean(np.diff(np.unique(sent)) > 1.5 * usual) > 0.03, 'some are lost'
+    # an outlier is 1 m off those before and after it
+    assert np.sum(np.linalg.norm(np.diff(places, axis=0), axis=1) > 0.5) > 2
+    way = last_way(folder / 'bag')
+    assert np.linalg.norm(way[-1] - list(lockstep_path.values())[-1]) < 0.03
+    assert np.linalg.norm(np.diff(way, axis=0), axis=1).max() < 0.1, 'no outlier is followed'

@@ -18,12 +18,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
+import math
 from pathlib import Path
 import time
 from typing import Any
 
 from handover_dmp.nodes.conduct import graph_parameters
-from handover_dmp.nodes.dmp import Dmp
+from handover_dmp.nodes.dmp import Dmp, PRIMITIVE
 from handover_dmp.nodes.graph import Graph
 from handover_dmp.nodes.hand_tracker import HandTracker
 from handover_dmp.nodes.parameters import COMMON
@@ -33,14 +34,24 @@ from handover_dmp.nodes.recorder import Recorder
 from handover_dmp.nodes.robot_sim import RobotSim
 from handover_dmp.run import keep_inputs
 from handover_dmp.scenario import Scenario
-from handover_dmp.topics import DIAGNOSTICS, POSE_COMMAND, Quality, STATE, TOPICS
+from handover_dmp.topics import (
+    DIAGNOSTICS,
+    HAND_POSE,
+    MARKERS,
+    POSE_COMMAND,
+    Quality,
+    STATE,
+    TOPICS,
+    WRIST_POSE,
+)
 import pytest
 from rcl_interfaces.msg import ParameterType
-from rcl_interfaces.srv import DescribeParameters, SetParametersAtomically
+from rcl_interfaces.srv import DescribeParameters, ListParameters, SetParametersAtomically
 from rclpy.parameter import Parameter as RosParameter
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(300)]
 
+OF_ROS = ('use_sim_time', 'start_type_description_service')
 NODES = (RobotSim, HandTracker, Dmp, PriorityIkNode, Recorder)
 
 
@@ -91,12 +102,16 @@ def listen(graph: Graph, topic: Any, seconds: float) -> list[Any]:
 
 @pytest.mark.parametrize('node', NODES, ids=lambda node: node.NAME)
 def test_every_parameter_is_described(graph: Graph, node: Any) -> None:
-    names = [parameter.name for parameter in COMMON + node.PARAMETERS]
+    known = {parameter.name: parameter for parameter in COMMON + node.PARAMETERS + PRIMITIVE}
+    listed = ask(graph, ListParameters, f'/{node.NAME}/list_parameters', ListParameters.Request())
+    names = [name for name in listed.result.names if name not in OF_ROS]
+    assert {parameter.name for parameter in COMMON + node.PARAMETERS} <= set(names)
     request = DescribeParameters.Request(names=names)
     answer = ask(graph, DescribeParameters, f'/{node.NAME}/describe_parameters', request)
     assert [d.name for d in answer.descriptors] == names
     for descriptor in answer.descriptors:
         assert descriptor.description, descriptor.name
+        assert descriptor.read_only == known[descriptor.name].read_only, descriptor.name
         if descriptor.type == ParameterType.PARAMETER_DOUBLE:
             assert descriptor.floating_point_range, descriptor.name
         if descriptor.type == ParameterType.PARAMETER_INTEGER:
@@ -144,8 +159,8 @@ def test_pose_and_twist_of_one_command_carry_the_same_stamp(graph: Graph) -> Non
 def test_topics_have_the_type_and_quality_of_the_table(graph: Graph) -> None:
     for topic in TOPICS:
         offered = graph.node.get_publishers_info_by_topic(topic.name)
-        if topic.name in ('/clock', '/handover/info'):
-            assert not offered, 'not on the wall clock; written by the recorder itself'
+        if topic.name == '/handover/info':
+            assert not offered, 'written by the recorder itself'
             continue
         assert offered, topic.name
         for info in offered:
@@ -173,8 +188,9 @@ def test_every_node_tells_its_condition(graph: Graph) -> None:
     assert set(told) == {'robot_sim', 'hand_tracker', 'dmp', 'priority_ik', 'recorder'}
     for node in ('robot_sim', 'hand_tracker', 'dmp', 'priority_ik'):
         assert {'rate (Hz)', 'period error, 99 % (ms)', 'overruns'} <= told[node], node
-    assert 'age of the hand (s)' in told['dmp']
-    assert 'active limits' in told['priority_ik']
+    assert {'age of the hand (s)', 'age of the wrist (s)'} <= told['dmp']
+    inputs = {f'age of the {name} (s)' for name in ('joint states', 'wrist command', 'hand')}
+    assert inputs | {'active limits'} <= told['priority_ik']
 
 
 def settle(graph: Graph) -> None:
@@ -206,6 +222,44 @@ def test_services_lead_through_the_states(graph: Graph) -> None:
     pytest.fail('never handed over')
 
 
+def test_markers_show_where_hand_and_wrist_are_and_were(graph: Graph) -> None:
+    settle(graph)
+    heard: dict[str, list[Any]] = {}
+    for topic in (MARKERS, HAND_POSE, WRIST_POSE):
+        graph.node.create_subscription(
+            message_class(topic.type_name),
+            topic.name,
+            heard.setdefault(topic.name, []).append,
+            qos_profile(topic.quality),
+        )
+    graph.call('/hand_tracker/replay')
+    assert graph.wait_for_state(('done',), 30.0, lambda: None)
+    graph.linger(0.5)
+    last = {marker.ns: marker for marker in heard[MARKERS.name][-1].markers}
+    assert set(last) == {
+        'learnt path', 'hand', 'hand trail', 'wrist', 'wrist trail', 'exchange',
+    }  # fmt: skip
+    for name, topic in (('hand', HAND_POSE), ('wrist', WRIST_POSE)):
+        seen = [place(message.pose.position) for message in heard[topic.name]]
+        shown = place(last[name].pose.position)
+        assert min(math.dist(shown, other) for other in seen) < 0.01
+        # the last second; what was before, nobody listened to here
+        trail = [place(point) for point in last[f'{name} trail'].points][-20:]
+        assert trail[-1] == shown
+        assert all(min(math.dist(point, other) for other in seen) < 0.02 for point in trail)
+    exchange, wrist = (place(last[name].pose.position) for name in ('exchange', 'wrist'))
+    assert math.dist(exchange, wrist) < 0.1
+    settle(graph)
+    graph.linger(0.5)
+    gone = [m for message in heard[MARKERS.name] for m in message.markers if m.action == m.DELETE]
+    assert [marker.ns for marker in gone] == ['exchange']
+    assert 'exchange' not in {marker.ns for marker in heard[MARKERS.name][-1].markers}
+
+
+def place(point: Any) -> tuple[float, float, float]:
+    return point.x, point.y, point.z
+
+
 def test_changing_parameters_in_motion_does_not_jump(graph: Graph) -> None:
     settle(graph)
     heard: list[Any] = []
@@ -216,6 +270,8 @@ def test_changing_parameters_in_motion_does_not_jump(graph: Graph) -> None:
     assert graph.wait_for_state(('reaching',), 30.0, lambda: None)
     for k in range(12):
         set_together(graph, 'dmp', stiffness=200.0 + 50.0 * (k % 3), mu=0.5 + 0.1 * (k % 4))
+        set_together(graph, 'dmp', acceleration_limit=20.0 - 5.0 * (k % 2))
+        set_together(graph, 'priority_ik', braking_share=0.25 + 0.05 * (k % 2))
     graph.wait_for_state(('done', 'aborted'), 8.0, lambda: None)
     graph.node.destroy_subscription(subscription)
     ways = [(m.header.stamp.sec + m.header.stamp.nanosec * 1e-9, m.pose.position) for m in heard]

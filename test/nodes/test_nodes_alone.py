@@ -25,9 +25,20 @@ import sys
 import time
 from typing import Any
 
+from geometry_msgs.msg import PoseStamped
+from handover_dmp.nodes.conversions import pose_message
 from handover_dmp.nodes.graph import isolate, NODES
-from handover_dmp.nodes.leaving import LONGEST_WAIT_S, turn_file
+from handover_dmp.nodes.leaving import leave, LONGEST_WAIT_S, turn_file
+from handover_dmp.nodes.priority_ik import LONGEST_STEP
+from handover_dmp.robot.model import RobotModel
+from handover_dmp.topics import JOINT_COMMAND, JOINT_STATES, POSE_COMMAND
+import numpy as np
+from numpy.typing import NDArray
 import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 
@@ -53,6 +64,24 @@ def is_up(node: str) -> bool:
     )
     done = subprocess.run([sys.executable, '-c', look], capture_output=True, text=True)
     return 'True' in done.stdout
+
+
+def test_a_topic_goes_where_it_is_remapped_to(tmp_path: Path) -> None:
+    process = start('dmp', tmp_path, '-r', '/hand/pose:=/tracker/pose')
+    assert is_up('dmp'), process.communicate()
+    look = (
+        'import rclpy, time\n'
+        'rclpy.init()\n'
+        'node = rclpy.create_node("look")\n'
+        'end = time.monotonic() + 60\n'
+        'while not node.count_subscribers("/tracker/pose") and time.monotonic() < end:\n'
+        '    rclpy.spin_once(node, timeout_sec=0.05)\n'
+        'print([node.count_subscribers(f"/{who}/pose") for who in ("tracker", "hand")])\n'
+    )
+    seen = subprocess.run([sys.executable, '-c', look], capture_output=True, text=True)
+    process.send_signal(signal.SIGINT)
+    assert seen.stdout.strip() == '[1, 0]', seen.stderr
+    assert process.wait(30) == 0
 
 
 @pytest.mark.parametrize('node', NODES)
@@ -93,6 +122,51 @@ def test_leaves_when_its_turn_never_comes(tmp_path: Path) -> None:
         fcntl.flock(turn, fcntl.LOCK_EX)
         process.send_signal(signal.SIGINT)
         assert process.wait(LONGEST_WAIT_S + 30) == 0
+
+
+def test_priority_ik_ends_with_an_arm_at_rest(tmp_path: Path) -> None:
+    """Ctrl-C in motion: a velocity controller goes on with the last command that it got."""
+    arm = RobotModel.load('lwr4')
+    place, rotation = arm.wrist_pose(arm.home)
+    process = start('priority_ik', tmp_path)
+    rclpy.init(args=[])
+    node = rclpy.create_node('arm_and_commander', use_global_arguments=False)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    commands: list[NDArray[np.float64]] = []
+    node.create_subscription(
+        Float64MultiArray, JOINT_COMMAND.name, lambda m: commands.append(np.array(m.data)), 1000
+    )
+    states = node.create_publisher(JointState, JOINT_STATES.name, 10)
+    poses = node.create_publisher(PoseStamped, POSE_COMMAND.name, 10)
+
+    def drive() -> None:
+        time_now = node.get_clock().now().to_msg()
+        state = JointState(name=list(arm.joint_names), position=arm.home.tolist())
+        gripper = JointState(name=['finger'], position=[0.01])
+        state.header.stamp = gripper.header.stamp = time_now
+        states.publish(state)
+        states.publish(gripper)
+        poses.publish(pose_message(time_now, place + [0.0, 0.4, 0.0], rotation))
+
+    node.create_timer(0.005, drive)
+    try:
+        end_s = time.monotonic() + 60.0
+        while len(commands) < 100 and time.monotonic() < end_s:
+            executor.spin_once(timeout_sec=0.1)
+        assert commands, process.poll()
+        assert np.abs(commands[-1]).max() > 0.1, 'the gripper is no reason to stop the arm'
+        process.send_signal(signal.SIGINT)
+        while process.poll() is None and time.monotonic() < end_s:
+            executor.spin_once(timeout_sec=0.1)
+    finally:
+        process.kill()
+        executor.shutdown()
+        leave(node)
+    assert process.wait() == 0
+    assert not commands[-1].any()
+    steps = np.abs(np.diff(commands[-20:], axis=0))
+    assert np.all(steps <= LONGEST_STEP * 0.005 * arm.limits.acceleration + 1e-9)
 
 
 @pytest.mark.parametrize('lockstep', [False, True])

@@ -1,0 +1,73 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Play a bag as `ros2 bag play` does, for tests: the bytes as they are, when they were recorded.
+
+    python play_bag.py BAG [--delay SECONDS]
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+import sys
+from time import monotonic, sleep
+
+from handover_dmp.nodes.qos import message_class
+import rclpy
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosbags.interfaces import Connection
+from rosbags.rosbag2 import Reader
+
+DEPTH = 10  # that of rosbag2, where the recorded one is not known
+
+
+def main() -> int:
+    """Play."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('bag', type=Path)
+    parser.add_argument('--delay', type=float, default=0.0)
+    words = parser.parse_args()
+    rclpy.init()
+    node = rclpy.create_node('play_bag')
+    with Reader(words.bag) as reader:
+        publishers = {c.id: publisher(node, c) for c in reader.connections}
+        messages = [(c.id, time_ns, data) for c, time_ns, data in reader.messages()]
+    sleep(words.delay)
+    begun_s = monotonic()
+    for number, time_ns, data in messages:
+        due_s = begun_s + (time_ns - messages[0][1]) * 1e-9
+        sleep(max(0.0, due_s - monotonic()))
+        publishers[number].publish(bytes(data))
+    node.destroy_node()
+    rclpy.shutdown()
+    return 0
+
+
+def publisher(node: Node, connection: Connection) -> Publisher:
+    """Offer a topic as it was offered when it was recorded."""
+    offered = connection.ext.offered_qos_profiles[0]
+    profile = QoSProfile(
+        depth=DEPTH,
+        reliability=ReliabilityPolicy[offered.reliability.name],
+        durability=DurabilityPolicy[offered.durability.name],
+    )
+    return node.create_publisher(message_class(connection.msgtype), connection.topic, profile)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
