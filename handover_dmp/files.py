@@ -29,7 +29,7 @@ def replacing(path: Path) -> Iterator[Path]:
     Give a temporary path beside `path` and move it there if the block ends without an error.
 
     Args:
-        path: file to write; its folder is made if need be. A device or a pipe is written to itself.
+        path: file to write; its folder is made if need be. A pipe or device is itself written to.
 
     Yields:
         The temporary path to write to, with the same suffix.
