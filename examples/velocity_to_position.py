@@ -14,8 +14,6 @@
 
 """Integrate joint velocities for an arm that takes joint positions, such as KUKA's by its FRI."""
 
-from __future__ import annotations
-
 from handover_dmp.nodes.qos import qos_profile
 from handover_dmp.nodes.spinning import run
 from handover_dmp.topics import JOINT_COMMAND, JOINT_STATES
@@ -23,8 +21,6 @@ import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
-
-FAR_RAD = 0.1  # from where the arm is measured: nothing further is commanded
 
 
 class VelocityToPosition(Node):
@@ -46,13 +42,12 @@ class VelocityToPosition(Node):
     def move(self, message: Float64MultiArray) -> None:
         now_ns = self.get_clock().now().nanoseconds
         step_s, self.last_ns = (now_ns - self.last_ns) / 1e9, now_ns
-        if self.measured is None:
-            return
         if self.positions is None or not 0.0 < step_s <= 0.02:  # anew, from where the arm is now
             self.positions, step_s = self.measured, 0.0
-        moved = self.positions + np.array(message.data) * step_s
-        self.positions = np.clip(moved, self.measured - FAR_RAD, self.measured + FAR_RAD)
-        self.publisher.publish(Float64MultiArray(data=self.positions))
+        if self.positions is not None:  # and never more than 0.1 rad from where the arm is
+            moved = self.positions + np.array(message.data) * step_s
+            self.positions = np.clip(moved, self.measured - 0.1, self.measured + 0.1)
+            self.publisher.publish(Float64MultiArray(data=self.positions))
 
 
 if __name__ == '__main__':

@@ -63,8 +63,8 @@ DOCUMENTS = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs
 ROS2 = shutil.which('ros2')
 PLAYER = ROOT / 'test' / 'nodes' / 'play_bag.py'
 WAIT_S = 90.0
-# These take half a minute and more each.
-MINUTES = (' bench', ' tune ')
+# These take a quarter of a minute and more each.
+MINUTES = (' bench', ' tune ', ' render runs', ' evaluate garage', '--robot panda')
 
 
 def commands(path: Path) -> list[str]:

@@ -77,6 +77,8 @@ WRIST_ACCELERATION = 20.0
 # simulated; a stream that has got so far in the bag leaves no other one behind by more
 APART_S = 0.05
 SHORT_PATIENCE_S = 3.0
+LOOK_S = 0.25
+HELD = [topic.name for topic in (JOINT_STATES, JOINT_COMMAND, TWIST_COMMAND, HAND_POSE, STATE)]
 
 
 class Neighbour:
@@ -264,15 +266,26 @@ class Bench:
         """Wait until the bag, which is still being written, holds all that was said so far."""
         wanted_s = self.graph.time_s + APART_S
         bag = self.folder / 'bag' / 'bag_0.mcap'
-        self.neighbour.until(
-            lambda: bag_information(bag).topics[JOINT_STATES.name].last_ns / NANOSECONDS > wanted_s
-        )
+        end_s = time.monotonic() + WAIT_S
+        while bag_information(bag).topics[JOINT_STATES.name].last_ns / NANOSECONDS <= wanted_s:
+            assert time.monotonic() < end_s, 'the recorder writes no more'
+            self.neighbour.spin(LOOK_S)  # each look reads the whole bag
 
     def recorded(self, from_s: float) -> Recorded:
         self.wait_for_bag()
+        # else the bag grows by more than is read
+        self.graph.call('/robot_sim/pause')
+        try:
+            found = self.read(from_s)
+        finally:
+            self.graph.call('/robot_sim/pause')
+        self.check(found)
+        return found
+
+    def read(self, from_s: float) -> Recorded:
         times, positions, velocities, hand, states = [], [], [], [], []
         commands, twists = {}, {}
-        for topic, message, log_time_ns in read_bag(self.folder / 'bag' / 'bag_0.mcap'):
+        for topic, message, log_time_ns in read_bag(self.folder / 'bag' / 'bag_0.mcap', HELD):
             if log_time_ns * 1e-9 < from_s - 0.05:
                 continue
             if topic == JOINT_STATES.name:
@@ -291,12 +304,10 @@ class Bench:
                 hand.append(nanoseconds(message.header.stamp) / NANOSECONDS)
             elif topic == STATE.name:
                 states.append(message.data)
-        found = Recorded(
+        return Recorded(
             np.array(times), np.array(positions), np.array(velocities), commands, twists, hand,
             states,
         )  # fmt: skip
-        self.check(found)
-        return found
 
     def check(self, found: Recorded) -> None:
         """Hold all that the bag tells against what no fault may break."""
