@@ -380,6 +380,8 @@ def _answers(run: _Run) -> _Answers:
     answer = np.searchsorted(np.maximum.accumulate(known), stamps)
     answered = answer < len(known)
     answer, published = answer[answered], published[answered]
-    counts = moving[answer] > 0.0
+    # a pose from before the start has nothing to answer it
+    handing_over = run.dmp[np.searchsorted(run.dmp[:, 0], published) - 1, 3]
+    counts = (moving[answer] > 0.0) & (handing_over > 0.0)
     answer, published = answer[counts], published[counts]
     return _Answers((heard[answer] - published) * 1e3, waiting[answer] * 1e3)

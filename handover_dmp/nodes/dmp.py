@@ -270,13 +270,13 @@ class Dmp(HandoverNode):
         self._step(now_s, now_s, elapsed_s, tick_ns)
 
     def _tick(self) -> None:
-        self._phase_lock.ticked()
+        now_ns = self.get_clock().now().nanoseconds
         arrival_s = self.arrival_s()
+        self._phase_lock.ticked()
         last_s, self._last_s = self._last_s, arrival_s
         if last_s is not None and arrival_s < last_s:
             self._jumped()
         elapsed_s = 0.0 if last_s is None else min(max(arrival_s - last_s, 0.0), 0.05)
-        now_ns = self.get_clock().now().nanoseconds
         self._step(now_ns / NANOSECONDS, arrival_s, elapsed_s, now_ns)
 
     def _step(self, now_s: float, arrival_s: float, elapsed_s: float, time_ns: int) -> None:

@@ -262,14 +262,15 @@ class PriorityIkNode(HandoverNode):
         self._solve(now_s, elapsed_s, tick_ns)
 
     def _tick(self) -> None:
+        time_ns = self.get_clock().now().nanoseconds
         now_s = self.arrival_s()
-        last_s, self._answered_s = self._answered_s, now_s
         self._phase_lock.ticked()
+        last_s, self._answered_s = self._answered_s, now_s
         if self._pose is not None and not self._awaits_twist():
             self._take(now_s)
         elapsed_s = self._period_s if last_s is None else max(now_s - last_s, 0.0)
         elapsed_s = min(elapsed_s, LONGEST_STEP * self._period_s)
-        self._solve(now_s, elapsed_s, self.get_clock().now().nanoseconds)
+        self._solve(now_s, elapsed_s, time_ns)
 
     def _solve(self, now_s: float, elapsed_s: float, time_ns: int) -> None:
         self._periods.tick()

@@ -96,14 +96,22 @@ def test_the_graph_is_measured_in_motion(tmp_path: Path, monkeypatch: pytest.Mon
             assert 0.0 < at_once <= row.value
 
 
-def test_an_answer_is_what_follows_from_the_pose_and_not_what_comes_next() -> None:
+@pytest.mark.parametrize('on', [1.0, 0.0])
+def test_an_answer_is_what_follows_from_the_pose_and_not_what_comes_next(on: float) -> None:
     from handover_dmp.bench.ros import _answers, _Run
 
     # the wrist command of 1.006 does not know the pose of 1.005, and 1.008 still follows that of
-    # 1.006: what answers the pose is heard at 1.0145
+    # 1.006: what answers the pose is heard at 1.0145; a pose from before the start has no answer
     run = _Run(
         hand=np.array([[1.0, 1.0], [1.0051, 1.005]]),
-        dmp=np.array([[1.006, 1.0, 0.0055, 1.0], [1.011, 1.005, 0.0055, 1.0]]),
+        dmp=np.array(
+            [
+                [0.996, 0.99, 0.0055, on],
+                [1.001, 0.995, 0.0055, 1.0],
+                [1.006, 1.0, 0.0055, 1.0],
+                [1.011, 1.005, 0.0055, 1.0],
+            ]
+        ),
         ik=np.array([[1.008, 1.006, 0.0015], [1.013, 1.011, 0.0015]]),
         joints=np.array([[1.008, 1.0095, 1.0], [1.013, 1.0145, 1.0]]),
         probes={},
@@ -111,8 +119,8 @@ def test_an_answer_is_what_follows_from_the_pose_and_not_what_comes_next() -> No
         span=(0.5, 2.0),
     )
     found = _answers(run)
-    np.testing.assert_allclose(found.latency_ms, [9.5, 9.4])
-    np.testing.assert_allclose(found.waiting_ms, [7.0, 7.0])
+    np.testing.assert_allclose(found.latency_ms, [9.5, 9.4] if on else [9.4])
+    np.testing.assert_allclose(found.waiting_ms, [7.0, 7.0] if on else [7.0])
 
 
 def test_an_answer_of_an_arm_at_rest_is_none() -> None:
