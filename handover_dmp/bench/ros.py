@@ -369,19 +369,22 @@ def _answers(run: _Run) -> _Answers:
     solved = {row[0]: row[1:] for row in run.ik.tolist()}
     stepped = {row[0]: row[1:] for row in run.dmp.tolist()}
     chain = []
+    traced = True
     for period_s, heard_s, moves in run.joints.tolist():
         stamp_s, command_age_s = solved.get(period_s, (None, 0.0))
         known_s, hand_age_s, handing_over = stepped.get(stamp_s, (np.nan, 0.0, 0.0))
-        if np.isfinite(known_s):
-            waiting_s = hand_age_s + command_age_s
-            chain.append((known_s, heard_s, waiting_s, moves and handing_over))
+        # after a period that the recorder missed, nobody knows what was answered in that
+        counts = moves and handing_over and traced
+        traced = bool(np.isfinite(known_s))
+        if traced:
+            chain.append((known_s, heard_s, hand_age_s + command_age_s, counts))
     known, heard, waiting, moving = np.array(chain).T
     published, stamps = run.within(run.hand).T
     answer = np.searchsorted(np.maximum.accumulate(known), stamps)
     answered = answer < len(known)
     answer, published = answer[answered], published[answered]
     # a pose from before the start has nothing to answer it
-    handing_over = run.dmp[np.searchsorted(run.dmp[:, 0], published) - 1, 3]
-    counts = (moving[answer] > 0.0) & (handing_over > 0.0)
-    answer, published = answer[counts], published[counts]
+    begun = run.dmp[np.searchsorted(run.dmp[:, 0], published) - 1, 3]
+    shown = (moving[answer] > 0.0) & (begun > 0.0)
+    answer, published = answer[shown], published[shown]
     return _Answers((heard[answer] - published) * 1e3, waiting[answer] * 1e3)

@@ -123,6 +123,21 @@ def test_an_answer_is_what_follows_from_the_pose_and_not_what_comes_next(on: flo
     np.testing.assert_allclose(found.waiting_ms, [7.0, 7.0] if on else [7.0])
 
 
+def test_an_answer_after_a_period_that_was_not_recorded_is_none() -> None:
+    from handover_dmp.bench.ros import _answers, _Run
+
+    run = _Run(
+        hand=np.array([[1.0, 1.0], [1.0051, 1.005]]),
+        dmp=np.array([[0.996, 0.99, 0.0055, 1.0], [1.011, 1.005, 0.0055, 1.0]]),
+        ik=np.array([[1.008, 1.006, 0.0015], [1.013, 1.011, 0.0015]]),
+        joints=np.array([[1.008, 1.0095, 1.0], [1.013, 1.0145, 1.0]]),
+        probes={},
+        handovers=1,
+        span=(0.5, 2.0),
+    )
+    assert len(_answers(run).latency_ms) == 0
+
+
 def test_an_answer_of_an_arm_at_rest_is_none() -> None:
     from handover_dmp.bench.ros import _answers, _Run
 
