@@ -25,7 +25,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from math import dist, hypot, isfinite
+from math import dist, hypot, isfinite, nan
 from typing import NamedTuple
 
 from handover_dmp.dmp import DecoupledDmp, DmpState
@@ -126,6 +126,10 @@ class HandoverController:
 
     Times are those of one clock, in s, whichever the caller keeps; arrival times and not stamps
     decide whether the hand is too old.
+
+    Attributes:
+        hand_stamp_s: when the newest accepted pose of the hand was measured, s; NaN before one.
+
     """
 
     def __init__(
@@ -154,6 +158,7 @@ class HandoverController:
         """Forget the handover and the hand; brake if need be, hold where the wrist is."""
         self.state = HandoverState.IDLE
         self._hand: Vector | None = None
+        self.hand_stamp_s = nan
         self._hand_arrival_s: float | None = None
         self.exchange: Vector | None = None
         self._estimator.reset()
@@ -204,6 +209,7 @@ class HandoverController:
         """Start anew with the hand, e.g. after time has jumped; the wrist brakes until then."""
         self._estimator.reset()
         self._hand = None
+        self.hand_stamp_s = nan
         self._hand_arrival_s = None
 
     def set_hand(self, stamp_s: float, position: Vector, now_s: float, arrival_s: float) -> str:
@@ -225,6 +231,7 @@ class HandoverController:
         if not self._estimator.update(stamp_s, position, now_s):
             return 'pose of the hand is an outlier, old or not finite'
         self._hand = position
+        self.hand_stamp_s = stamp_s
         self._hand_arrival_s = arrival_s
         return ''
 

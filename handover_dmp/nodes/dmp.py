@@ -131,7 +131,6 @@ class Dmp(HandoverNode):
         self._periods = Periods(period_s)
         self._hands: list[tuple[float, tuple[float, float, float]]] = []
         self._newest_hand_ns = -1
-        self._known_s = nan
         self._phase_rate = 1.0
         self._phase_rate_ns = -1
         self._rotation: Any = None
@@ -199,8 +198,6 @@ class Dmp(HandoverNode):
             fault = self._controller.set_hand(stamp_s, position, now_s, arrival_s)
             if fault:
                 self._fault(fault)
-            else:
-                self._known_s = stamp_s
         self._hands.clear()
 
     def _on_wrist(self, message: PoseStamped) -> None:
@@ -242,7 +239,6 @@ class Dmp(HandoverNode):
 
     def _reset(self) -> str:
         self._controller.reset()
-        self._known_s = nan
         return ''
 
     def _change(self, values: Values) -> None:
@@ -289,7 +285,8 @@ class Dmp(HandoverNode):
         time = stamp(time_ns)
         self._pose = pose_message(time, command.position, self._rotation)
         self._twist = twist_message(time, command.velocity)
-        self._values = labelled({**command.numbers(now_s), 'hand_stamp_s': self._known_s})
+        known = {'hand_stamp_s': self._controller.hand_stamp_s}
+        self._values = labelled({**command.numbers(now_s), **known})
         self._publish()
         self._say()
         controller = self._controller
@@ -332,7 +329,6 @@ class Dmp(HandoverNode):
     def _jumped(self) -> None:
         self._fault('time jumped')
         self._controller.forget_hand()
-        self._known_s = nan
 
     # Condition
 
