@@ -24,7 +24,6 @@ from time import perf_counter
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.topics import DIAGNOSTICS
-from rclpy.clock import Clock, ClockType
 
 OVERRUN = 1.5
 
@@ -98,7 +97,7 @@ class Diagnostics:
         self._periods = periods
         self._condition = condition
         self._publisher = node.advertise(DIAGNOSTICS)
-        node.create_timer(1.0, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        node.housekeeping.add(self.publish)
 
     def publish(self) -> None:
         """Publish now."""

@@ -45,7 +45,7 @@ from handover_dmp.nodes.lockstep import Lockstep
 from handover_dmp.nodes.markers import Markers
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import declare, HAND, on_change, Parameter, TIMER, Values
-from handover_dmp.nodes.phase_lock import PhaseLock
+from handover_dmp.nodes.phase_lock import LockedTimer
 from handover_dmp.nodes.spinning import run
 from handover_dmp.scenario import example_model, read_model
 from handover_dmp.topics import (
@@ -143,7 +143,6 @@ class Dmp(HandoverNode):
         self._begun_s: float | None = None
         self._signal_s: float | None = None
         self._faults: dict[str, int] = {}
-        self._phase_lock = PhaseLock()
         self._connect()
         self._markers = Markers(self, _path(learnt))
         self._clock_of_periods = Lockstep(
@@ -155,10 +154,8 @@ class Dmp(HandoverNode):
             ready=self._ready,
             jumped=self._jumped,
         )
-        if not self.lockstep:
-            timer = self.every(period_s, self._tick)
-            if self.values['phase_lock']:
-                self._phase_lock.drive(timer)
+        timer = None if self.lockstep else self.every(period_s, self._tick)
+        self._timer = LockedTimer(timer if self.values['phase_lock'] else None, period_s)
         Diagnostics(self, self._periods, self._condition)
         self._say()
 
@@ -169,10 +166,9 @@ class Dmp(HandoverNode):
         self._state = self.advertise(STATE)
         self._pose = self._twist = self._values = None
         self._said = ''
-        watched = self._phase_lock.watched
-        self.subscribe(HAND_POSE, watched(self._on_hand))
-        self.subscribe(WRIST_POSE, watched(self._on_wrist))
-        self.subscribe(IK_STATUS, watched(self._on_ik_status))
+        self.subscribe(HAND_POSE, self._on_hand)
+        self.subscribe(WRIST_POSE, self._on_wrist)
+        self.subscribe(IK_STATUS, self._on_ik_status)
         self.subscribe(SIGNAL, self._on_signal)
         self.serve('start', self._start)
         self.serve('abort', self._abort)
@@ -191,7 +187,7 @@ class Dmp(HandoverNode):
             self._clock_of_periods.look()
         else:
             self._take_hands(self.now_s(), self.arrival_s())
-            self._phase_lock.arrived()
+            self._timer.arrived()
 
     def _take_hands(self, now_s: float, arrival_s: float) -> None:
         for stamp_s, position in self._hands:
@@ -268,7 +264,7 @@ class Dmp(HandoverNode):
     def _tick(self) -> None:
         now_ns = self.get_clock().now().nanoseconds
         arrival_s = self.arrival_s()
-        self._phase_lock.ticked()
+        self._timer.ticked()
         last_s, self._last_s = self._last_s, arrival_s
         if last_s is not None and arrival_s < last_s:
             self._jumped()

@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point
@@ -49,9 +49,9 @@ class Markers:
 
         """
         self._publisher = node.advertise(MARKERS)
-        self._learnt_path = learnt_path
-        self._hand_trail: deque[Position] = deque(maxlen=TRAIL_LENGTH)
-        self._wrist_trail: deque[Position] = deque(maxlen=TRAIL_LENGTH)
+        self._learnt_path = [_point(place) for place in learnt_path]
+        self._hand_trail: deque[Point] = deque(maxlen=TRAIL_LENGTH)
+        self._wrist_trail: deque[Point] = deque(maxlen=TRAIL_LENGTH)
         self._exchange: Position | None = None
         self._count = 0
 
@@ -82,7 +82,7 @@ class Markers:
             ('wrist', wrist, self._wrist_trail, BLUE),
         ):
             if place is not None:
-                trail.append(place)
+                trail.append(_point(place))
                 markers.append(self._ball(time, name, place, colour))
                 markers.append(self._line(time, f'{name} trail', trail, colour))
         if exchange is not None:
@@ -105,17 +105,21 @@ class Markers:
         self, time: Time, name: str, place: Position, colour: tuple[float, float, float]
     ) -> Marker:
         marker = self._marker(time, name, Marker.SPHERE, colour, 0.05)
-        centre = marker.pose.position
-        centre.x, centre.y, centre.z = map(float, place)
+        marker.pose.position = _point(place)
         return marker
 
     def _line(
         self,
         time: Time,
         name: str,
-        path: Sequence[Position],
+        path: Iterable[Point],
         colour: tuple[float, float, float],
     ) -> Marker:
         marker = self._marker(time, name, Marker.LINE_STRIP, colour, 0.008)
-        marker.points = [Point(x=float(x), y=float(y), z=float(z)) for x, y, z in path]
+        marker.points = list(path)
         return marker
+
+
+def _point(place: Position) -> Point:
+    x, y, z = map(float, place)
+    return Point(x=x, y=y, z=z)

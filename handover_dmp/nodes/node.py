@@ -22,6 +22,7 @@ from typing import Any, ClassVar
 
 from builtin_interfaces.msg import Time
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
+from handover_dmp.nodes.housekeeping import Housekeeping
 from handover_dmp.nodes.parameters import COMMON, declare, Parameter
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.topics import Topic
@@ -46,6 +47,7 @@ class HandoverNode(Node):  # type: ignore[misc]
         self.values = declare(self, COMMON + self.PARAMETERS)
         self.lockstep: bool = self.values['lockstep']
         self._simulated: bool = self.get_parameter('use_sim_time').value
+        self.housekeeping = Housekeeping(self)
 
     def advertise(self, topic: Topic) -> Publisher:
         """
@@ -94,7 +96,7 @@ class HandoverNode(Node):  # type: ignore[misc]
 
     def every(self, period_s: float, callback: Callable[[], None], *, wall: bool = False) -> Timer:
         """
-        Call something at a steady rate.
+        Call something at a steady rate, and do the housekeeping after it.
 
         Args:
             period_s: s.
@@ -107,7 +109,12 @@ class HandoverNode(Node):  # type: ignore[misc]
         """
         steady = wall or not self._simulated
         clock = Clock(clock_type=ClockType.STEADY_TIME) if steady else None
-        return self.create_timer(period_s, callback, clock=clock)
+
+        def period() -> None:
+            callback()
+            self.housekeeping.period_ended()
+
+        return self.create_timer(period_s, period, clock=clock)
 
     def patience_s(self) -> float:
         """Return how long to wait for another node in lockstep, s; may change at any time."""

@@ -17,95 +17,163 @@ A timer that fires shortly after its input has come, without depending on it.
 
 Two timers of one rate in two processes keep whatever offset they started with, so that an input
 may wait for almost a period. A loop on its own timer has less jitter than one that answers on
-arrival, and goes on when the input stops; moving the timer gives it the short wait as well. It is
-moved on if it falls where other messages come, since it would have to wait for those.
+arrival, and goes on when the input stops; moving the timer gives it the short wait as well. Where
+the timer is often late, since something else of the same rate has the processor then, other
+places behind the input are tried, and the best one is kept.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from statistics import median
+from collections.abc import Sequence
 from time import perf_counter, sleep
-from typing import Any
 
+import numpy as np
 from rclpy.timer import Timer
 
-WATCHED = 40
-LONGEST_WATCH = 2000
+WATCH = 1000
+LOOK = 40
 SAME_RATE = 0.1
-SHORTEST_S = 0.0003
-LONGEST_S = 0.0025
+NEAREST_S = 0.0003
 STRIDE_S = 0.0004
-AT_ONCE_S = 0.00005
-"""A timer that fires so soon after a message was dealt with has probably waited for that."""
-OFTEN = 0.1
+PLACES = range(6)
+"""From the nearest to the input on, one stride after the other."""
+LATE_S = 0.00005
+"""Beyond its own schedule, a timer that fires so late has waited for something."""
+OFTEN = 0.02
+MUCH_BETTER = 0.5
+FADING = 0.9
+"""What is left of a share after `WATCH` periods elsewhere."""
 
 
 class PhaseLock:
-    """Moves a timer so that it fires soon after its input, when nothing else is to be done."""
+    """
+    Decides when a timer is to begin its periods anew, from when it fired and its input came.
 
-    def __init__(self) -> None:
-        """Begin without a timer."""
-        self._timer: Timer | None = None
-        self._watch = WATCHED
+    A place is left when it was late in `OFTEN` of `WATCH` periods, however early that is plain.
+    The share of late ones is kept, fading, and the timer stays until another place promises much
+    less; a place that was never tried promises none.
+    """
+
+    def __init__(self, period_s: float) -> None:
+        """
+        Begin to watch.
+
+        Args:
+            period_s: of the timer, s; of the input, too: while rates differ nothing is done.
+
+        """
+        self._period_s = period_s
         self._arrived_s = 0.0
-        self._arrivals = 0
-        self._busy_until_s = 0.0
-        self._waited = 0
-        self._ages_s: list[float] = []
+        self._late: dict[int, float] = {}
         self._wanted_s: float | None = None
+        self._watch()
 
-    def drive(self, timer: Timer) -> None:
+    def arrived(self, now_s: float) -> float | None:
+        """
+        Note that the input has come.
+
+        Args:
+            now_s: when, s.
+
+        Returns:
+            How long after that the timer is to fire, and begin its periods anew, s; None: it is
+            well where it is.
+
+        """
+        self._arrived_s = now_s
+        self._arrivals += 1
+        wanted_s, self._wanted_s = self._wanted_s, None
+        if wanted_s is not None:
+            self._watch()
+        return wanted_s
+
+    def ticked(self, now_s: float) -> None:
+        """
+        Note that the timer has fired.
+
+        Args:
+            now_s: when, s.
+
+        """
+        self._ticks_s.append(now_s)
+        self._ages_s.append(now_s - self._arrived_s)
+        if len(self._ticks_s) % LOOK == 0:
+            self._look()
+
+    def _watch(self) -> None:
+        self._arrivals = 0
+        self._ticks_s: list[float] = []
+        self._ages_s: list[float] = []
+
+    def _look(self) -> None:
+        """Judge the place where the timer is, and move it if another one is worth it."""
+        ticks = len(self._ticks_s)
+        if abs(self._arrivals / ticks - 1.0) > SAME_RATE:
+            self._wanted_s = None
+            self._late.clear()
+            self._watch()
+            return
+        place = round((float(np.median(self._ages_s[-LOOK:])) - NEAREST_S) / STRIDE_S)
+        best = min(PLACES, key=lambda other: self._late.get(other, 0.0))
+        if place not in PLACES:
+            self._wanted_s = NEAREST_S + STRIDE_S * best
+            return
+        late = share_of_late(self._ticks_s, self._period_s)
+        if late * ticks > OFTEN * WATCH or ticks >= WATCH:
+            fading = FADING ** (ticks / WATCH)
+            self._late = {known: fading * share for known, share in self._late.items()}
+            self._late[place] = late
+            if late > OFTEN and self._late.get(best, 0.0) < MUCH_BETTER * late:
+                self._wanted_s = NEAREST_S + STRIDE_S * best
+            self._watch()
+
+
+def share_of_late(ticks_s: Sequence[float], period_s: float) -> float:
+    """
+    Tell how often a timer fired later than it does undisturbed.
+
+    Args:
+        ticks_s: when it fired, s.
+        period_s: s.
+
+    Returns:
+        Share of the ticks more than `LATE_S` behind the first quarter of them, each in its own
+        period, whether periods are missing between them or not.
+
+    """
+    ticks = np.asarray(ticks_s)
+    offsets = ticks - ticks[0] - period_s * np.arange(len(ticks))
+    # around the middle one, so that none lies on the seam of two periods; more are late than early
+    offsets -= np.quantile(offsets, 0.5, method='lower')
+    offsets = (offsets + period_s / 4.0) % period_s
+    return float(np.mean(offsets > np.quantile(offsets, 0.25) + LATE_S))
+
+
+class LockedTimer:
+    """A timer that its phase lock keeps behind its input."""
+
+    def __init__(self, timer: Timer | None, period_s: float) -> None:
         """
         Take the timer.
 
         Args:
-            timer: of the same rate as the input; while the rates differ it is left alone.
+            timer: to be moved; None if there is none, or it is to be left alone.
+            period_s: its period, s.
 
         """
         self._timer = timer
-
-    def watched(self, callback: Callable[[Any], None]) -> Callable[[Any], None]:
-        """
-        Note when a callback has ended.
-
-        Args:
-            callback: of a subscription.
-
-        Returns:
-            The same with that.
-
-        """
-
-        def noted(message: Any) -> None:
-            callback(message)
-            self._busy_until_s = perf_counter()
-
-        return noted
+        self._lock = PhaseLock(period_s)
 
     def arrived(self) -> None:
-        """Note that the input has come; move the timer if it is to be moved."""
-        self._arrived_s = perf_counter()
-        self._arrivals += 1
-        if self._wanted_s is not None and self._timer is not None:
-            sleep(self._wanted_s)
-            self._wanted_s = None
-            self._timer.reset()
+        """Note that the input has come; if that is due, fire the timer and start it anew."""
+        if self._timer is not None:
+            wait_s = self._lock.arrived(perf_counter())
+            if wait_s is not None:
+                sleep(wait_s)
+                self._timer.reset()
+                self._timer.callback()
 
     def ticked(self) -> None:
         """Note that the timer has fired."""
-        now_s = perf_counter()
-        self._ages_s.append(now_s - self._arrived_s)
-        self._waited += now_s - self._busy_until_s < AT_ONCE_S
-        if len(self._ages_s) < self._watch:
-            return
-        age_s = median(self._ages_s)
-        same_rate = abs(self._arrivals / self._watch - 1.0) < SAME_RATE
-        waits = self._waited > OFTEN * self._watch
-        self._ages_s.clear()
-        self._arrivals = self._waited = 0
-        too_far = not SHORTEST_S < age_s < LONGEST_S
-        if same_rate and (too_far or waits):
-            self._wanted_s = STRIDE_S + (SHORTEST_S if too_far else age_s)
-            # every move costs a period of another length, so there are ever fewer of them
-            self._watch = min(2 * self._watch, LONGEST_WATCH)
+        if self._timer is not None:
+            self._lock.ticked(perf_counter())

@@ -37,7 +37,7 @@ from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.lockstep import HEAD_START_S, Lockstep
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import ARM, HAND, on_change, Parameter, TIMER, Values
-from handover_dmp.nodes.phase_lock import PhaseLock
+from handover_dmp.nodes.phase_lock import LockedTimer
 from handover_dmp.nodes.spinning import run
 from handover_dmp.robot.model import BasePlacement, RobotModel
 from handover_dmp.robot.priority_ik import IkOptions, ORIENTATIONS, PriorityIk, WristTarget
@@ -126,7 +126,6 @@ class PriorityIkNode(HandoverNode):
         self._refused = 0
         self._joints = frozenset(self._model.joint_names)
         self._twist_awaited = False
-        self._phase_lock = PhaseLock()
         self._connect()
         self._taken_ns: int | None = None
         self._lockstep = Lockstep(
@@ -137,21 +136,18 @@ class PriorityIkNode(HandoverNode):
             begun=lambda: self._taken_ns is not None or self._pose is not None,
             ready=self._ready,
         )
-        if not self.lockstep:
-            timer = self.every(self._period_s, self._tick)
-            if self.values['phase_lock']:
-                self._phase_lock.drive(timer)
+        timer = None if self.lockstep else self.every(self._period_s, self._tick)
+        self._timer = LockedTimer(timer if self.values['phase_lock'] else None, self._period_s)
         Diagnostics(self, self._periods, self._condition)
 
     def _connect(self) -> None:
         self._wrist_pose = self.advertise(WRIST_POSE)
         self._joint_command = self.advertise(JOINT_COMMAND)
         self._ik_status = self.advertise(IK_STATUS)
-        watched = self._phase_lock.watched
-        self.subscribe(JOINT_STATES, watched(self._on_joint_states))
-        self.subscribe(POSE_COMMAND, watched(self._on_pose))
-        self.subscribe(TWIST_COMMAND, watched(self._on_twist))
-        self.subscribe(HAND_POSE, watched(self._on_hand))
+        self.subscribe(JOINT_STATES, self._on_joint_states)
+        self.subscribe(POSE_COMMAND, self._on_pose)
+        self.subscribe(TWIST_COMMAND, self._on_twist)
+        self.subscribe(HAND_POSE, self._on_hand)
 
     # Inputs
 
@@ -188,7 +184,7 @@ class PriorityIkNode(HandoverNode):
             self._lockstep.look()
         elif self._matched():
             self._take(self.arrival_s())
-            self._phase_lock.arrived()
+            self._timer.arrived()
 
     def _on_hand(self, message: PoseStamped) -> None:
         if message.header.frame_id != FRAME:
@@ -264,7 +260,7 @@ class PriorityIkNode(HandoverNode):
     def _tick(self) -> None:
         time_ns = self.get_clock().now().nanoseconds
         now_s = self.arrival_s()
-        self._phase_lock.ticked()
+        self._timer.ticked()
         last_s, self._answered_s = self._answered_s, now_s
         if self._pose is not None and not self._awaits_twist():
             self._take(now_s)

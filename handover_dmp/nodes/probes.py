@@ -32,6 +32,7 @@ from time import perf_counter, sleep, time
 
 from handover_dmp.controller import MOVING
 from handover_dmp.nodes.conversions import NANOSECONDS, period_of
+from handover_dmp.nodes.housekeeping import Housekeeping
 from handover_dmp.nodes.qos import qos_profile
 from handover_dmp.nodes.spinning import run
 from handover_dmp.settings import defaults
@@ -45,7 +46,6 @@ from std_srvs.srv import Trigger
 
 PERIOD_S = 0.005
 JOINTS = 7
-READY_S = 0.2
 LOOK_S = 0.02
 LONGEST_HANDOVER_S = 5.0
 # The hand jumps back to its start, so `dmp` is to forget it after that, and only then to begin.
@@ -64,7 +64,8 @@ class _Probe(Node):  # type: ignore[misc]
         self.declare_parameter('thread_priority', priority)
         self.times: list[float] = []
         self._file = file
-        self.create_timer(READY_S, file.touch)
+        self.housekeeping = Housekeeping(self)
+        self.housekeeping.add(file.touch)
 
     def destroy_node(self) -> None:
         self._file.write_text('\n'.join(map(repr, self.times)), encoding='utf-8')
@@ -81,6 +82,7 @@ class EmptyTimer(_Probe):
 
     def _tick(self) -> None:
         self.times.append(time())
+        self.housekeeping.period_ended()
 
 
 class Echo(_Probe):
@@ -201,7 +203,8 @@ def main() -> int:
         sleep_loop(file)
         return 0
     kind = KINDS[what]
-    priority = 0 if what in ORDINARY else defaults('dmp')['thread_priority']
+    like = 'dmp' if what == 'urgent' else 'robot_sim'
+    priority = 0 if what in ORDINARY else defaults(like)['thread_priority']
     return run(lambda: kind(file, priority), [])
 
 

@@ -26,6 +26,7 @@ import signal
 import sys
 
 from handover_dmp.errors import HandoverError
+from handover_dmp.nodes.housekeeping import Housekeeping
 from handover_dmp.nodes.leaving import leave
 import rclpy
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
@@ -43,7 +44,8 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
     Run a node until it is told to end; seen on this machine alone unless ROS is told otherwise.
 
     The executor is polled instead of spun, since the events executor of these wheels does not
-    look at signals; its garbage collector runs between the periods, once a second, not in them.
+    look at signals. Its garbage collector runs with the other housekeeping, once a second between
+    two periods.
     On the wall clock it runs at the real-time priority of its parameter `thread_priority`, as the
     controller manager of ros2_control does.
 
@@ -73,7 +75,8 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
     gc.collect()
     gc.freeze()
     gc.disable()
-    node.create_timer(1.0, lambda: gc.collect(1))
+    housekeeping = getattr(node, 'housekeeping', None) or Housekeeping(node)
+    housekeeping.add(lambda: gc.collect(1))
     try:
         while not ended and rclpy.ok() and not _orphaned() and not getattr(node, 'ended', False):
             executor.spin_once(timeout_sec=POLL_S)

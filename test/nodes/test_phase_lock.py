@@ -1,0 +1,158 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Where a phase lock brings a timer, on machines that are busy at some offset from its input."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from handover_dmp.nodes.phase_lock import (
+    LATE_S,
+    NEAREST_S,
+    OFTEN,
+    PhaseLock,
+    PLACES,
+    share_of_late,
+    STRIDE_S,
+    WATCH,
+)
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+PERIOD_S = 0.005
+PERIODS = 12 * WATCH
+BEHIND_S = (NEAREST_S - STRIDE_S / 2, NEAREST_S + STRIDE_S * (PLACES[-1] + 0.5))
+
+
+@dataclass(frozen=True)
+class _Seen:
+    ticks_s: np.ndarray
+    ages_s: np.ndarray
+    moved_s: list[float]
+
+
+def _simulate(
+    offset_s: float,
+    *,
+    busy_s: tuple[float, float] = (0.0, 0.0),
+    share: float = 0.0,
+    input_period_s: float = PERIOD_S,
+    periods: int = PERIODS,
+) -> _Seen:
+    """
+    Run a timer beside its input on a machine that is busy at some times behind the input.
+
+    Of the ticks that fall due between the two `busy_s`, a share waits until the second of them.
+    """
+    random = np.random.default_rng(1)
+    lock = PhaseLock(PERIOD_S)
+    ticks, ages, moved = [], [], []
+    arrived_s, arrives_s, due_s = 0.0, 0.0, offset_s
+
+    def fire() -> None:
+        behind_s = (due_s - arrived_s) % PERIOD_S
+        waits = busy_s[0] < behind_s < busy_s[1] and random.random() < share
+        fired_s = due_s + (busy_s[1] - behind_s if waits else 0.0)
+        ticks.append(fired_s)
+        ages.append(fired_s - arrived_s)
+        lock.ticked(fired_s)
+
+    while len(ticks) < periods:
+        if arrives_s <= due_s:
+            arrived_s, arrives_s = arrives_s, arrives_s + input_period_s
+            wait_s = lock.arrived(arrived_s)
+            if wait_s is None:
+                continue
+            due_s = arrived_s + wait_s
+            moved.append(due_s)
+        fire()
+        due_s += PERIOD_S
+    return _Seen(np.array(ticks), np.array(ages), moved)
+
+
+@settings(deadline=None, max_examples=25)
+@given(st.floats(0.0, PERIOD_S))
+def test_a_timer_comes_to_fire_shortly_behind_its_input(offset_s: float) -> None:
+    seen = _simulate(offset_s, periods=500)
+    assert BEHIND_S[0] <= np.median(seen.ages_s[-100:]) <= BEHIND_S[1]
+    assert len(seen.moved_s) <= 1
+
+
+@settings(deadline=None, max_examples=25)
+@given(
+    st.floats(0.0, PERIOD_S),
+    st.floats(0.0, 0.0026),
+    st.floats(0.0001, 0.0012),
+    st.sampled_from([0.02, 0.1, 0.5, 0.9]),
+)
+def test_a_timer_leaves_where_it_is_often_late(
+    offset_s: float, begin_s: float, width_s: float, share: float
+) -> None:
+    seen = _simulate(offset_s, busy_s=(begin_s, begin_s + width_s), share=share)
+    assert share_of_late(seen.ticks_s[-WATCH:], PERIOD_S) <= OFTEN
+    assert BEHIND_S[0] <= np.median(seen.ages_s[-WATCH:]) <= BEHIND_S[1] + LATE_S
+    # and stays there
+    assert all(moved_s < seen.ticks_s[-4 * WATCH] for moved_s in seen.moved_s)
+
+
+@settings(deadline=None, max_examples=25)
+@given(st.floats(0.0, PERIOD_S), st.floats(0.0, 0.0026))
+def test_no_move_loses_or_adds_a_period(offset_s: float, begin_s: float) -> None:
+    seen = _simulate(offset_s, busy_s=(begin_s, begin_s + 0.001), share=0.3)
+    begun = seen.ticks_s[-1] - seen.ticks_s[0]
+    assert abs(begun / PERIOD_S - (len(seen.ticks_s) - 1)) < 1.0 + 1e-9
+
+
+@pytest.mark.parametrize('share', [0.03, 0.2])
+def test_where_every_place_is_bad_all_are_tried_and_moves_are_rare(share: float) -> None:
+    windows = 60
+    seen = _simulate(0.004, busy_s=(0.0, 0.0035), share=share, periods=windows * WATCH)
+    assert len(PLACES) <= len(seen.moved_s) <= windows
+
+
+@pytest.mark.parametrize('input_period_s', [0.0025, 0.01, 1.0])
+def test_an_input_of_another_rate_moves_nothing(input_period_s: float) -> None:
+    assert _simulate(0.003, input_period_s=input_period_s, periods=4000).moved_s == []
+
+
+def test_an_input_that_comes_back_is_found_soon() -> None:
+    lock = PhaseLock(PERIOD_S)
+    for tick in range(3 * WATCH):
+        lock.ticked(tick * PERIOD_S)
+    waits = []
+    for tick in range(3 * WATCH, 3 * WATCH + 200):
+        waits.append(lock.arrived(tick * PERIOD_S + 0.001))
+        lock.ticked((tick + 1) * PERIOD_S)
+    assert any(wait_s is not None for wait_s in waits)
+
+
+@settings(deadline=None, max_examples=25)
+@given(
+    st.lists(st.floats(0.0, 3e-5), min_size=8, max_size=400),
+    st.integers(0, 100),
+    st.integers(0, 5),
+)
+def test_late_ticks_are_counted_whatever_is_missing_between_them(
+    jitters_s: list[float], late: int, missing: int
+) -> None:
+    jitter_s = np.array(jitters_s)
+    late = min(late, len(jitters_s) // 4)
+    periods = np.arange(len(jitters_s)) + missing * (np.arange(len(jitters_s)) > 4)
+    chosen = np.random.default_rng(0).permutation(len(jitters_s))[:late]
+    ticks_s = 7.3 + PERIOD_S * periods + jitter_s
+    ticks_s[chosen] += 0.0004
+    assert share_of_late(ticks_s, PERIOD_S) == pytest.approx(late / len(jitters_s))
