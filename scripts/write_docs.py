@@ -68,7 +68,7 @@ def documents() -> dict[str, dict[str, str]]:
     """Return the generated parts of each document, by their names."""
     parameters = {'every node': parameter_table('', COMMON)}
     for name in NODES:
-        parameters[name] = parameter_table(name, own_parameters(name))
+        parameters[name] = parameter_table(name, [*own_parameters(name), *other_defaults(name)])
     parameters['primitive'] = parameter_table('dmp', module('dmp').PRIMITIVE)
     parameters['settings'] = settings_table()
     figures = ROOT / 'docs' / 'benchmarks.json'
@@ -131,6 +131,12 @@ def own_parameters(node: str) -> Sequence[Parameter]:
     ]
     parameters: Sequence[Parameter] = classes[0].PARAMETERS
     return parameters
+
+
+def other_defaults(node: str) -> Sequence[Parameter]:
+    """Return the parameters of every node that have another default in this one."""
+    usual, here = defaults('dmp'), defaults(node)
+    return [parameter for parameter in COMMON if here[parameter.name] != usual[parameter.name]]
 
 
 def parameter_table(node: str, parameters: Sequence[Parameter]) -> str:
