@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 import sys
+from time import sleep
 
 from handover_dmp.errors import DataError
 from handover_dmp.nodes.diagnostics import Diagnostics, Periods
@@ -35,6 +36,7 @@ from rclpy.subscription import Subscription
 STREAMING = (Quality.SENSOR, Quality.COMMAND)
 LOOK_S = 0.5
 QUEUE = 2000
+ON_THE_WAY_S = 0.05
 
 
 class Recorder(HandoverNode):
@@ -87,7 +89,18 @@ class Recorder(HandoverNode):
         Diagnostics(self, self._periods, self._condition)
 
     def finish(self) -> None:
-        """Close the bag, while there is time: a node may have to wait for its turn to leave."""
+        """Write what was sent up to now, and close the bag: a node may have to wait to leave."""
+        sleep(ON_THE_WAY_S)
+        for subscription in self._heard.values():
+            with subscription.handle:
+                # no more than a queue holds, since others may go on to send
+                for _ in range(QUEUE):
+                    taken = subscription.handle.take_message(
+                        subscription.msg_type, subscription.raw
+                    )
+                    if taken is None:
+                        break
+                    subscription.callback(taken[0])
         try:
             self._writer.close()
         except DataError as error:

@@ -21,6 +21,7 @@ from contextlib import contextmanager, suppress
 import fcntl
 from pathlib import Path
 import random
+import signal
 from subprocess import Popen, TimeoutExpired
 import time
 from typing import Any
@@ -239,6 +240,31 @@ def test_recorder_keeps_up_with_a_flood(tmp_path: Path) -> None:
         worked_s = processor_s(process)[0] - ran_s
     print(f'sent at {count / took_s:.0f} Hz, would be kept up with at {count / worked_s:.0f} Hz')
     assert count / worked_s > rate_hz
+
+
+@pytest.mark.parametrize('executor', ['events', 'default'])
+def test_recorder_writes_what_was_sent_before_it_was_told_to_end(
+    tmp_path: Path, executor: str
+) -> None:
+    bag, count = tmp_path / 'bag', 1000
+    recorder = {'folder': str(bag), 'executor': executor}
+    with nodes(tmp_path, {'recorder': recorder}, 'recorder') as graph:
+        names = ('/first', '/second')
+        publishers = [graph.node.create_publisher(String, name, count) for name in names]
+        wait_until_heard(graph, publishers)
+        process = graph.processes['recorder']
+        process.send_signal(signal.SIGSTOP)
+        for k in range(count):
+            for publisher in publishers:
+                publisher.publish(String(data=str(k)))
+        process.send_signal(signal.SIGINT)
+        process.send_signal(signal.SIGCONT)
+        assert process.wait(60) == 0
+        del graph.processes['recorder']
+    written: dict[str, list[int]] = {name: [] for name in names}
+    for topic, message, _ in read_bag(bag, names):
+        written[topic].append(int(message.data))
+    assert all(numbers == list(range(count)) for numbers in written.values())
 
 
 @pytest.mark.parametrize(
