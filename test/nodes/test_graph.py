@@ -400,17 +400,21 @@ def test_the_hand_may_come_from_a_bag_or_from_a_slow_tracker(
 
 
 def last_way(bag: Path) -> np.ndarray:
-    """Return the way of the wrist from the last start to the last exchange, (n, 3), m."""
-    way: list[list[float]] = []
-    moving = False
-    for topic, message, _ in read_bag(bag, ['/handover/state', '/wrist/pose']):
-        if topic == '/handover/state':
-            way = [] if message.data == 'reaching' else way
-            moving = message.data in ('reaching', 'exchange')
-        elif moving:
-            place = message.pose.position
-            way.append([place.x, place.y, place.z])
-    return np.array(way)
+    """
+    Return the way of the wrist from the last start on, (n, 3), m.
+
+    By the stamps, since the recorder may be late, and take in one topic before the other.
+    """
+    labelled = [
+        dict(zip((part.label for part in message.layout.dim), message.data, strict=True))
+        for _, message, _ in read_bag(bag, ['/handover/phase'])
+    ]
+    times_s, phases = np.array(sorted((row['time_s'], row['phase']) for row in labelled)).T
+    changes = np.diff(phases)
+    last_rise = max(np.flatnonzero(changes > 0.0), default=-1)
+    start_ns = times_s[np.flatnonzero(changes[last_rise + 1 :] < 0.0)[0] + last_rise + 1] * 1e9
+    places = positions(bag, '/wrist/pose')
+    return np.array([places[time_ns] for time_ns in sorted(places) if time_ns >= start_ns])
 
 
 def farthest(way: np.ndarray, other: np.ndarray) -> float:
@@ -439,9 +443,9 @@ def test_a_bag_that_is_played_moves_the_arm_as_the_tracker_does(
         ways.append(last_way(trial_bag.parent / f'run_{source}'))
     played, tracked = ways
     assert np.linalg.norm(tracked[-1] - tracked[0]) > 0.3
-    # a period of either clock, at 1 m/s, and what the wall clock takes from both
-    assert np.linalg.norm(played[-1] - tracked[-1]) < 0.01
-    assert max(farthest(played, tracked), farthest(tracked, played)) < 0.02
+    assert np.linalg.norm(played[-1] - tracked[-1]) < 0.02
+    # what a wrist at 1 m/s misses while a busy machine keeps one of five nodes waiting
+    assert max(farthest(played, tracked), farthest(tracked, played)) < 0.05
 
 
 @pytest.mark.parametrize(
