@@ -50,6 +50,7 @@ ROS2 = shutil.which('ros2')
 PLAYER = Path(__file__).with_name('play_bag.py')
 PLAY = [ROS2, 'bag', 'play'] if ROS2 else [sys.executable, str(PLAYER)]
 STALL_S = 4.0
+AT_REST = 1e-3
 STREAMS = (
     '/clock',
     '/hand/pose',
@@ -312,7 +313,9 @@ def hand_over(graph: Graph, bag: Path | None = None) -> None:
     it must.
     """
     for _ in range(5):
-        for service in ('/dmp/reset', '/robot_sim/reset', '/robot_sim/resume'):
+        graph.call('/dmp/reset')
+        wait_for_rest(graph)
+        for service in ('/robot_sim/reset', '/robot_sim/resume'):
             graph.call(service)
         assert graph.wait_for_state(('idle',), LONGEST_S, lambda: None)
         if bag is None:
@@ -326,6 +329,22 @@ def hand_over(graph: Graph, bag: Path | None = None) -> None:
             graph.linger(0.3)  # the recorder may be the last to hear of it
             return
     pytest.fail('never handed over')
+
+
+def wait_for_rest(graph: Graph) -> None:
+    """Wait until the arm rests: one that is put back while it brakes goes on to brake there."""
+    speeds: list[float] = []
+    subscription = graph.node.create_subscription(
+        message_class(JOINT_STATES.type_name),
+        JOINT_STATES.name,
+        lambda message: speeds.append(max(map(abs, message.velocity))),
+        qos_profile(JOINT_STATES.quality),
+    )
+    end_s = time.monotonic() + LONGEST_S
+    while not speeds or speeds[-1] > AT_REST:
+        graph.spin()
+        assert time.monotonic() < end_s, speeds[-1:]
+    graph.node.destroy_subscription(subscription)
 
 
 def states(bag: Path) -> list[str]:
