@@ -302,8 +302,8 @@ def _pace(node: str, times: Array, empty: Array) -> list[Measurement]:
     """Tell whether a node's rate is that of the clock, and whether it loses periods."""
 
     def lost(ticks: Array) -> float:
-        """How many periods are missing; a timer that is moved within a period loses none."""
-        return float(np.sum(np.rint(np.diff(ticks) / PERIOD_S) - 1.0))
+        """How many periods are missing; a timer that is moved may gain one, and loses none."""
+        return max(float(np.sum(np.rint(np.diff(ticks) / PERIOD_S) - 1.0)), 0.0)
 
     def behind(ticks: Array) -> float:
         """By how many periods the last tick is later than the first one says."""
@@ -317,7 +317,7 @@ def _pace(node: str, times: Array, empty: Array) -> list[Measurement]:
             name=f'periods lost by {node}',
             value=lost(times),
             unit='periods',
-            target=max(lost(empty), 0.0),
+            target=lost(empty),
             floor=lost(empty),
             note=f'of {len(times)}; floor and target: empty rclpy timer beside it',
         ),

@@ -84,7 +84,7 @@ def _simulate(
     return _Seen(np.array(ticks), np.array(ages), moved)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=12)
 @given(st.floats(0.0, PERIOD_S))
 def test_a_timer_comes_to_fire_shortly_behind_its_input(offset_s: float) -> None:
     seen = _simulate(offset_s, periods=500)
@@ -92,7 +92,7 @@ def test_a_timer_comes_to_fire_shortly_behind_its_input(offset_s: float) -> None
     assert len(seen.moved_s) <= 1
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=12)
 @given(
     st.floats(0.0, PERIOD_S),
     st.floats(0.0, 0.0026),
@@ -109,7 +109,7 @@ def test_a_timer_leaves_where_it_is_often_late(
     assert all(moved_s < seen.ticks_s[-4 * WATCH] for moved_s in seen.moved_s)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=12)
 @given(st.floats(0.0, PERIOD_S), st.floats(0.0, 0.0026))
 def test_no_move_loses_or_adds_a_period(offset_s: float, begin_s: float) -> None:
     seen = _simulate(offset_s, busy_s=(begin_s, begin_s + 0.001), share=0.3)
@@ -140,7 +140,7 @@ def test_an_input_that_comes_back_is_found_soon() -> None:
     assert any(wait_s is not None for wait_s in waits)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=12)
 @given(
     st.lists(st.floats(0.0, 3e-5), min_size=8, max_size=400),
     st.integers(0, 100),
