@@ -431,7 +431,8 @@ def last_way(bag: Path) -> np.ndarray:
     times_s, phases = np.array(sorted((row['time_s'], row['phase']) for row in labelled)).T
     changes = np.diff(phases)
     last_rise = max(np.flatnonzero(changes > 0.0), default=-1)
-    start_ns = times_s[np.flatnonzero(changes[last_rise + 1 :] < 0.0)[0] + last_rise + 1] * 1e9
+    falls = np.flatnonzero(changes < 0.0)
+    start_ns = times_s[falls[falls > last_rise][0]] * 1e9
     places = positions(bag, '/wrist/pose')
     return np.array([places[time_ns] for time_ns in sorted(places) if time_ns >= start_ns])
 
