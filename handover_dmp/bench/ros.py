@@ -71,6 +71,7 @@ class _Run:
         ik: (n, 3) when a period began; stamp of the wrist command it followed; how long ago that
             had come, s.
         joints: (n, 3) which period a joint command answers, when it was heard, s; 1 if it moves.
+        ticks: node to (n, 2) when a period began, s; its number.
         probes: name to what the probe wrote.
         handovers: how many came to their end, those before and after the time measured too.
         span: from when to when all was measured, s.
@@ -81,6 +82,7 @@ class _Run:
     dmp: Array
     ik: Array
     joints: Array
+    ticks: dict[str, Array]
     probes: dict[str, Array]
     handovers: int
     span: tuple[float, float]
@@ -194,6 +196,7 @@ def _read(folder: Path, span: tuple[float, float]) -> _Run:
     """Put together what the probes and the recorder have left."""
     stamps: dict[str, list[float]] = {HAND_POSE.name: [], HUMAN_POSE.name: []}
     dmp, ik, states = [], [], []
+    ticks: dict[str, list[list[float]]] = {'dmp': [], 'priority_ik': []}
     for topic, message, _ in read_bag(
         folder / 'bag', [*stamps, PHASE.name, IK_STATUS.name, STATE.name]
     ):
@@ -204,21 +207,24 @@ def _read(folder: Path, span: tuple[float, float]) -> _Run:
             states.append(message.data)
         elif topic == PHASE.name:
             dmp.append(_labelled(message, 'time_s', 'hand_stamp_s', 'hand_age_s', 'phase'))
+            ticks['dmp'].append(_labelled(message, 'time_s', 'period'))
         else:
             ik.append(_labelled(message, 'time_s', 'command_stamp_s', 'command_age_s'))
-    hand, ticks = map(np.array, stamps.values())
+            ticks['priority_ik'].append(_labelled(message, 'time_s', 'period'))
+    hand, person = map(np.array, stamps.values())
     # `hand_tracker` stamps the person's pose with its own time, the hand's with that of the pose
-    published = np.searchsorted(ticks, hand - ROUNDING_S)
-    seen = published < len(ticks)
+    published = np.searchsorted(person, hand - ROUNDING_S)
+    seen = published < len(person)
     probes = {
         name: np.array((folder / name).read_text(encoding='utf-8').split(), dtype=float)
         for name in PROBES
     }
     return _Run(
-        hand=np.column_stack((ticks[published[seen]], hand[seen])),
+        hand=np.column_stack((person[published[seen]], hand[seen])),
         dmp=_with_motion(np.array(dmp)),
         ik=np.array(ik),
         joints=probes['listener'].reshape(-1, 3),
+        ticks={node: np.array(rows) for node, rows in ticks.items()},
         probes=probes,
         handovers=states.count('done'),
         span=span,
@@ -256,13 +262,11 @@ def _motion(run: _Run) -> list[Measurement]:
 
 def _periods(node: str, run: _Run, rows: Array) -> list[Measurement]:
     """Compare the periods of a node with those of the probes and of its own input."""
-    rows = run.within(rows)
-    times, empty, ordinary, slept = (
-        run.within(each)
-        for each in (rows[:, 0], *(run.probes[p] for p in ('urgent', 'empty', 'sleep')))
-    )
-    errors = [_errors_ms(np.diff(each)) for each in (times, empty, ordinary, slept)]
-    errors.append(_errors_ms(_input_periods(rows)))
+    ticks = run.within(run.ticks[node])
+    empty, ordinary, slept = (run.within(run.probes[p]) for p in ('urgent', 'empty', 'sleep'))
+    errors = [_errors_ms(np.diff(each)) for each in (empty, ordinary, slept)]
+    errors.insert(0, _errors_ms(_recorded_periods(ticks)))
+    errors.append(_errors_ms(_input_periods(run.within(rows))))
     found = []
     for share in (50, 99):
         value, floor, at_ordinary_priority, plain, on_arrival = (
@@ -283,11 +287,18 @@ def _periods(node: str, run: _Run, rows: Array) -> list[Measurement]:
                 note='floor: empty rclpy timer beside it, same executor and priority',
             )
         )
-    return [*found, *_pace(node, times, empty)]
+    return [*found, *_pace(node, ticks, empty)]
 
 
 def _errors_ms(periods: Array) -> Array:
     return np.abs(periods - PERIOD_S) * 1e3
+
+
+def _recorded_periods(ticks: Array) -> Array:
+    """Return the times between the beginnings of periods, s; only where both were recorded."""
+    times, numbers = ticks.T
+    recorded: Array = np.diff(times)[np.diff(numbers) == 1.0]
+    return recorded
 
 
 def _input_periods(rows: Array) -> Array:
@@ -298,35 +309,40 @@ def _input_periods(rows: Array) -> Array:
     return np.diff(arrivals[new])[neighbours]
 
 
-def _pace(node: str, times: Array, empty: Array) -> list[Measurement]:
+def _pace(node: str, ticks: Array, empty: Array) -> list[Measurement]:
     """Tell whether a node's rate is that of the clock, and whether it loses periods."""
+    bare: Array = np.column_stack((empty, np.arange(len(empty))))
 
     def lost(ticks: Array) -> float:
         """How many periods are missing; a timer that is moved may gain one, and loses none."""
-        return max(float(np.sum(np.rint(np.diff(ticks) / PERIOD_S) - 1.0)), 0.0)
+        between_s, numbers = np.diff(ticks, axis=0).T
+        return max(float(np.sum(np.rint(between_s / PERIOD_S) - numbers)), 0.0)
 
     def behind(ticks: Array) -> float:
         """By how many periods the last tick is later than the first one says."""
-        return float((ticks[-1] - ticks[0]) / PERIOD_S - (len(ticks) - 1))
+        duration_s, periods = ticks[-1] - ticks[0]
+        return float(duration_s / PERIOD_S - periods)
 
     def parts_per_million(periods: float) -> float:
-        return float(abs(periods) * PERIOD_S / (times[-1] - times[0]) * 1e6)
+        return float(abs(periods) * PERIOD_S / (ticks[-1, 0] - ticks[0, 0]) * 1e6)
 
+    periods = int(ticks[-1, 1] - ticks[0, 1]) + 1
     return [
         Measurement(
             name=f'periods lost by {node}',
-            value=lost(times),
+            value=lost(ticks),
             unit='periods',
-            target=lost(empty),
-            floor=lost(empty),
-            note=f'of {len(times)}; floor and target: empty rclpy timer beside it',
+            target=lost(bare),
+            floor=lost(bare),
+            note=f'of {periods}, {periods - len(ticks)} of them unseen by the recorder; '
+            'floor and target: empty rclpy timer beside it',
         ),
         Measurement(
             name=f'drift of {node} from 200 Hz',
-            value=parts_per_million(behind(times)),
+            value=parts_per_million(behind(ticks)),
             unit='ppm',
-            target=parts_per_million(abs(behind(empty)) + 1.0),
-            floor=parts_per_million(behind(empty)),
+            target=parts_per_million(abs(behind(bare)) + 1.0),
+            floor=parts_per_million(behind(bare)),
             note='floor: empty rclpy timer beside it; target: one period more in the whole time',
         ),
     ]

@@ -33,6 +33,10 @@ class Periods:
     Rate and jitter of a loop, by the processor's clock.
 
     Keeps the periods of the last second only.
+
+    Attributes:
+        count: how many have begun; tells who reads a bag which ones it lacks.
+
     """
 
     def __init__(self, period_s: float) -> None:
@@ -43,6 +47,7 @@ class Periods:
             period_s: s; a period over 1.5 times this is an overrun.
 
         """
+        self.count = 0
         self._nominal_s = period_s
         self._last_s: float | None = None
         self._periods_s: list[float] = []
@@ -50,6 +55,7 @@ class Periods:
     def tick(self) -> None:
         """Note that a period begins."""
         now_s = perf_counter()
+        self.count += 1
         if self._last_s is not None:
             self._periods_s.append(now_s - self._last_s)
         self._last_s = now_s

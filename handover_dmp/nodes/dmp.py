@@ -282,7 +282,8 @@ class Dmp(HandoverNode):
         self._pose = pose_message(time, command.position, self._rotation)
         self._twist = twist_message(time, command.velocity)
         known = {'hand_stamp_s': self._controller.hand_stamp_s}
-        self._values = labelled({**command.numbers(now_s), **known})
+        count = {'period': self._periods.count}
+        self._values = labelled({**command.numbers(now_s), **known, **count})
         self._publish()
         self._say()
         controller = self._controller

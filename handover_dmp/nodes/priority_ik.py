@@ -278,6 +278,7 @@ class PriorityIkNode(HandoverNode):
         followed = {
             'command_stamp_s': self._followed_s,
             'command_age_s': now_s - self._follows_since_s,
+            'period': self._periods.count,
         }
         self._status = labelled({**command.numbers(time_ns / NANOSECONDS), **followed})
         self._active = command.solution.active_limits if command.solution else ()

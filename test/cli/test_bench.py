@@ -114,6 +114,7 @@ def test_an_answer_is_what_follows_from_the_pose_and_not_what_comes_next(on: flo
         ),
         ik=np.array([[1.008, 1.006, 0.0015], [1.013, 1.011, 0.0015]]),
         joints=np.array([[1.008, 1.0095, 1.0], [1.013, 1.0145, 1.0]]),
+        ticks={},
         probes={},
         handovers=1,
         span=(0.5, 2.0),
@@ -131,6 +132,7 @@ def test_an_answer_after_a_period_that_was_not_recorded_is_none() -> None:
         dmp=np.array([[0.996, 0.99, 0.0055, 1.0], [1.011, 1.005, 0.0055, 1.0]]),
         ik=np.array([[1.008, 1.006, 0.0015], [1.013, 1.011, 0.0015]]),
         joints=np.array([[1.008, 1.0095, 1.0], [1.013, 1.0145, 1.0]]),
+        ticks={},
         probes={},
         handovers=1,
         span=(0.5, 2.0),
@@ -146,6 +148,7 @@ def test_an_answer_of_an_arm_at_rest_is_none() -> None:
         dmp=np.array([[1.001, 1.0, 0.0005, 0.0]]),
         ik=np.array([[1.002, 1.001, 0.0005]]),
         joints=np.array([[1.002, 1.003, 0.0]]),
+        ticks={},
         probes={},
         handovers=0,
         span=(0.5, 2.0),
@@ -157,9 +160,13 @@ def test_an_answer_of_an_arm_at_rest_is_none() -> None:
 def test_lost_periods_are_counted(missing: tuple[int, ...], lost: int) -> None:
     from handover_dmp.bench.ros import _pace
 
-    ticks = np.arange(1000) * 0.005
-    count, drift = _pace('dmp', np.delete(ticks, missing), ticks)
+    times = np.arange(1000) * 0.005
+    ran = np.delete(times, missing)
+    numbered = np.column_stack((ran, np.arange(len(ran))))
+    unseen = np.delete(numbered, (100, 101, 800), axis=0)
+    count, drift = _pace('dmp', unseen, times)
     assert count.value == lost
+    assert '3 of them unseen' in count.note
     assert count.reached == (lost == 0)
     assert drift.reached == (lost <= 1)
 
