@@ -443,29 +443,44 @@ def farthest(way: np.ndarray, other: np.ndarray) -> float:
     return float(apart.min(axis=1).max())
 
 
+def way_towards(source: str, trial_bag: Path, folder: Path, prepare: Any) -> np.ndarray:
+    """Hand over to the hand of a bag, as a player or `hand_tracker` shows it."""
+    stamps = {'hand_stamps': 'arrival' if source == 'player' else 'header'}
+    run, parameters = prepare(
+        lockstep=False,
+        recorder={'folder': str(folder)},
+        hand_tracker={'source': 'bag', 'bag': str(trial_bag), 'trial': '/nowhere'},
+        dmp=stamps,
+        priority_ik=stamps,
+    )
+    nodes = tuple(node for node in NODES if (node, source) != ('hand_tracker', 'player'))
+    with Graph(run, parameters, lockstep=False, nodes=nodes) as graph:
+        hand_over(graph, trial_bag if source == 'player' else None)
+    return last_way(folder)
+
+
 def test_a_bag_that_is_played_moves_the_arm_as_the_tracker_does(
     prepare: Any, trial_bag: Path
 ) -> None:
-    """As by `ros2 bag play`: stamps of long ago, no `hand_tracker`, on the wall clock."""
-    ways = []
-    for source in ('player', 'hand_tracker'):
-        stamps = {'hand_stamps': 'arrival' if source == 'player' else 'header'}
-        folder, parameters = prepare(
-            lockstep=False,
-            recorder={'folder': str(trial_bag.parent / f'run_{source}')},
-            hand_tracker={'source': 'bag', 'bag': str(trial_bag), 'trial': '/nowhere'},
-            dmp=stamps,
-            priority_ik=stamps,
+    """
+    As by `ros2 bag play`: stamps of long ago, no `hand_tracker`, on the wall clock.
+
+    Tried again where they differ, since a machine that keeps one of five nodes waiting for a
+    moment leads a wrist at 1 m/s astray.
+    """
+    ends, ways = [], []
+    for attempt in range(3):
+        played, tracked = (
+            way_towards(source, trial_bag, trial_bag.parent / f'{source}_{attempt}', prepare)
+            for source in ('player', 'hand_tracker')
         )
-        nodes = tuple(node for node in NODES if (node, source) != ('hand_tracker', 'player'))
-        with Graph(folder, parameters, lockstep=False, nodes=nodes) as graph:
-            hand_over(graph, trial_bag if source == 'player' else None)
-        ways.append(last_way(trial_bag.parent / f'run_{source}'))
-    played, tracked = ways
-    assert np.linalg.norm(tracked[-1] - tracked[0]) > 0.3
-    assert np.linalg.norm(played[-1] - tracked[-1]) < 0.02
-    # what a wrist at 1 m/s misses while a busy machine keeps one of five nodes waiting
-    assert max(farthest(played, tracked), farthest(tracked, played)) < 0.05
+        assert np.linalg.norm(tracked[-1] - tracked[0]) > 0.3
+        ends.append(np.linalg.norm(played[-1] - tracked[-1]))
+        ways.append(max(farthest(played, tracked), farthest(tracked, played)))
+        # a period of either clock, at 1 m/s, and what the wall clock takes from both
+        if ends[-1] < 0.01 and ways[-1] < 0.02:
+            return
+    pytest.fail(f'the ends are {ends} m from each other, the ways {ways} m')
 
 
 @pytest.mark.parametrize(
