@@ -64,7 +64,7 @@ ROS2 = shutil.which('ros2')
 PLAYER = ROOT / 'test' / 'nodes' / 'play_bag.py'
 WAIT_S = 90.0
 # These take a quarter of a minute and more each.
-MINUTES = (' bench', ' tune ', ' render runs', ' evaluate garage', '--robot panda')
+MINUTES = (' bench', ' tune ', ' render runs', ' evaluate ', '--robot panda', ' demo --trial')
 
 
 def commands(path: Path) -> list[str]:

@@ -410,7 +410,7 @@ class TestWholeGraph:
         bench.neighbour.tell('/dmp/start')
         bench.finish()
 
-    @pytest.mark.parametrize('how', ['killed', 'stalled'])
+    @pytest.mark.parametrize('how', ['killed', pytest.param('stalled', marks=pytest.mark.slow)])
     def test_without_priority_ik_the_arm_brakes_by_itself_and_moves_on_only_when_told(
         self, bench: Bench, how: str
     ) -> None:
