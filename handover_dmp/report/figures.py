@@ -360,7 +360,8 @@ def draw_timing(run: RunRecord) -> Figure:
 def _histogram(ax: Axes, values_ms: Array, title: str, label: str) -> None:
     low, high = float(values_ms.min()), float(values_ms.max())
     room = max(0.25, 0.1 * (high - low))
-    ax.hist(values_ms, bins=40, range=(max(0.0, low - room), high + room), color='#1f4e9c')
+    # an odd number, so that a period which is always the same is one bar and not two halves
+    ax.hist(values_ms, bins=41, range=(max(0.0, low - room), high + room), color='#1f4e9c')
     ax.set(xlabel=label, ylabel='count', yscale='log')
     ax.set_ylim(bottom=0.7)
     # a lone outlier is as important as the crowd, so the scale is logarithmic and the tail named
