@@ -281,9 +281,8 @@ class Dmp(HandoverNode):
         time = stamp(time_ns)
         self._pose = pose_message(time, command.position, self._rotation)
         self._twist = twist_message(time, command.velocity)
-        known = {'hand_stamp_s': self._controller.hand_stamp_s}
-        count = {'period': self._periods.count}
-        self._values = labelled({**command.numbers(now_s), **known, **count})
+        known = {'hand_stamp_s': self._controller.hand_stamp_s, 'period': self._periods.count}
+        self._values = labelled({**command.numbers(now_s), **known})
         self._publish()
         self._say()
         controller = self._controller

@@ -105,9 +105,11 @@ def hearing(graph: Graph, *topics: Topic) -> Iterator[list[list[Any]]]:
                 message_class(topic.type_name), topic.name, messages.append, queue
             )
         )
-    yield heard
-    for subscription in subscriptions:
-        graph.node.destroy_subscription(subscription)
+    try:
+        yield heard
+    finally:
+        for subscription in subscriptions:
+            graph.node.destroy_subscription(subscription)
 
 
 def catch_up(graph: Graph, *heard: list[Any]) -> None:
