@@ -118,7 +118,7 @@ def _messages(
     yield TWIST_COMMAND, twist_stamped(time_ns, command.velocity)
     yield PHASE, _labelled(command.numbers(time_ns / NANOSECONDS))
     if answer.velocities is not None:
-        yield JOINT_COMMAND, _joint_command(time_ns, answer.velocities.tolist())
+        yield JOINT_COMMAND, float_array(answer.velocities.tolist(), [str(time_ns)])
     yield IK_STATUS, _labelled(answer.numbers(time_ns / NANOSECONDS))
 
 
@@ -135,10 +135,3 @@ def _pose(time_ns: int, position: Sequence[float], rotation: Any) -> Message:
 
 def _labelled(values: dict[str, float]) -> Message:
     return float_array(list(values.values()), list(values))
-
-
-def _joint_command(time_ns: int, velocities: Sequence[float]) -> Message:
-    message = float_array(velocities)
-    size = len(velocities)
-    message['layout']['dim'] = [{'label': str(time_ns), 'size': size, 'stride': size}]
-    return message

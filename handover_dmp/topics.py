@@ -22,10 +22,13 @@ local. Positions are metres in the frame `world` (REP 103, REP 105), times are t
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
+from typing import Any
 
 FRAME = 'world'
+SEPARATOR = ','
 
 
 class Quality(Enum):
@@ -97,7 +100,7 @@ IK_STATUS = Topic(
     '/wrist/ik_status',
     'std_msgs/msg/Float64MultiArray',
     Quality.COMMAND,
-    'how well the arm follows; the labels of the layout name the values',
+    'how well the arm follows; the label of the layout names the values',
 )
 JOINT_STATES = Topic(
     '/joint_states', 'sensor_msgs/msg/JointState', Quality.SENSOR, 'of the arm, rad and rad/s'
@@ -118,7 +121,7 @@ PHASE = Topic(
     '/handover/phase',
     'std_msgs/msg/Float64MultiArray',
     Quality.COMMAND,
-    'of the movement primitive; the labels of the layout name the values',
+    'of the movement primitive; the label of the layout names the values',
 )
 MARKERS = Topic(
     '/handover/markers',
@@ -146,3 +149,32 @@ TOPICS = (
     CLOCK, HAND_POSE, HUMAN_POSE, SIGNAL, WRIST_POSE, POSE_COMMAND, TWIST_COMMAND, IK_STATUS,
     JOINT_STATES, JOINT_COMMAND, STATE, PHASE, MARKERS, INFO, ROBOT_DESCRIPTION, DIAGNOSTICS,
 )  # fmt: skip
+
+
+def label_of(names: Iterable[str]) -> str:
+    """
+    Put the names of values into one label, since an array of numbers has one dimension.
+
+    Args:
+        names: of the values, in their order.
+
+    Returns:
+        The label of the dimension.
+
+    """
+    return SEPARATOR.join(names)
+
+
+def names_of_values(message: Any) -> tuple[str, ...]:
+    """
+    Read the names out of the layout of an array.
+
+    Args:
+        message: a `std_msgs/Float64MultiArray`.
+
+    Returns:
+        Name of each value; also where each has a dimension of its own.
+
+    """
+    labels = (dimension.label for dimension in message.layout.dim)
+    return tuple(name for label in labels for name in label.split(SEPARATOR))

@@ -32,7 +32,7 @@ from handover_dmp.errors import HandoverError
 from handover_dmp.recording import read_bag
 from handover_dmp.run import keep_inputs
 from handover_dmp.scenario import make_scenario, Scenario
-from handover_dmp.topics import HAND_POSE, HUMAN_POSE, IK_STATUS, PHASE, STATE
+from handover_dmp.topics import HAND_POSE, HUMAN_POSE, IK_STATUS, names_of_values, PHASE, STATE
 import numpy as np
 from numpy.typing import NDArray
 
@@ -232,7 +232,7 @@ def _read(folder: Path, span: tuple[float, float]) -> _Run:
 
 
 def _labelled(message: Any, *names: str) -> list[float]:
-    values = dict(zip((part.label for part in message.layout.dim), message.data, strict=True))
+    values = dict(zip(names_of_values(message), message.data, strict=True))
     return [values[name] for name in names]
 
 

@@ -16,17 +16,22 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Iterable, Mapping
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TwistStamped
-from handover_dmp.topics import FRAME
+from handover_dmp.topics import FRAME, label_of, names_of_values
 import numpy as np
 from numpy.typing import NDArray
 import pinocchio
-from std_msgs.msg import Float64MultiArray, MultiArrayDimension
+from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension
 
 NANOSECONDS = 1_000_000_000
+UNIT = (0.0, 0.0, 0.0, 1.0)
+
+Quaternion = tuple[float, float, float, float]
+"""x, y, z, w."""
 
 
 def nanoseconds(stamp: Time) -> int:
@@ -41,7 +46,11 @@ def stamp(time_ns: int) -> Time:
 
 
 def pose_message(
-    time: Time, position: Iterable[float], rotation: NDArray[np.float64] | None = None
+    time: Time,
+    position: Iterable[float],
+    orientation: Quaternion | None = None,
+    *,
+    into: PoseStamped | None = None,
 ) -> PoseStamped:
     """
     Make a pose in `world`.
@@ -49,37 +58,38 @@ def pose_message(
     Args:
         time: its stamp.
         position: (3,), m.
-        rotation: (3, 3); none gives the unit quaternion.
+        orientation: x, y, z, w; none gives the unit quaternion.
+        into: an older message to be filled anew, which takes a fifth of the time.
 
     Returns:
         The message.
 
     """
-    message = PoseStamped()
+    message = PoseStamped(header=Header(frame_id=FRAME)) if into is None else into
     message.header.stamp = time
-    message.header.frame_id = FRAME
     place, turn = message.pose.position, message.pose.orientation
     place.x, place.y, place.z = map(float, position)
-    if rotation is not None:
-        turn.x, turn.y, turn.z, turn.w = map(float, pinocchio.Quaternion(rotation).coeffs())
+    turn.x, turn.y, turn.z, turn.w = UNIT if orientation is None else orientation
     return message
 
 
-def twist_message(time: Time, velocity: Iterable[float]) -> TwistStamped:
+def twist_message(
+    time: Time, velocity: Iterable[float], *, into: TwistStamped | None = None
+) -> TwistStamped:
     """
     Make a twist in `world` without rotation.
 
     Args:
         time: its stamp.
         velocity: (3,), m/s.
+        into: an older message to be filled anew.
 
     Returns:
         The message.
 
     """
-    message = TwistStamped()
+    message = TwistStamped(header=Header(frame_id=FRAME)) if into is None else into
     message.header.stamp = time
-    message.header.frame_id = FRAME
     linear = message.twist.linear
     linear.x, linear.y, linear.z = map(float, velocity)
     return message
@@ -89,6 +99,12 @@ def position_of(message: PoseStamped) -> tuple[float, float, float]:
     """Return the position of a pose, m."""
     place = message.pose.position
     return place.x, place.y, place.z
+
+
+def quaternion_of(rotation: NDArray[np.float64]) -> Quaternion:
+    """Return a rotation, (3, 3), as a quaternion."""
+    x, y, z, w = pinocchio.Quaternion(rotation).coeffs().tolist()
+    return x, y, z, w
 
 
 def rotation_of(message: PoseStamped) -> NDArray[np.float64] | None:
@@ -101,26 +117,26 @@ def rotation_of(message: PoseStamped) -> NDArray[np.float64] | None:
     return matrix
 
 
-def labelled(values: Mapping[str, float]) -> Float64MultiArray:
+def labelled(
+    values: Mapping[str, float], *, into: Float64MultiArray | None = None
+) -> Float64MultiArray:
     """
     Make an array whose layout names each value.
 
     Args:
         values: name to value.
+        into: an older message to be filled anew.
 
     Returns:
         The message.
 
     """
-    message = Float64MultiArray(data=[float(value) for value in values.values()])
-    message.layout.dim = [MultiArrayDimension(label=name, size=1, stride=1) for name in values]
-    return message
+    return _array(label_of(values), values.values(), into)
 
 
 def values_of(message: Float64MultiArray) -> dict[str, float]:
     """Return what `labelled` put into an array."""
-    names = (dimension.label for dimension in message.layout.dim)
-    return dict(zip(names, message.data, strict=False))
+    return dict(zip(names_of_values(message), message.data, strict=False))
 
 
 def velocities_of(
@@ -131,7 +147,9 @@ def velocities_of(
     return (linear.x, linear.y, linear.z), (angular.x, angular.y, angular.z)
 
 
-def answering(time_ns: int, velocities: Iterable[float]) -> Float64MultiArray:
+def answering(
+    time_ns: int, velocities: Iterable[float], *, into: Float64MultiArray | None = None
+) -> Float64MultiArray:
     """
     Make a joint command that names the period which it answers.
 
@@ -141,16 +159,25 @@ def answering(time_ns: int, velocities: Iterable[float]) -> Float64MultiArray:
     Args:
         time_ns: time of the period, ns.
         velocities: rad/s.
+        into: an older message to be filled anew.
 
     Returns:
         The message.
 
     """
-    data = [float(velocity) for velocity in velocities]
-    message = Float64MultiArray(data=data)
-    size = len(data)
-    message.layout.dim = [MultiArrayDimension(label=str(time_ns), size=size, stride=size)]
-    return message
+    return _array(str(time_ns), velocities, into)
+
+
+def _array(
+    label: str, values: Iterable[float], into: Float64MultiArray | None
+) -> Float64MultiArray:
+    if into is None:
+        into = Float64MultiArray()
+        into.layout.dim = [MultiArrayDimension()]
+    into.data = array('d', values)
+    dimension = into.layout.dim[0]
+    dimension.label, dimension.size, dimension.stride = label, len(into.data), len(into.data)
+    return into
 
 
 def period_of(message: Float64MultiArray) -> int | None:

@@ -22,7 +22,6 @@ from math import inf, isfinite, nan
 from pathlib import Path
 import sys
 from time import monotonic
-from typing import Any
 
 from geometry_msgs.msg import PoseStamped
 from handover_dmp.controller import HandoverController, HandoverOptions, MOVING
@@ -35,6 +34,8 @@ from handover_dmp.nodes.conversions import (
     nanoseconds,
     pose_message,
     position_of,
+    Quaternion,
+    quaternion_of,
     rotation_of,
     stamp,
     twist_message,
@@ -133,7 +134,7 @@ class Dmp(HandoverNode):
         self._newest_hand_ns = -1
         self._phase_rate = 1.0
         self._phase_rate_ns = -1
-        self._rotation: Any = None
+        self._orientation: Quaternion | None = None
         self._wrist_arrival_s = -inf
         self._last_s: float | None = None
         self._stepped_s: float | None = None
@@ -199,8 +200,8 @@ class Dmp(HandoverNode):
     def _on_wrist(self, message: PoseStamped) -> None:
         self._controller.set_wrist(position_of(message))
         self._wrist_arrival_s = self.arrival_s()
-        if self._rotation is None:
-            self._rotation = rotation_of(message)
+        if self._orientation is None and (rotation := rotation_of(message)) is not None:
+            self._orientation = quaternion_of(rotation)
         if self.lockstep:
             self._clock_of_periods.ask(nanoseconds(message.header.stamp))
 
@@ -262,7 +263,7 @@ class Dmp(HandoverNode):
         self._step(now_s, now_s, elapsed_s, tick_ns)
 
     def _tick(self) -> None:
-        now_ns = self.get_clock().now().nanoseconds
+        now_ns = self.now_ns()
         arrival_s = self.arrival_s()
         self._timer.ticked()
         last_s, self._last_s = self._last_s, arrival_s
@@ -279,10 +280,10 @@ class Dmp(HandoverNode):
         if command is None:
             return
         time = stamp(time_ns)
-        self._pose = pose_message(time, command.position, self._rotation)
-        self._twist = twist_message(time, command.velocity)
+        self._pose = pose_message(time, command.position, self._orientation, into=self._pose)
+        self._twist = twist_message(time, command.velocity, into=self._twist)
         known = {'hand_stamp_s': self._controller.hand_stamp_s, 'period': self._periods.count}
-        self._values = labelled({**command.numbers(now_s), **known})
+        self._values = labelled({**command.numbers(now_s), **known}, into=self._values)
         self._publish()
         self._say()
         controller = self._controller

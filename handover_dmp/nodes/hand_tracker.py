@@ -95,7 +95,7 @@ class HandTracker(HandoverNode):
         self._signal.publish(Header(stamp=time, frame_id=FRAME))
 
     def _tick(self) -> None:
-        self._answer(self.get_clock().now().nanoseconds, 0.0)
+        self._answer(self.now_ns(), 0.0)
 
     def _answer(self, time_ns: int, _elapsed_s: float) -> None:
         self._periods.tick()

@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from time import monotonic
+from time import monotonic, time_ns
 from typing import Any, ClassVar
 
 from builtin_interfaces.msg import Time
@@ -26,8 +26,10 @@ from handover_dmp.nodes.housekeeping import Housekeeping
 from handover_dmp.nodes.parameters import COMMON, declare, Parameter
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.topics import Topic
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
 from rclpy.publisher import Publisher
 from rclpy.timer import Timer
 from std_srvs.srv import Trigger
@@ -47,6 +49,7 @@ class HandoverNode(Node):  # type: ignore[misc]
         self.values = declare(self, COMMON + self.PARAMETERS)
         self.lockstep: bool = self.values['lockstep']
         self._simulated: bool = self.get_parameter('use_sim_time').value
+        self.add_on_set_parameters_callback(_keep_the_clock)
         self.housekeeping = Housekeeping(self)
 
     def advertise(self, topic: Topic) -> Publisher:
@@ -147,15 +150,26 @@ class HandoverNode(Node):  # type: ignore[misc]
             Time on this node's clock, ns.
 
         """
-        time_ns = nanoseconds(stamp)
-        if time_ns == 0 or self.values['hand_stamps'] == 'arrival':
-            return int(self.get_clock().now().nanoseconds)
-        return time_ns
+        stamp_ns = nanoseconds(stamp)
+        if stamp_ns == 0 or self.values['hand_stamps'] == 'arrival':
+            return self.now_ns()
+        return stamp_ns
+
+    def now_ns(self) -> int:
+        """Return the time of stamps, ns."""
+        # what the clock of rclpy says, in a fiftieth of the time
+        return int(self.get_clock().now().nanoseconds) if self._simulated else time_ns()
 
     def now_s(self) -> float:
         """Return the time of stamps, s."""
-        return float(self.get_clock().now().nanoseconds / NANOSECONDS)
+        return self.now_ns() / NANOSECONDS
 
     def arrival_s(self) -> float:
         """Return the time that ages are counted in, s: never set back, unless it is simulated."""
         return self.now_s() if self._simulated else monotonic()
+
+
+def _keep_the_clock(requested: list[RosParameter]) -> SetParametersResult:
+    if any(parameter.name == 'use_sim_time' for parameter in requested):
+        return SetParametersResult(successful=False, reason='use_sim_time is for the start alone')
+    return SetParametersResult(successful=True)

@@ -39,6 +39,8 @@ PLACES = range(6)
 """From the nearest to the input on, one stride after the other."""
 LATE_S = 0.00005
 """Beyond its own schedule, a timer that fires so late has waited for something."""
+ON_TIME_S = 0.0002
+"""By how much the input may be off when the timer is moved behind it."""
 OFTEN = 0.02
 MUCH_BETTER = 0.5
 FADING = 0.9
@@ -63,7 +65,7 @@ class PhaseLock:
 
         """
         self._period_s = period_s
-        self._arrived_s = 0.0
+        self._arrived_s = self._ticked_s = self._usual_age_s = 0.0
         self._late: dict[int, float] = {}
         self._wanted_s: float | None = None
         self._watch()
@@ -82,9 +84,10 @@ class PhaseLock:
         """
         self._arrived_s = now_s
         self._arrivals += 1
+        if self._wanted_s is None or not self._is_on_time(now_s):
+            return None
         wanted_s, self._wanted_s = self._wanted_s, None
-        if wanted_s is not None:
-            self._watch()
+        self._watch()
         return wanted_s
 
     def ticked(self, now_s: float) -> None:
@@ -95,10 +98,31 @@ class PhaseLock:
             now_s: when, s.
 
         """
+        self._ticked_s = now_s
         self._ticks_s.append(now_s)
         self._ages_s.append(now_s - self._arrived_s)
         if len(self._ticks_s) % LOOK == 0:
             self._look()
+
+    def is_due(self, now_s: float) -> bool:
+        """
+        Tell whether a timer that is moved to now is to fire at once.
+
+        Args:
+            now_s: now, s.
+
+        Returns:
+            Whether the nearest of its old periods has not begun yet, so that there are as many
+            periods as before.
+
+        """
+        return now_s - self._ticked_s > 0.5 * self._period_s
+
+    def _is_on_time(self, arrived_s: float) -> bool:
+        """Whether an input came when it mostly does: behind one that is late no place is known."""
+        behind_s = arrived_s - self._ticked_s + self._usual_age_s
+        half_s = 0.5 * self._period_s
+        return abs((behind_s + half_s) % self._period_s - half_s) < ON_TIME_S
 
     def _watch(self) -> None:
         self._arrivals = 0
@@ -113,7 +137,8 @@ class PhaseLock:
             self._late.clear()
             self._watch()
             return
-        place = round((float(np.median(self._ages_s[-LOOK:])) - NEAREST_S) / STRIDE_S)
+        self._usual_age_s = float(np.median(self._ages_s[-LOOK:]))
+        place = round((self._usual_age_s - NEAREST_S) / STRIDE_S)
         best = min(PLACES, key=lambda other: self._late.get(other, 0.0))
         if place not in PLACES:
             self._wanted_s = NEAREST_S + STRIDE_S * best
@@ -165,13 +190,14 @@ class LockedTimer:
         self._lock = PhaseLock(period_s)
 
     def arrived(self) -> None:
-        """Note that the input has come; if that is due, fire the timer and start it anew."""
+        """Note that the input has come; move the timer if that is worth it."""
         if self._timer is not None:
             wait_s = self._lock.arrived(perf_counter())
             if wait_s is not None:
                 sleep(wait_s)
                 self._timer.reset()
-                self._timer.callback()
+                if self._lock.is_due(perf_counter()):
+                    self._timer.callback()
 
     def ticked(self) -> None:
         """Note that the timer has fired."""

@@ -30,6 +30,7 @@ from handover_dmp.nodes.conversions import (
     nanoseconds,
     pose_message,
     position_of,
+    quaternion_of,
     rotation_of,
     velocities_of,
 )
@@ -119,6 +120,8 @@ class PriorityIkNode(HandoverNode):
         self._twist: TwistStamped | None = None
         self._answered_s: float | None = None
         self._followed_s = self._follows_since_s = nan
+        self._wrist: PoseStamped | None = None
+        self._commands = False
         self._command: Any = None
         self._status: Any = None
         self._fault = 'no joint states yet'
@@ -164,7 +167,9 @@ class PriorityIkNode(HandoverNode):
             return
         assert controller.positions is not None
         position, rotation = self._model.wrist_pose(controller.positions)
-        self._wrist_pose.publish(pose_message(message.header.stamp, position, rotation))
+        stamp, orientation = message.header.stamp, quaternion_of(rotation)
+        self._wrist = pose_message(stamp, position.tolist(), orientation, into=self._wrist)
+        self._wrist_pose.publish(self._wrist)
         if self.lockstep:
             self._lockstep.ask(time_ns)
 
@@ -258,7 +263,7 @@ class PriorityIkNode(HandoverNode):
         self._solve(now_s, elapsed_s, tick_ns)
 
     def _tick(self) -> None:
-        time_ns = self.get_clock().now().nanoseconds
+        time_ns = self.now_ns()
         now_s = self.arrival_s()
         self._timer.ticked()
         last_s, self._answered_s = self._answered_s, now_s
@@ -272,20 +277,21 @@ class PriorityIkNode(HandoverNode):
         self._periods.tick()
         command = self._controller.update(now_s, elapsed_s)
         self._fault = command.reason
-        self._command = None
+        self._commands = command.velocities is not None
         if command.velocities is not None:
-            self._command = answering(time_ns, command.velocities)
+            self._command = answering(time_ns, command.velocities.tolist(), into=self._command)
         followed = {
             'command_stamp_s': self._followed_s,
             'command_age_s': now_s - self._follows_since_s,
             'period': self._periods.count,
         }
-        self._status = labelled({**command.numbers(time_ns / NANOSECONDS), **followed})
+        numbers = {**command.numbers(time_ns / NANOSECONDS), **followed}
+        self._status = labelled(numbers, into=self._status)
         self._active = command.solution.active_limits if command.solution else ()
         self._publish()
 
     def _publish(self) -> None:
-        if self._command is not None:
+        if self._commands:
             self._joint_command.publish(self._command)
         if self._status is not None:
             self._ik_status.publish(self._status)
@@ -296,9 +302,7 @@ class PriorityIkNode(HandoverNode):
             command = self._controller.stop('told to end', self._period_s)
             if command.velocities is None:
                 return
-            self._joint_command.publish(
-                answering(self.get_clock().now().nanoseconds, command.velocities)
-            )
+            self._joint_command.publish(answering(self.now_ns(), command.velocities))
             sleep(self._period_s)
 
     # Condition

@@ -174,7 +174,7 @@ class RobotSim(HandoverNode):
 
     def _publish(self) -> None:
         self._asked_s = monotonic()
-        time = stamp(self._tick_ns) if self.lockstep else self.get_clock().now().to_msg()
+        time = stamp(self._tick_ns if self.lockstep else self.now_ns())
         if self._time_publisher is not None:
             self._time_publisher.publish(Clock(clock=time))
         self._message.header.stamp = time

@@ -21,6 +21,7 @@ from functools import cache
 from typing import Any
 
 from handover_dmp.recording.message_definitions import message_definition
+from handover_dmp.topics import label_of
 
 # The library that decodes also encodes, but shows only a writer of whole files. Ours must put
 # quality of service and type hashes into them too, so its encoder is taken from within.
@@ -145,10 +146,11 @@ def float_array(values: Sequence[float], labels: Sequence[str] = ()) -> dict[str
 
     Args:
         values: the data.
-        labels: name of each value; kept as the labels of the layout, one dimension of size 1 each.
+        labels: name of each value, or one of all; kept as the label of the one dimension.
 
     """
-    dimensions = [{'label': label, 'size': 1, 'stride': 1} for label in labels]
+    size = len(values)
+    dimensions = [{'label': label_of(labels), 'size': size, 'stride': size}] if labels else []
     return {'layout': {'dim': dimensions, 'data_offset': 0}, 'data': _floats(values)}
 
 

@@ -35,6 +35,7 @@ from handover_dmp.topics import (
     INFO,
     JOINT_COMMAND,
     JOINT_STATES,
+    names_of_values,
     PHASE,
     POSE_COMMAND,
     ROBOT_DESCRIPTION,
@@ -291,7 +292,7 @@ def _collect(path: Path) -> _Samples:
             header = getattr(message, 'header', None)
             stamp_ns = 0 if header is None else _nanoseconds(header.stamp)
             if topic in (PHASE.name, IK_STATUS.name):
-                labels = tuple(dimension.label for dimension in message.layout.dim)
+                labels = names_of_values(message)
                 if samples.labels.setdefault(topic, labels) != labels or len(labels) != len(value):
                     raise DataError(f'{path}: {topic}: values without their names')
         except AttributeError as error:

@@ -33,7 +33,13 @@ import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds, pose_message, stamp
+from handover_dmp.nodes.conversions import (
+    labelled,
+    NANOSECONDS,
+    nanoseconds,
+    pose_message,
+    stamp,
+)
 from handover_dmp.nodes.graph import Graph, GraphError
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.recording import bag_information, read_bag, repair_bag
@@ -701,7 +707,7 @@ class Partner:
             return all(h and nanoseconds(h[-1].header.stamp) == time_ns for h in heard)
 
         while not answered():
-            self._say_wrist(pose_message(stamp(time_ns), self.wrist, np.eye(3)))
+            self._say_wrist(pose_message(stamp(time_ns), self.wrist))
             again_s = time.monotonic() + (0.03 if self.way else 0.2)
             while time.monotonic() < again_s and not answered():
                 self.neighbour.spin()
@@ -710,9 +716,7 @@ class Partner:
         self.wrist = np.array([pose.x, pose.y, pose.z])
         self.way.append(self.wrist)
         self.velocities.append(np.array([twist.x, twist.y, twist.z]))
-        status = Float64MultiArray(data=[1.0, time_s])
-        status.layout.dim = [MultiArrayDimension(label=n) for n in ('speed_scale', 'time_s')]
-        self._say_status(status)
+        self._say_status(labelled({'speed_scale': 1.0, 'time_s': time_s}))
 
     def check(self) -> float:
         """Hold the commands to their limits; tell how fast the last one is, m/s."""

@@ -36,7 +36,7 @@ from handover_dmp.recording import read_bag
 from handover_dmp.run import keep_inputs
 from handover_dmp.scenario import Scenario
 from handover_dmp.settings import defaults
-from handover_dmp.topics import JOINT_COMMAND, JOINT_STATES
+from handover_dmp.topics import JOINT_COMMAND, JOINT_STATES, names_of_values
 import numpy as np
 import pytest
 import rclpy
@@ -425,7 +425,7 @@ def last_way(bag: Path) -> np.ndarray:
     By the stamps, since the recorder may be late, and take in one topic before the other.
     """
     labelled = [
-        dict(zip((part.label for part in message.layout.dim), message.data, strict=True))
+        dict(zip(names_of_values(message), message.data, strict=True))
         for _, message, _ in read_bag(bag, ['/handover/phase'])
     ]
     times_s, phases = np.array(sorted((row['time_s'], row['phase']) for row in labelled)).T

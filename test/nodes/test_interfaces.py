@@ -171,6 +171,7 @@ def test_parameters_of_one_request_are_taken_together_or_not_at_all(graph: Graph
     assert not set_together(graph, 'priority_ik', orientation='none', braking_share=7.0).successful
     assert set_together(graph, 'priority_ik', orientation='none', separation=False).successful
     assert set_together(graph, 'robot_sim', real_time_factor=2.0).successful
+    assert 'for the start' in set_together(graph, 'dmp', use_sim_time=True).reason
 
 
 def test_pose_and_twist_of_one_command_carry_the_same_stamp(graph: Graph) -> None:

@@ -26,7 +26,7 @@ import time
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
-from handover_dmp.nodes.conversions import pose_message
+from handover_dmp.nodes.conversions import pose_message, quaternion_of
 from handover_dmp.nodes.graph import isolate, NODES
 from handover_dmp.nodes.leaving import leave, LONGEST_WAIT_S, turn_file
 from handover_dmp.nodes.priority_ik import LONGEST_STEP
@@ -128,6 +128,7 @@ def test_priority_ik_ends_with_an_arm_at_rest(tmp_path: Path) -> None:
     """Ctrl-C in motion: a velocity controller goes on with the last command that it got."""
     arm = RobotModel.load('lwr4')
     place, rotation = arm.wrist_pose(arm.home)
+    turn = quaternion_of(rotation)
     process = start('priority_ik', tmp_path)
     rclpy.init(args=[])
     node = rclpy.create_node('arm_and_commander', use_global_arguments=False)
@@ -147,7 +148,7 @@ def test_priority_ik_ends_with_an_arm_at_rest(tmp_path: Path) -> None:
         state.header.stamp = gripper.header.stamp = time_now
         states.publish(state)
         states.publish(gripper)
-        poses.publish(pose_message(time_now, place + [0.0, 0.4, 0.0], rotation))
+        poses.publish(pose_message(time_now, place + [0.0, 0.4, 0.0], turn))
 
     node.create_timer(0.005, drive)
     try:

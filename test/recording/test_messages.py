@@ -23,6 +23,7 @@ from handover_dmp.recording.messages import (
     string,
     twist_stamped,
 )
+from handover_dmp.topics import names_of_values
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -74,7 +75,8 @@ def test_float_array_names_its_values(values: list[float]) -> None:
     labels = [f'value_{index}' for index in range(len(values))]
     array = decode('std_msgs/msg/Float64MultiArray', float_array(np.array(values), labels))
     np.testing.assert_array_equal(array.data, values)
-    assert [dimension.label for dimension in array.layout.dim] == labels
+    assert names_of_values(array) == tuple(labels)
+    assert [dimension.size for dimension in array.layout.dim] == [len(values)] * bool(values)
 
 
 def test_the_others() -> None:
