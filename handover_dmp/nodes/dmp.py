@@ -360,7 +360,7 @@ def _with_parameters(model: DecoupledDmp, values: Values) -> DecoupledDmp:
 
 
 def _path(model: DecoupledDmp) -> Sequence[Sequence[float]]:
-    times = np.linspace(0.0, model.duration_s, 101)
+    times = np.linspace(0.0, model.duration_s, 51)
     path: Sequence[Sequence[float]] = model.rollout(times, model.goal).positions.tolist()
     return path
 

@@ -16,8 +16,7 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point
@@ -32,8 +31,11 @@ GREY = (0.5, 0.5, 0.5)
 GOLD = (0.9, 0.7, 0.1)
 TRAIL_LENGTH = 200
 EVERY = 10
+BALL_M = 0.05
+LINE_M = 0.008
 
 Position = Sequence[float]
+Colour = tuple[float, float, float]
 
 
 class Markers:
@@ -49,10 +51,13 @@ class Markers:
 
         """
         self._publisher = node.advertise(MARKERS)
-        self._learnt_path = [_point(place) for place in learnt_path]
-        self._hand_trail: deque[Point] = deque(maxlen=TRAIL_LENGTH)
-        self._wrist_trail: deque[Point] = deque(maxlen=TRAIL_LENGTH)
-        self._exchange: Position | None = None
+        # kept and filled anew, since making them takes as long as sending them
+        self._path = _marker('learnt path', Marker.LINE_STRIP, GREY, LINE_M)
+        self._path.points = [_point(place) for place in learnt_path]
+        self._exchange = _marker('exchange', Marker.SPHERE, GOLD, BALL_M)
+        self._hand = _Trail('hand', RED)
+        self._wrist = _Trail('wrist', BLUE)
+        self._exchanged = False
         self._count = 0
 
     def update(
@@ -71,53 +76,50 @@ class Markers:
         self._count += 1
         if self._count % EVERY:
             return
-        markers = [self._line(time, 'learnt path', self._learnt_path, GREY)]
-        if self._exchange is not None and exchange is None:  # another handover
-            self._hand_trail.clear()
-            self._wrist_trail.clear()
+        markers = [self._path]
+        if self._exchanged and exchange is None:  # another handover
+            self._hand.clear()
+            self._wrist.clear()
             markers.append(Marker(ns='exchange', action=Marker.DELETE))
-        self._exchange = exchange
-        for name, place, trail, colour in (
-            ('hand', hand, self._hand_trail, RED),
-            ('wrist', wrist, self._wrist_trail, BLUE),
-        ):
-            if place is not None:
-                trail.append(_point(place))
-                markers.append(self._ball(time, name, place, colour))
-                markers.append(self._line(time, f'{name} trail', trail, colour))
+        self._exchanged = exchange is not None
+        markers += self._hand.to(hand) + self._wrist.to(wrist)
         if exchange is not None:
-            markers.append(self._ball(time, 'exchange', exchange, GOLD))
+            self._exchange.pose.position = _point(exchange)
+            markers.append(self._exchange)
+        for marker in markers:
+            marker.header.stamp = time
         self._publisher.publish(MarkerArray(markers=markers))
 
-    def _marker(
-        self, time: Time, name: str, kind: int, colour: tuple[float, float, float], size_m: float
-    ) -> Marker:
-        marker = Marker(ns=name, type=kind, action=Marker.ADD)
-        marker.header.stamp = time
-        marker.header.frame_id = FRAME
-        marker.pose.orientation.w = 1.0
-        marker.scale.x = marker.scale.y = marker.scale.z = size_m
-        red, green, blue = colour
-        marker.color = ColorRGBA(r=red, g=green, b=blue, a=1.0)
-        return marker
 
-    def _ball(
-        self, time: Time, name: str, place: Position, colour: tuple[float, float, float]
-    ) -> Marker:
-        marker = self._marker(time, name, Marker.SPHERE, colour, 0.05)
-        marker.pose.position = _point(place)
-        return marker
+class _Trail:
+    """A ball, and a line behind it."""
 
-    def _line(
-        self,
-        time: Time,
-        name: str,
-        path: Iterable[Point],
-        colour: tuple[float, float, float],
-    ) -> Marker:
-        marker = self._marker(time, name, Marker.LINE_STRIP, colour, 0.008)
-        marker.points = list(path)
-        return marker
+    def __init__(self, name: str, colour: Colour) -> None:
+        self._ball = _marker(name, Marker.SPHERE, colour, BALL_M)
+        self._line = _marker(f'{name} trail', Marker.LINE_STRIP, colour, LINE_M)
+
+    def to(self, place: Position | None) -> list[Marker]:
+        """Go on to a place, m; give what is to be shown, nothing where that is not known."""
+        if place is None:
+            return []
+        self._ball.pose.position = point = _point(place)
+        self._line.points.append(point)
+        del self._line.points[:-TRAIL_LENGTH]
+        return [self._ball, self._line]
+
+    def clear(self) -> None:
+        """Forget where it was."""
+        self._line.points.clear()
+
+
+def _marker(name: str, kind: int, colour: Colour, size_m: float) -> Marker:
+    marker = Marker(ns=name, type=kind, action=Marker.ADD)
+    marker.header.frame_id = FRAME
+    marker.pose.orientation.w = 1.0
+    marker.scale.x = marker.scale.y = marker.scale.z = size_m
+    red, green, blue = colour
+    marker.color = ColorRGBA(r=red, g=green, b=blue, a=1.0)
+    return marker
 
 
 def _point(place: Position) -> Point:
