@@ -31,7 +31,7 @@ import numpy as np
 from rclpy.timer import Timer
 
 WATCH = 1000
-LOOK = 40
+LOOK = 20
 SAME_RATE = 0.1
 NEAREST_S = 0.0003
 STRIDE_S = 0.0004
@@ -41,6 +41,8 @@ LATE_S = 0.00005
 """Beyond its own schedule, a timer that fires so late has waited for something."""
 ON_TIME_S = 0.0002
 """By how much the input may be off when the timer is moved behind it."""
+UNDISTURBED = 0.25
+"""Quantile of times behind the schedule that stands for a timer which waits for nothing."""
 OFTEN = 0.005
 """Of the ticks: each that is late makes two periods wrong, and 99 % of them shall be right."""
 MUCH_BETTER = 0.5
@@ -138,7 +140,8 @@ class PhaseLock:
             self._late.clear()
             self._watch()
             return
-        self._usual_age_s = float(np.median(self._ages_s[-LOOK:]))
+        # of those that were not late, or a place would be taken for the next one
+        self._usual_age_s = float(np.quantile(self._ages_s[-LOOK:], UNDISTURBED))
         place = round((self._usual_age_s - NEAREST_S) / STRIDE_S)
         best = min(PLACES, key=lambda other: self._late.get(other, 0.0))
         if place not in PLACES:
@@ -172,7 +175,7 @@ def share_of_late(ticks_s: Sequence[float], period_s: float) -> float:
     # around the middle one, so that none lies on the seam of two periods; more are late than early
     offsets -= np.quantile(offsets, 0.5, method='lower')
     offsets = (offsets + period_s / 4.0) % period_s
-    return float(np.mean(offsets > np.quantile(offsets, 0.25) + LATE_S))
+    return float(np.mean(offsets > np.quantile(offsets, UNDISTURBED) + LATE_S))
 
 
 class LockedTimer:

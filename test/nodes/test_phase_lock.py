@@ -105,7 +105,7 @@ def test_a_timer_comes_to_fire_shortly_behind_its_input(offset_s: float) -> None
     st.floats(0.0, PERIOD_S),
     st.floats(0.0, 0.0026),
     st.floats(0.0001, 0.0012),
-    st.sampled_from([4.0 * OFTEN, 0.1, 0.5, 0.9]),
+    st.sampled_from([4.0 * OFTEN, 0.1, 0.5, 0.7, 0.9]),
 )
 def test_a_timer_leaves_where_it_is_often_late(
     offset_s: float, begin_s: float, width_s: float, share: float
@@ -113,7 +113,8 @@ def test_a_timer_leaves_where_it_is_often_late(
     seen = _simulate(offset_s, busy_s=(begin_s, begin_s + width_s), share=share)
     assert share_of_late(seen.ticks_s[-WATCH:], PERIOD_S) <= OFTEN
     assert BEHIND_S[0] <= np.median(seen.ages_s[-WATCH:]) <= BEHIND_S[1] + LATE_S
-    # and stays there
+    # and stays there, with no place tried twice
+    assert len(seen.moved_s) <= len(PLACES)
     assert all(moved_s < seen.ticks_s[-4 * WATCH] for moved_s in seen.moved_s)
 
 
