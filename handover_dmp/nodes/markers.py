@@ -51,7 +51,7 @@ class Markers:
 
         """
         self._publisher = node.advertise(MARKERS)
-        # kept and filled anew, since making them takes as long as sending them
+        # kept and filled anew, since making them takes half as long as sending them
         self._path = _marker('learnt path', Marker.LINE_STRIP, GREY, LINE_M)
         self._path.points = [_point(place) for place in learnt_path]
         self._exchange = _marker('exchange', Marker.SPHERE, GOLD, BALL_M)

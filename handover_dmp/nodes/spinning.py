@@ -108,7 +108,7 @@ def _executor(node: Node) -> tuple[Executor, Callable[[], None]]:
     executor.add_node(node)
     if default:
         return executor, partial(executor.spin_once, POLL_S)
-    # many events in one go: coming back from C++ after each takes a tenth of a node's time
+    # many events in one go, since there is nothing to look at after each
     return executor, partial(executor.spin_until_future_complete, Future(), POLL_S)
 
 
