@@ -26,8 +26,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from time import perf_counter, sleep
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from rclpy.timer import Timer
 
 WATCH = 1000
@@ -37,25 +39,24 @@ NEAREST_S = 0.0003
 STRIDE_S = 0.0004
 PLACES = range(6)
 """From the nearest to the input on, one stride after the other."""
-LATE_S = 0.00005
-"""Beyond its own schedule, a timer that fires so late has waited for something."""
+WRONG_S = 0.00005
+"""A period that is off by so much began or ended late, since something else was waited for."""
 ON_TIME_S = 0.0002
 """By how much the input may be off when the timer is moved behind it."""
-UNDISTURBED = 0.25
-"""Quantile of times behind the schedule that stands for a timer which waits for nothing."""
-OFTEN = 0.005
-"""Of the ticks: each that is late makes two periods wrong, and 99 % of them shall be right."""
+OFTEN = 0.01
+"""Of the periods: 99 % of them shall be right."""
 MUCH_BETTER = 0.5
 FADING = 0.9
 """What is left of a share after `WATCH` periods elsewhere."""
+Time = TypeVar('Time', float, NDArray[np.float64])
 
 
 class PhaseLock:
     """
     Decides when a timer is to begin its periods anew, from when it fired and its input came.
 
-    A place is left when it was late in `OFTEN` of `WATCH` periods, however early that is plain.
-    The share of late ones is kept, fading, and the timer stays until another place promises much
+    A place is left when `OFTEN` of `WATCH` periods were wrong there, however early that is plain.
+    The share of wrong ones is kept, fading, and the timer stays until another place promises much
     less; a place that was never tried promises none.
     """
 
@@ -68,9 +69,10 @@ class PhaseLock:
 
         """
         self._period_s = period_s
-        self._arrived_s = self._ticked_s = self._usual_age_s = 0.0
-        self._late: dict[int, float] = {}
-        self._wanted_s: float | None = None
+        self._arrived_s = self._ticked_s = self._due_s = self._expected_s = 0.0
+        self._wrong: dict[int | None, float] = {}
+        self._sent: int | None = None
+        self._wanted: int | None = None
         self._watch()
 
     def arrived(self, now_s: float) -> float | None:
@@ -87,23 +89,25 @@ class PhaseLock:
         """
         self._arrived_s = now_s
         self._arrivals += 1
-        if self._wanted_s is None or not self._is_on_time(now_s):
+        if self._wanted is None or not self._is_on_time(now_s):
             return None
-        wanted_s, self._wanted_s = self._wanted_s, None
+        wait_s = NEAREST_S + STRIDE_S * self._wanted
+        self._sent, self._wanted = self._wanted, None
         self._watch()
-        return wanted_s
+        return wait_s
 
-    def ticked(self, now_s: float) -> None:
+    def ticked(self, now_s: float, due_s: float) -> None:
         """
         Note that the timer has fired.
 
         Args:
             now_s: when, s.
+            due_s: when it was to fire by its own schedule, s.
 
         """
-        self._ticked_s = now_s
+        self._ticked_s, self._due_s = now_s, due_s
         self._ticks_s.append(now_s)
-        self._ages_s.append(now_s - self._arrived_s)
+        self._arrivals_s.append(self._arrived_s)
         if len(self._ticks_s) % LOOK == 0:
             self._look()
 
@@ -123,59 +127,65 @@ class PhaseLock:
 
     def _is_on_time(self, arrived_s: float) -> bool:
         """Whether an input came when it mostly does: behind one that is late no place is known."""
-        behind_s = arrived_s - self._ticked_s + self._usual_age_s
-        half_s = 0.5 * self._period_s
-        return abs((behind_s + half_s) % self._period_s - half_s) < ON_TIME_S
+        return abs(_off_by(arrived_s - self._expected_s, self._period_s)) < ON_TIME_S
 
     def _watch(self) -> None:
         self._arrivals = 0
         self._ticks_s: list[float] = []
-        self._ages_s: list[float] = []
+        self._arrivals_s: list[float] = []
 
     def _look(self) -> None:
         """Judge the place where the timer is, and move it if another one is worth it."""
         ticks = len(self._ticks_s)
         if abs(self._arrivals / ticks - 1.0) > SAME_RATE:
-            self._wanted_s = None
-            self._late.clear()
+            self._wanted = None
+            self._wrong.clear()
             self._watch()
             return
-        # of those that were not late, or a place would be taken for the next one
-        self._usual_age_s = float(np.quantile(self._ages_s[-LOOK:], UNDISTURBED))
-        place = round((self._usual_age_s - NEAREST_S) / STRIDE_S)
-        best = min(PLACES, key=lambda other: self._late.get(other, 0.0))
-        if place not in PLACES:
-            self._wanted_s = NEAREST_S + STRIDE_S * best
+        place = self._place()
+        best = min(PLACES, key=lambda other: self._wrong.get(other, 0.0))
+        # who moves it may be late as well
+        if place not in PLACES and place - 1 != self._sent:
+            self._wanted = best
             return
-        late = share_of_late(self._ticks_s, self._period_s)
-        if late * ticks > OFTEN * WATCH or ticks >= WATCH:
+        wrong = share_of_wrong(self._ticks_s, self._period_s)
+        if wrong * ticks > OFTEN * WATCH or ticks >= WATCH:
             fading = FADING ** (ticks / WATCH)
-            self._late = {known: fading * share for known, share in self._late.items()}
-            self._late[place] = late
-            if late > OFTEN and self._late.get(best, 0.0) < MUCH_BETTER * late:
-                self._wanted_s = NEAREST_S + STRIDE_S * best
+            self._wrong = {known: fading * share for known, share in self._wrong.items()}
+            # also of where it was sent, or that would be tried again and again without a result
+            self._wrong |= dict.fromkeys((place, self._sent), wrong)
+            if wrong > OFTEN and self._wrong.get(best, 0.0) < MUCH_BETTER * wrong:
+                self._wanted = best
             self._watch()
 
+    def _place(self) -> int:
+        """Tell where behind the input, which is on time more often than not, the timer is due."""
+        arrivals_s = np.array(self._arrivals_s[-LOOK:])
+        behind_s = _off_by(arrivals_s - arrivals_s[-1], self._period_s)
+        usual_s = float(np.quantile(behind_s, 0.5, method='lower'))
+        self._expected_s = self._arrivals_s[-1] + usual_s
+        return round(((self._due_s - self._expected_s) % self._period_s - NEAREST_S) / STRIDE_S)
 
-def share_of_late(ticks_s: Sequence[float], period_s: float) -> float:
+
+def share_of_wrong(ticks_s: Sequence[float], period_s: float) -> float:
     """
-    Tell how often a timer fired later than it does undisturbed.
+    Tell how many of the periods of a timer were too long or too short.
 
     Args:
         ticks_s: when it fired, s.
         period_s: s.
 
     Returns:
-        Share of the ticks more than `LATE_S` behind the first quarter of them, each in its own
-        period, whether periods are missing between them or not.
+        Share of the periods that were off by more than `WRONG_S`, whether others are missing
+        between them or not.
 
     """
-    ticks = np.asarray(ticks_s)
-    offsets = ticks - ticks[0] - period_s * np.arange(len(ticks))
-    # around the middle one, so that none lies on the seam of two periods; more are late than early
-    offsets -= np.quantile(offsets, 0.5, method='lower')
-    offsets = (offsets + period_s / 4.0) % period_s
-    return float(np.mean(offsets > np.quantile(offsets, UNDISTURBED) + LATE_S))
+    return float(np.mean(np.abs(_off_by(np.diff(ticks_s), period_s)) > WRONG_S))
+
+
+def _off_by(time_s: Time, period_s: float) -> Time:
+    """Tell how far a time is from the nearest multiple of a period, s."""
+    return (time_s + 0.5 * period_s) % period_s - 0.5 * period_s
 
 
 class LockedTimer:
@@ -191,6 +201,7 @@ class LockedTimer:
 
         """
         self._timer = timer
+        self._period_s = period_s
         self._lock = PhaseLock(period_s)
 
     def arrived(self) -> None:
@@ -206,4 +217,6 @@ class LockedTimer:
     def ticked(self) -> None:
         """Note that the timer has fired."""
         if self._timer is not None:
-            self._lock.ticked(perf_counter())
+            now_s = perf_counter()
+            next_s = now_s + 1e-9 * (self._timer.time_until_next_call() or 0)
+            self._lock.ticked(now_s, next_s - self._period_s)
