@@ -46,7 +46,9 @@ ON_TIME_S = 0.0002
 OFTEN = 0.01
 """Of the periods: 99 % of them shall be right."""
 MUCH_BETTER = 0.5
-FADING = 0.9
+KEEPING = 0.7
+"""Weight of what is known of a place, beside what is seen there now."""
+FADING = 0.95
 """What is left of a share after `WATCH` periods elsewhere."""
 Time = TypeVar('Time', float, NDArray[np.float64])
 
@@ -150,6 +152,8 @@ class PhaseLock:
             return
         wrong = share_of_wrong(self._ticks_s, self._period_s)
         if wrong * ticks > OFTEN * WATCH or ticks >= WATCH:
+            # one bad spell of the machine is not the place's fault
+            wrong += KEEPING * (self._wrong.get(place, wrong) - wrong)
             fading = FADING ** (ticks / WATCH)
             self._wrong = {known: fading * share for known, share in self._wrong.items()}
             # also of where it was sent, or that would be tried again and again without a result
