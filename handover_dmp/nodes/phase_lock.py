@@ -71,7 +71,7 @@ class PhaseLock:
 
         """
         self._period_s = period_s
-        self._arrived_s = self._ticked_s = self._due_s = self._expected_s = 0.0
+        self._arrived_s = self._due_s = self._expected_s = self._moved_s = 0.0
         self._wrong: dict[int | None, float] = {}
         self._sent: int | None = None
         self._wanted: int | None = None
@@ -107,7 +107,7 @@ class PhaseLock:
             due_s: when it was to fire by its own schedule, s.
 
         """
-        self._ticked_s, self._due_s = now_s, due_s
+        self._due_s = due_s
         self._ticks_s.append(now_s)
         self._arrivals_s.append(self._arrived_s)
         if len(self._ticks_s) % LOOK == 0:
@@ -121,11 +121,15 @@ class PhaseLock:
             now_s: now, s.
 
         Returns:
-            Whether the nearest of its old periods has not begun yet, so that there are as many
-            periods as before.
+            Whether all its moves together, this one too, take it less far from where it began if
+            it does: an input that is itself moved to and fro would lose a period at every turn.
 
         """
-        return now_s - self._ticked_s > 0.5 * self._period_s
+        self._moved_s += now_s - (self._due_s + self._period_s)
+        fires = self._moved_s > -0.5 * self._period_s
+        if not fires:
+            self._moved_s += self._period_s
+        return fires
 
     def _is_on_time(self, arrived_s: float) -> bool:
         """Whether an input came when it mostly does: behind one that is late no place is known."""

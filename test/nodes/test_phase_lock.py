@@ -52,6 +52,7 @@ def _simulate(
     share: float = 0.0,
     input_period_s: float = PERIOD_S,
     input_late_s: float = 0.0,
+    input_moves: bool = False,
     mover_late_s: float = 0.0,
     periods: int = PERIODS,
 ) -> _Seen:
@@ -59,12 +60,14 @@ def _simulate(
     Run a timer beside its input on a machine that is busy at some times behind the input.
 
     Of the ticks that fall due between the two `busy_s`, a share waits until the second of them,
-    as does who moves the timer, and is always late; of the inputs, one in ten is.
+    as does who moves the timer, and is always late; of the inputs, one in ten is. An input that
+    moves has a place of its own, and changes it about once in two hundred periods.
     """
     random = np.random.default_rng(1)
     lock = PhaseLock(PERIOD_S)
     ticks, ages, moved = [], [], []
     sent_s, arrived_s, arrives_s, due_s = 0.0, 0.0, 0.0, offset_s
+    behind_s = 0.0
 
     def woken(wished_s: float) -> float:
         behind_s = (wished_s - sent_s) % PERIOD_S
@@ -79,6 +82,9 @@ def _simulate(
     while len(ticks) < periods:
         if arrives_s <= due_s:
             sent_s += input_period_s
+            if input_moves and random.random() < 0.005:
+                sent_s += STRIDE_S * (place := random.choice(PLACES)) - behind_s
+                behind_s = STRIDE_S * place
             arrived_s = arrives_s
             is_late = input_late_s > 0.0 and random.random() < 0.1
             arrives_s = sent_s + (input_late_s if is_late else 0.0)
@@ -128,14 +134,21 @@ def test_a_timer_leaves_where_it_is_often_late(
 
 
 @settings(deadline=None, max_examples=12)
-@given(st.floats(0.0, PERIOD_S), st.floats(0.0, 0.0026), st.sampled_from([0.0, 0.003]))
+@given(
+    st.floats(0.0, PERIOD_S),
+    st.floats(0.0, 0.0026),
+    st.sampled_from([0.0, 0.003]),
+    st.booleans(),
+)
 def test_no_move_loses_or_adds_a_period(
-    offset_s: float, begin_s: float, input_late_s: float
+    offset_s: float, begin_s: float, input_late_s: float, input_moves: bool
 ) -> None:
     busy_s = begin_s, begin_s + 0.001
-    seen = _simulate(offset_s, busy_s=busy_s, share=0.3, input_late_s=input_late_s)
+    seen = _simulate(
+        offset_s, busy_s=busy_s, share=0.3, input_late_s=input_late_s, input_moves=input_moves
+    )
     begun = seen.ticks_s[-1] - seen.ticks_s[0]
-    assert abs(begun / PERIOD_S - (len(seen.ticks_s) - 1)) < 1.0 + 1e-9
+    assert abs(begun / PERIOD_S - (len(seen.ticks_s) - 1)) < 0.5 + 0.001 / PERIOD_S + 1e-9
 
 
 @pytest.mark.parametrize('share', [0.03, 0.2])
