@@ -158,6 +158,15 @@ def test_where_every_place_is_bad_all_are_tried_and_moves_are_rare(share: float)
     assert len(PLACES) <= len(seen.moved_s) <= windows
 
 
+def test_one_bad_spell_of_the_machine_moves_nothing() -> None:
+    lock = PhaseLock(PERIOD_S)
+    for tick in range(5 * WATCH):
+        due_s = tick * PERIOD_S
+        assert lock.arrived(due_s - NEAREST_S) is None
+        is_late = 6 * WATCH <= 2 * tick < 7 * WATCH and tick % 80 == 0
+        lock.ticked(due_s + 0.0002 * is_late, due_s)
+
+
 @pytest.mark.parametrize('input_period_s', [0.0025, 0.01, 1.0])
 def test_an_input_of_another_rate_moves_nothing(input_period_s: float) -> None:
     assert _simulate(0.003, input_period_s=input_period_s, periods=4000).moved_s == []
