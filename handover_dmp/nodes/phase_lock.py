@@ -149,10 +149,9 @@ class PhaseLock:
             self._watch()
             return
         place = self._place()
-        best = min(PLACES, key=lambda other: self._wrong.get(other, 0.0))
         # who moves it may be late as well
         if place not in PLACES and place - 1 != self._sent:
-            self._wanted = best
+            self._wanted = self._best()
             return
         wrong = share_of_wrong(self._ticks_s, self._period_s)
         if wrong * ticks > OFTEN * WATCH or ticks >= WATCH:
@@ -162,9 +161,13 @@ class PhaseLock:
             self._wrong = {known: fading * share for known, share in self._wrong.items()}
             # also of where it was sent, or that would be tried again and again without a result
             self._wrong |= dict.fromkeys((place, self._sent), wrong)
+            best = self._best()
             if wrong > OFTEN and self._wrong.get(best, 0.0) < MUCH_BETTER * wrong:
                 self._wanted = best
             self._watch()
+
+    def _best(self) -> int:
+        return min(PLACES, key=lambda place: self._wrong.get(place, 0.0))
 
     def _place(self) -> int:
         """Tell where behind the input, which is on time more often than not, the timer is due."""
