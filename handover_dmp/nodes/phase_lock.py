@@ -24,17 +24,18 @@ places behind the input are tried, and the best one is kept.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import deque
+from statistics import median_low
 from time import perf_counter, sleep
-from typing import TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
 from rclpy.timer import Timer
 
 WATCH = 1000
+"""Periods after which a place is judged at the latest."""
 LOOK = 20
+"""Periods from one look at the place to the next."""
 SAME_RATE = 0.1
+"""Share by which there may be more or fewer inputs than periods."""
 NEAREST_S = 0.0003
 STRIDE_S = 0.0004
 PLACES = range(6)
@@ -46,11 +47,11 @@ ON_TIME_S = 0.0002
 OFTEN = 0.01
 """Of the periods: 99 % of them shall be right."""
 MUCH_BETTER = 0.5
+"""Of the share of wrong periods here, what another place may promise at most to be worth it."""
 KEEPING = 0.7
 """Weight of what is known of a place, beside what is seen there now."""
 FADING = 0.95
 """What is left of a share after `WATCH` periods elsewhere."""
-Time = TypeVar('Time', float, NDArray[np.float64])
 
 
 class PhaseLock:
@@ -71,7 +72,7 @@ class PhaseLock:
 
         """
         self._period_s = period_s
-        self._arrived_s = self._due_s = self._expected_s = self._moved_s = 0.0
+        self._arrived_s = self._ticked_s = self._due_s = self._expected_s = self._moved_s = 0.0
         self._wrong: dict[int | None, float] = {}
         self._sent: int | None = None
         self._wanted: int | None = None
@@ -107,22 +108,25 @@ class PhaseLock:
             due_s: when it was to fire by its own schedule, s.
 
         """
-        self._due_s = due_s
-        self._ticks_s.append(now_s)
+        if self._ticks > 0 and is_wrong(now_s - self._ticked_s, self._period_s):
+            self._wrong_periods += 1
+        self._ticks += 1
+        self._ticked_s, self._due_s = now_s, due_s
         self._arrivals_s.append(self._arrived_s)
-        if len(self._ticks_s) % LOOK == 0:
+        if self._ticks % LOOK == 0:
             self._look()
 
-    def is_due(self, now_s: float) -> bool:
+    def moved(self, now_s: float) -> bool:
         """
-        Tell whether a timer that is moved to now is to fire at once.
+        Note that the timer begins its periods anew.
 
         Args:
-            now_s: now, s.
+            now_s: when, s.
 
         Returns:
-            Whether all its moves together, this one too, take it less far from where it began if
-            it does: an input that is itself moved to and fro would lose a period at every turn.
+            Whether it is to fire at once: whether all its moves together, this one too, take it
+            less far from where it began if it does. An input that is itself moved to and fro
+            would lose a period at every turn.
 
         """
         self._moved_s += now_s - (self._due_s + self._period_s)
@@ -136,14 +140,12 @@ class PhaseLock:
         return abs(_off_by(arrived_s - self._expected_s, self._period_s)) < ON_TIME_S
 
     def _watch(self) -> None:
-        self._arrivals = 0
-        self._ticks_s: list[float] = []
-        self._arrivals_s: list[float] = []
+        self._arrivals = self._ticks = self._wrong_periods = 0
+        self._arrivals_s: deque[float] = deque(maxlen=LOOK)
 
     def _look(self) -> None:
         """Judge the place where the timer is, and move it if another one is worth it."""
-        ticks = len(self._ticks_s)
-        if abs(self._arrivals / ticks - 1.0) > SAME_RATE:
+        if abs(self._arrivals / self._ticks - 1.0) > SAME_RATE:
             self._wanted = None
             self._wrong.clear()
             self._watch()
@@ -153,11 +155,11 @@ class PhaseLock:
         if place not in PLACES and place - 1 != self._sent:
             self._wanted = self._best()
             return
-        wrong = share_of_wrong(self._ticks_s, self._period_s)
-        if wrong * ticks > OFTEN * WATCH or ticks >= WATCH:
+        if self._wrong_periods > OFTEN * WATCH or self._ticks >= WATCH:
+            wrong = self._wrong_periods / self._ticks
             # one bad spell of the machine is not the place's fault
             wrong += KEEPING * (self._wrong.get(place, wrong) - wrong)
-            fading = FADING ** (ticks / WATCH)
+            fading = FADING ** (self._ticks / WATCH)
             self._wrong = {known: fading * share for known, share in self._wrong.items()}
             # also of where it was sent, or that would be tried again and again without a result
             self._wrong |= dict.fromkeys((place, self._sent), wrong)
@@ -171,30 +173,28 @@ class PhaseLock:
 
     def _place(self) -> int:
         """Tell where behind the input, which is on time more often than not, the timer is due."""
-        arrivals_s = np.array(self._arrivals_s[-LOOK:])
-        behind_s = _off_by(arrivals_s - arrivals_s[-1], self._period_s)
-        usual_s = float(np.quantile(behind_s, 0.5, method='lower'))
-        self._expected_s = self._arrivals_s[-1] + usual_s
+        last_s = self._arrivals_s[-1]
+        behind_s = (_off_by(arrived_s - last_s, self._period_s) for arrived_s in self._arrivals_s)
+        self._expected_s = last_s + median_low(behind_s)
         return round(((self._due_s - self._expected_s) % self._period_s - NEAREST_S) / STRIDE_S)
 
 
-def share_of_wrong(ticks_s: Sequence[float], period_s: float) -> float:
+def is_wrong(between_s: float, period_s: float) -> bool:
     """
-    Tell how many of the periods of a timer were too long or too short.
+    Tell whether a period of a timer was too long or too short.
 
     Args:
-        ticks_s: when it fired, s.
+        between_s: from one of its ticks to the next one seen, s.
         period_s: s.
 
     Returns:
-        Share of the periods that were off by more than `WRONG_S`, whether others are missing
-        between them or not.
+        Whether that is off by more than `WRONG_S`, whether other periods are missing or not.
 
     """
-    return float(np.mean(np.abs(_off_by(np.diff(ticks_s), period_s)) > WRONG_S))
+    return abs(_off_by(between_s, period_s)) > WRONG_S
 
 
-def _off_by(time_s: Time, period_s: float) -> Time:
+def _off_by(time_s: float, period_s: float) -> float:
     """Tell how far a time is from the nearest multiple of a period, s."""
     return (time_s + 0.5 * period_s) % period_s - 0.5 * period_s
 
@@ -222,7 +222,7 @@ class LockedTimer:
             if wait_s is not None:
                 sleep(wait_s)
                 self._timer.reset()
-                if self._lock.is_due(perf_counter()):
+                if self._lock.moved(perf_counter()):
                     self._timer.callback()
 
     def ticked(self) -> None:
