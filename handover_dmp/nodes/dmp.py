@@ -46,7 +46,7 @@ from handover_dmp.nodes.lockstep import Lockstep
 from handover_dmp.nodes.markers import Markers
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import declare, HAND, on_change, Parameter, TIMER, Values
-from handover_dmp.nodes.phase_lock import LockedTimer
+from handover_dmp.nodes.punctual_timer import PunctualTimer
 from handover_dmp.nodes.spinning import run
 from handover_dmp.scenario import example_model, read_model
 from handover_dmp.topics import (
@@ -155,8 +155,8 @@ class Dmp(HandoverNode):
             ready=self._ready,
             jumped=self._jumped,
         )
-        timer = None if self.lockstep else self.every(period_s, self._tick)
-        self._timer = LockedTimer(timer if self.values['phase_lock'] else None, period_s)
+        if not self.lockstep:
+            self._timer = PunctualTimer(self, period_s, self._tick)
         Diagnostics(self, self._periods, self._condition)
         self._say()
 
@@ -265,7 +265,6 @@ class Dmp(HandoverNode):
     def _tick(self) -> None:
         now_ns = self.now_ns()
         arrival_s = self.arrival_s()
-        self._timer.ticked()
         last_s, self._last_s = self._last_s, arrival_s
         if last_s is not None and arrival_s < last_s:
             self._jumped()

@@ -48,7 +48,7 @@ class HandoverNode(Node):  # type: ignore[misc]
         super().__init__(self.NAME)
         self.values = declare(self, COMMON + self.PARAMETERS)
         self.lockstep: bool = self.values['lockstep']
-        self._simulated: bool = self.get_parameter('use_sim_time').value
+        self.simulated: bool = self.get_parameter('use_sim_time').value
         self.add_on_set_parameters_callback(_keep_the_clock)
         self.housekeeping = Housekeeping(self)
 
@@ -110,7 +110,7 @@ class HandoverNode(Node):  # type: ignore[misc]
             The timer.
 
         """
-        steady = wall or not self._simulated
+        steady = wall or not self.simulated
         clock = Clock(clock_type=ClockType.STEADY_TIME) if steady else None
 
         def period() -> None:
@@ -158,7 +158,7 @@ class HandoverNode(Node):  # type: ignore[misc]
     def now_ns(self) -> int:
         """Return the time of stamps, ns."""
         # what the clock of rclpy says, in a fiftieth of the time
-        return int(self.get_clock().now().nanoseconds) if self._simulated else time_ns()
+        return int(self.get_clock().now().nanoseconds) if self.simulated else time_ns()
 
     def now_s(self) -> float:
         """Return the time of stamps, s."""
@@ -166,7 +166,7 @@ class HandoverNode(Node):  # type: ignore[misc]
 
     def arrival_s(self) -> float:
         """Return the time that ages are counted in, s: never set back, unless it is simulated."""
-        return self.now_s() if self._simulated else monotonic()
+        return self.now_s() if self.simulated else monotonic()
 
 
 def _keep_the_clock(requested: list[RosParameter]) -> SetParametersResult:

@@ -26,9 +26,6 @@ from __future__ import annotations
 
 from collections import deque
 from statistics import median_low
-from time import perf_counter, sleep
-
-from rclpy.timer import Timer
 
 WATCH = 1000
 """Periods after which a place is judged at the latest."""
@@ -63,15 +60,17 @@ class PhaseLock:
     less; a place that was never tried promises none.
     """
 
-    def __init__(self, period_s: float) -> None:
+    def __init__(self, period_s: float, early_s: float = 0.0) -> None:
         """
         Begin to watch.
 
         Args:
             period_s: of the timer, s; of the input, too: while rates differ nothing is done.
+            early_s: how long before a tick is due there is no more time for an input, s.
 
         """
         self._period_s = period_s
+        self._nearest_s = NEAREST_S + early_s
         self._arrived_s = self._ticked_s = self._due_s = self._expected_s = self._moved_s = 0.0
         self._wrong: dict[int | None, float] = {}
         self._sent: int | None = None
@@ -94,7 +93,7 @@ class PhaseLock:
         self._arrivals += 1
         if self._wanted is None or not self._is_on_time(now_s):
             return None
-        wait_s = NEAREST_S + STRIDE_S * self._wanted
+        wait_s = self._nearest_s + STRIDE_S * self._wanted
         self._sent, self._wanted = self._wanted, None
         self._watch()
         return wait_s
@@ -105,7 +104,7 @@ class PhaseLock:
 
         Args:
             now_s: when, s.
-            due_s: when it was to fire by its own schedule, s.
+            due_s: when it was to fire by its schedule, s.
 
         """
         if self._ticks > 0 and is_wrong(now_s - self._ticked_s, self._period_s):
@@ -174,9 +173,10 @@ class PhaseLock:
     def _place(self) -> int:
         """Tell where behind the input, which is on time more often than not, the timer is due."""
         last_s = self._arrivals_s[-1]
-        behind_s = (_off_by(arrived_s - last_s, self._period_s) for arrived_s in self._arrivals_s)
-        self._expected_s = last_s + median_low(behind_s)
-        return round(((self._due_s - self._expected_s) % self._period_s - NEAREST_S) / STRIDE_S)
+        later_s = (_off_by(arrived_s - last_s, self._period_s) for arrived_s in self._arrivals_s)
+        self._expected_s = last_s + median_low(later_s)
+        behind_s = (self._due_s - self._expected_s) % self._period_s
+        return round((behind_s - self._nearest_s) / STRIDE_S)
 
 
 def is_wrong(between_s: float, period_s: float) -> bool:
@@ -197,37 +197,3 @@ def is_wrong(between_s: float, period_s: float) -> bool:
 def _off_by(time_s: float, period_s: float) -> float:
     """Tell how far a time is from the nearest multiple of a period, s."""
     return (time_s + 0.5 * period_s) % period_s - 0.5 * period_s
-
-
-class LockedTimer:
-    """A timer that its phase lock keeps behind its input."""
-
-    def __init__(self, timer: Timer | None, period_s: float) -> None:
-        """
-        Take the timer.
-
-        Args:
-            timer: to be moved; None if there is none, or it is to be left alone.
-            period_s: its period, s.
-
-        """
-        self._timer = timer
-        self._period_s = period_s
-        self._lock = PhaseLock(period_s)
-
-    def arrived(self) -> None:
-        """Note that the input has come; move the timer if that is worth it."""
-        if self._timer is not None:
-            wait_s = self._lock.arrived(perf_counter())
-            if wait_s is not None:
-                sleep(wait_s)
-                self._timer.reset()
-                if self._lock.moved(perf_counter()):
-                    self._timer.callback()
-
-    def ticked(self) -> None:
-        """Note that the timer has fired."""
-        if self._timer is not None:
-            now_s = perf_counter()
-            next_s = now_s + 1e-9 * (self._timer.time_until_next_call() or 0)
-            self._lock.ticked(now_s, next_s - self._period_s)

@@ -38,7 +38,7 @@ from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.lockstep import HEAD_START_S, Lockstep
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import ARM, HAND, on_change, Parameter, TIMER, Values
-from handover_dmp.nodes.phase_lock import LockedTimer
+from handover_dmp.nodes.punctual_timer import PunctualTimer
 from handover_dmp.nodes.spinning import run
 from handover_dmp.robot.model import BasePlacement, RobotModel
 from handover_dmp.robot.priority_ik import IkOptions, ORIENTATIONS, PriorityIk, WristTarget
@@ -139,8 +139,8 @@ class PriorityIkNode(HandoverNode):
             begun=lambda: self._taken_ns is not None or self._pose is not None,
             ready=self._ready,
         )
-        timer = None if self.lockstep else self.every(self._period_s, self._tick)
-        self._timer = LockedTimer(timer if self.values['phase_lock'] else None, self._period_s)
+        if not self.lockstep:
+            self._timer = PunctualTimer(self, self._period_s, self._tick)
         Diagnostics(self, self._periods, self._condition)
 
     def _connect(self) -> None:
@@ -265,7 +265,6 @@ class PriorityIkNode(HandoverNode):
     def _tick(self) -> None:
         time_ns = self.now_ns()
         now_s = self.arrival_s()
-        self._timer.ticked()
         last_s, self._answered_s = self._answered_s, now_s
         if self._pose is not None and not self._awaits_twist():
             self._take(now_s)

@@ -101,7 +101,7 @@ class RobotSim(HandoverNode):
 
     def _connect(self, model: RobotModel) -> None:
         # whoever follows the time of another simulator makes none
-        own_time = self.lockstep or not self._simulated
+        own_time = self.lockstep or not self.simulated
         self._time_publisher = self.advertise(CLOCK) if own_time else None
         self._states = self.advertise(JOINT_STATES)
         self._message = JointState(name=list(model.joint_names))
