@@ -16,8 +16,8 @@
 A timer whose periods begin in time: woken a little early, and kept behind its input.
 
 A process that sleeps is woken late now and then, by tenths of a millisecond where others have the
-processor. One that is woken early and looks at the clock until its time has come is in time all
-the same.
+processor. One that is woken early, and looks at the clock until its time has come, is in time if
+it is not later than that.
 """
 
 from __future__ import annotations
@@ -61,9 +61,11 @@ class PunctualTimer:
             self._timer.callback()
 
     def _fire(self) -> None:
+        """Wait until the period is due, for `wake_early_s` at most, and let it begin."""
+        left_s = 1e-9 * (self._timer.time_until_next_call() or 0)
+        # only now, since the question takes time itself, and no period is to begin too early
         fired_s = now_s = perf_counter()
-        next_s = now_s + 1e-9 * (self._timer.time_until_next_call() or 0)
-        due_s = next_s - self._period_s + self._early_s
+        due_s = fired_s + left_s - self._period_s + self._early_s
         while now_s < due_s and now_s < fired_s + self._early_s:
             now_s = perf_counter()
         if self._lock is not None:
