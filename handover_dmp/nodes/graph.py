@@ -21,6 +21,7 @@ For the demo, the benchmark and the tests. Whoever uses `ros2 launch` has no nee
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from math import inf
 import os
 from pathlib import Path
@@ -344,21 +345,24 @@ class Graph:
         return f': {lines[-1]}' if lines else ''
 
     def _end(self) -> dict[str, int]:
-        codes: dict[str, int] = {}
-        for group in (('recorder',), tuple(name for name in self.processes if name != 'recorder')):
-            running = {name: self.processes[name] for name in group if name in self.processes}
-            for process in running.values():
+        recorder = [process for name, process in self.processes.items() if name == 'recorder']
+        others = [process for process in self.processes.values() if process not in recorder]
+        for group in (recorder, others):
+            for process in group:
                 if process.poll() is None:
                     process.send_signal(signal.SIGINT)
-            for name, process in running.items():
-                try:
-                    codes[name] = process.wait(END_TIMEOUT_S)
-                except subprocess.TimeoutExpired:
-                    process.kill()
-                    codes[name] = process.wait()
+            for process in group:
+                with suppress(subprocess.TimeoutExpired):
+                    process.wait(END_TIMEOUT_S)
+        # a recorder that got no processor beside the others has it now
+        for process in self.processes.values():
+            try:
+                process.wait(END_TIMEOUT_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
         self._executor.shutdown()
         leave(self.node)
-        return codes
+        return {name: process.wait() for name, process in self.processes.items()}
 
 
 def isolate() -> None:

@@ -21,6 +21,7 @@ import sys
 from time import sleep
 from typing import Any
 
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from handover_dmp.hand import GoalEstimator
 from handover_dmp.nodes.conversions import (
@@ -118,8 +119,10 @@ class PriorityIkNode(HandoverNode):
         self._newest_hand_ns = -NANOSECONDS
         self._pose: PoseStamped | None = None
         self._twist: TwistStamped | None = None
+        self._pair: tuple[PoseStamped, TwistStamped, float] | None = None
         self._answered_s: float | None = None
         self._followed_s = self._follows_since_s = nan
+        self._measured_stamp: Time | None = None
         self._wrist: PoseStamped | None = None
         self._commands = False
         self._command: Any = None
@@ -159,19 +162,25 @@ class PriorityIkNode(HandoverNode):
             return  # of a gripper, or of another arm
         time_ns = nanoseconds(message.header.stamp)
         arrival_s = time_ns / NANOSECONDS if self.lockstep else self.arrival_s()
-        controller = self._controller
-        if not controller.set_joint_state(
+        if not self._controller.set_joint_state(
             message.name, message.position, message.velocity, arrival_s
         ):
             self._refused += 1
             return
-        assert controller.positions is not None
-        position, rotation = self._model.wrist_pose(controller.positions)
-        stamp, orientation = message.header.stamp, quaternion_of(rotation)
+        self._measured_stamp = message.header.stamp
+        if self.lockstep:
+            self._publish_wrist()
+            self._lockstep.ask(time_ns)
+
+    def _publish_wrist(self) -> None:
+        if self._measured_stamp is None:
+            return
+        assert self._controller.positions is not None
+        position, rotation = self._model.wrist_pose(self._controller.positions)
+        stamp, orientation = self._measured_stamp, quaternion_of(rotation)
         self._wrist = pose_message(stamp, position.tolist(), orientation, into=self._wrist)
         self._wrist_pose.publish(self._wrist)
-        if self.lockstep:
-            self._lockstep.ask(time_ns)
+        self._measured_stamp = None
 
     def _on_pose(self, message: PoseStamped) -> None:
         if message.header.frame_id != FRAME:
@@ -187,8 +196,9 @@ class PriorityIkNode(HandoverNode):
     def _on_command(self) -> None:
         if self.lockstep:
             self._lockstep.look()
-        elif self._matched():
-            self._take(self.arrival_s())
+        elif (twist := self._twist_of_pose()) is not None:
+            self._pair = self._pose, twist, self.arrival_s()
+            self._pose = None
             self._timer.arrived()
 
     def _on_hand(self, message: PoseStamped) -> None:
@@ -205,23 +215,22 @@ class PriorityIkNode(HandoverNode):
         if self.lockstep:
             self._lockstep.look()
 
-    def _matched(self) -> bool:
-        """Whether pose and twist of one command are there."""
+    def _twist_of_pose(self) -> TwistStamped | None:
+        """Return the twist of the same command as the newest pose, if both are there."""
         pose, twist = self._pose, self._twist
-        return pose is not None and twist is not None and pose.header.stamp == twist.header.stamp
+        one = pose is not None and twist is not None and pose.header.stamp == twist.header.stamp
+        return twist if one else None
 
     def _awaits_twist(self) -> bool:
         """Whether the twist of the newest pose, where twists come, gets one more period."""
-        late = self._twist is not None and not self._matched()
+        late = self._twist is not None and self._twist_of_pose() is None
         self._twist_awaited = late and not self._twist_awaited
         return self._twist_awaited
 
-    def _take(self, arrival_s: float) -> None:
-        """Hand the newest command on; without a twist, the wrist is to come to rest there."""
-        pose, twist = self._pose, self._twist
-        assert pose is not None
+    def _take(self, pose: PoseStamped, twist: TwistStamped | None, arrival_s: float) -> None:
+        """Hand a command on; without a twist, the wrist is to come to rest there."""
         linear, angular = np.zeros(3), np.zeros(3)
-        if twist is not None and self._matched():
+        if twist is not None:
             linear, angular = map(np.array, velocities_of(twist))
         target = WristTarget(np.array(position_of(pose)), linear, rotation_of(pose), angular)
         if self._controller.set_target(target, arrival_s):
@@ -229,7 +238,6 @@ class PriorityIkNode(HandoverNode):
             self._follows_since_s = arrival_s
         else:
             self._refused += 1
-        self._pose = None
 
     def _change(self, values: Values) -> None:
         old = self._controller.ik
@@ -244,7 +252,7 @@ class PriorityIkNode(HandoverNode):
 
     def _ready(self, tick_ns: int) -> bool:
         options, pose = self._controller.options, self._pose
-        if pose is not None and self._matched() and nanoseconds(pose.header.stamp) == tick_ns:
+        if self._twist_of_pose() and pose and nanoseconds(pose.header.stamp) == tick_ns:
             return self.hand_is_there(tick_ns, self._newest_hand_ns, options.hand_timeout_s)
         # who has not commanded for so long is gone, and is not waited for
         timeout_ns = round(options.command_timeout_s * NANOSECONDS)
@@ -255,22 +263,27 @@ class PriorityIkNode(HandoverNode):
         if self._pose is not None:
             # a dmp that wakes from a stall first answers what it was asked before
             age_s = now_s - nanoseconds(self._pose.header.stamp) / NANOSECONDS
-            if age_s > self._controller.options.command_timeout_s:
-                self._pose = None
-            else:
+            if age_s <= self._controller.options.command_timeout_s:
                 self._taken_ns = tick_ns
-                self._take(now_s)
+                self._take(self._pose, self._twist_of_pose(), now_s)
+            self._pose = None
         self._solve(now_s, elapsed_s, tick_ns)
 
     def _tick(self) -> None:
         time_ns = self.now_ns()
         now_s = self.arrival_s()
         last_s, self._answered_s = self._answered_s, now_s
-        if self._pose is not None and not self._awaits_twist():
-            self._take(now_s)
+        if self._pair is not None:
+            self._take(*self._pair)
+            self._pair = None
+        elif self._pose is not None and not self._awaits_twist():
+            self._take(self._pose, None, now_s)
+            self._pose = None
         elapsed_s = self._period_s if last_s is None else max(now_s - last_s, 0.0)
         elapsed_s = min(elapsed_s, LONGEST_STEP * self._period_s)
         self._solve(now_s, elapsed_s, time_ns)
+        # only now, since a period that is due would have to wait for it
+        self._publish_wrist()
 
     def _solve(self, now_s: float, elapsed_s: float, time_ns: int) -> None:
         self._periods.tick()

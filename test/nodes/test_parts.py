@@ -23,6 +23,7 @@ from pathlib import Path
 import random
 import signal
 from subprocess import Popen, TimeoutExpired
+from threading import Thread
 import time
 from typing import Any
 
@@ -330,6 +331,28 @@ def test_recorder_closes_its_bag_before_it_waits_for_its_turn_to_leave(tmp_path:
                 process.wait(LONGEST_WAIT_S / 2.0)
         assert process.wait(60.0) == 0
     assert bag_information(tmp_path / 'bag').complete
+
+
+def test_a_recorder_without_a_processor_ends_once_the_others_have(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The tracker stands for what keeps the recorder from its processor; it is told to end too."""
+    monkeypatch.setattr('handover_dmp.nodes.graph.END_TIMEOUT_S', 5.0)
+    bag = tmp_path / 'bag'
+
+    def go_on_once_alone(tracker: Popen[bytes], recorder: Popen[bytes]) -> None:
+        tracker.wait(60.0)
+        recorder.send_signal(signal.SIGCONT)
+
+    with nodes(tmp_path, {'recorder': {'folder': str(bag)}}, 'recorder', 'hand_tracker') as graph:
+        tracker, recorder = (graph.processes[name] for name in ('hand_tracker', 'recorder'))
+        assert Hearing(graph).until(lambda: bool(counts_so_far(bag)), lambda: None, 20.0)
+        recorder.send_signal(signal.SIGSTOP)
+        waiting = Thread(target=go_on_once_alone, args=(tracker, recorder))
+        waiting.start()
+    waiting.join()
+    assert recorder.returncode == 0
+    assert bag_information(bag).complete
 
 
 def messages_so_far(bag: Path) -> list[BagMessage]:
