@@ -55,6 +55,7 @@ from rclpy.parameter import Parameter as RosParameter
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(300)]
 
 QUEUE = 2000
+AT_START_M = 0.05
 OF_ROS = ('use_sim_time', 'start_type_description_service')
 NODES = (RobotSim, HandTracker, Dmp, PriorityIkNode, Recorder)
 
@@ -226,6 +227,22 @@ def settle(graph: Graph) -> None:
     for service in ('/dmp/reset', '/robot_sim/reset', '/robot_sim/resume'):
         graph.call(service)
     assert graph.wait_for_state(('idle',), 30.0, lambda: None), graph.state
+    with hearing(graph, POSE_COMMAND, WRIST_POSE) as (commands, wrists):
+        catch_up(graph, commands, wrists)
+        end_s = time.monotonic() + 30.0
+        while (
+            math.dist(*(place(each[-1].pose.position) for each in (commands, wrists))) > AT_START_M
+        ):
+            graph.spin(0.02)
+            assert time.monotonic() < end_s
+
+
+def handovers(graph: Graph) -> Iterator[None]:
+    """Be ready for a handover, again where a stalled machine has broken off the one before."""
+    for _ in range(5):
+        settle(graph)
+        yield
+    pytest.fail('never handed over')
 
 
 def test_services_lead_through_the_states(graph: Graph) -> None:
@@ -242,23 +259,23 @@ def test_services_lead_through_the_states(graph: Graph) -> None:
     until('aborted')
     graph.call('/dmp/reset')
     until('idle')
-    for _ in range(5):
-        settle(graph)
+    for _ in handovers(graph):
         graph.call('/hand_tracker/replay')
         if graph.wait_for_state(('done',), 8.0, lambda: None):
             return
-    pytest.fail('never handed over')
 
 
 def test_markers_show_where_hand_and_wrist_are_and_were(graph: Graph) -> None:
-    settle(graph)
-    with hearing(graph, MARKERS, HAND_POSE, WRIST_POSE) as (markers, hands, wrists):
-        graph.call('/hand_tracker/replay')
-        assert graph.wait_for_state(('done',), 30.0, lambda: None)
-        catch_up(graph, markers, hands, wrists)
-        last = {marker.ns: marker for marker in markers[-1].markers}
-        settle(graph)
-        catch_up(graph, markers)
+    for _ in handovers(graph):
+        with hearing(graph, MARKERS, HAND_POSE, WRIST_POSE) as (markers, hands, wrists):
+            graph.call('/hand_tracker/replay')
+            if not graph.wait_for_state(('done',), 8.0, lambda: None):
+                continue
+            catch_up(graph, markers, hands, wrists)
+            last = {marker.ns: marker for marker in markers[-1].markers}
+            settle(graph)
+            catch_up(graph, markers)
+            break
     assert set(last) == {
         'learnt path', 'hand', 'hand trail', 'wrist', 'wrist trail', 'exchange',
     }  # fmt: skip
@@ -282,16 +299,20 @@ def place(point: Any) -> tuple[float, float, float]:
 
 
 def test_changing_parameters_in_motion_does_not_jump(graph: Graph) -> None:
-    settle(graph)
-    with hearing(graph, POSE_COMMAND) as (heard,):
-        graph.call('/hand_tracker/replay')
-        assert graph.wait_for_state(('reaching',), 30.0, lambda: None)
-        for k in range(12):
-            set_together(graph, 'dmp', stiffness=200.0 + 50.0 * (k % 3), mu=0.5 + 0.1 * (k % 4))
-            set_together(graph, 'dmp', acceleration_limit=20.0 - 5.0 * (k % 2))
-            set_together(graph, 'priority_ik', braking_share=0.25 + 0.05 * (k % 2))
-        graph.wait_for_state(('done', 'aborted'), 8.0, lambda: None)
-        catch_up(graph, heard)
+    for _ in handovers(graph):
+        with hearing(graph, POSE_COMMAND) as (heard,):
+            graph.call('/hand_tracker/replay')
+            assert graph.wait_for_state(('reaching',), 30.0, lambda: None)
+            for k in range(12):
+                set_together(
+                    graph, 'dmp', stiffness=200.0 + 50.0 * (k % 3), mu=0.5 + 0.1 * (k % 4)
+                )
+                set_together(graph, 'dmp', acceleration_limit=20.0 - 5.0 * (k % 2))
+                set_together(graph, 'priority_ik', braking_share=0.25 + 0.05 * (k % 2))
+            # after a stall the command is where the arm was stopped
+            if graph.wait_for_state(('done',), 8.0, lambda: None):
+                catch_up(graph, heard)
+                break
     ways = [(stamp_s(message), message.pose.position) for message in heard]
     assert len(ways) > 100
     for (t0, a), (t1, b) in pairwise(ways):
