@@ -24,7 +24,7 @@ import sys
 from time import monotonic
 
 from geometry_msgs.msg import PoseStamped
-from handover_dmp.controller import HandoverController, HandoverOptions, MOVING
+from handover_dmp.controller import HandoverController, HandoverOptions, HandoverState, MOVING
 from handover_dmp.dmp import DecoupledDmp, relearn
 from handover_dmp.dmp.parameters import RANGES
 from handover_dmp.hand import GoalEstimator, HandFilter
@@ -303,12 +303,17 @@ class Dmp(HandoverNode):
         # the first periods after a stall may be some that were asked for during it
         woken = self._since_stall < WAKING_PERIODS
         longest_s = LONGEST_GAP_S if woken else LONGEST_STALL_S
-        if self._controller.state in MOVING and not 0 <= arrival_s - last_s <= longest_s:
+        if 0 <= arrival_s - last_s <= longest_s:
+            return
+        if self._controller.state in MOVING:
             self._fault('time jumped, or this node stalled: aborted')
-            if woken:
-                self._controller.hold()
-            else:
-                self._controller.abort()
+        elif not (woken and self._controller.state is HandoverState.ABORTED):
+            return
+        if woken:
+            # again, too, as at first the wrist may be seen where it still braked
+            self._controller.hold()
+        else:
+            self._controller.abort()
 
     def _publish(self) -> None:
         if self._pose is not None:

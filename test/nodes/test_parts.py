@@ -29,6 +29,7 @@ from typing import Any
 
 from geometry_msgs.msg import PoseStamped
 from handover_dmp.errors import DataError
+from handover_dmp.nodes.dmp import LONGEST_STALL_S
 from handover_dmp.nodes.graph import Graph
 from handover_dmp.nodes.leaving import LONGEST_WAIT_S, turn_file
 from handover_dmp.nodes.qos import message_class, qos_profile
@@ -59,6 +60,7 @@ from mcap_ros2.decoder import DecoderFactory
 import numpy as np
 import pytest
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.time import Time
 from rosbags.highlevel import AnyReader
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray, String
@@ -179,6 +181,43 @@ def test_dmp_follows_any_hand(tmp_path: Path) -> None:
         graph.call('/dmp/start')
         assert hearing.until(lambda: graph.state == 'done', act, 30.0)
         assert np.linalg.norm(place_of(hearing.newest[POSE_COMMAND]) - goal) < 0.02
+
+
+def test_a_dmp_that_wakes_holds_the_wrist_where_the_arm_came_to_stand(tmp_path: Path) -> None:
+    """What it is asked for first may be from when the arm still braked."""
+    with Graph(tmp_path, {'dmp': {'start': 'service'}}, nodes=('dmp',)) as graph:
+        hearing = Hearing(graph, POSE_COMMAND, STATE)
+        hand, wrist = hearing.publisher(HAND_POSE), hearing.publisher(WRIST_POSE)
+        target = example_trials()[0].p1[-1]
+
+        def answer(at_s: float, place: np.ndarray) -> np.ndarray:
+            """Ask for a period until it is answered; return the place that is commanded."""
+            messages = [pose(graph, at) for at in (target, place)]
+            for message in messages:
+                message.header.stamp = Time(seconds=at_s).to_msg()
+
+            def ask() -> None:
+                for publisher, message in zip((hand, wrist), messages, strict=True):
+                    publisher.publish(message)
+
+            def answered() -> bool:
+                newest = hearing.newest.get(POSE_COMMAND)
+                return newest is not None and newest.header.stamp == messages[0].header.stamp
+
+            assert hearing.until(answered, ask, 20.0)
+            return place_of(hearing.newest[POSE_COMMAND])
+
+        place = answer(1.0, np.array(example_model().start))
+        graph.call('/dmp/start')
+        for k in range(1, 40):
+            place = answer(1.0 + 0.005 * k, place)
+        assert graph.state == 'reaching'
+        time.sleep(LONGEST_STALL_S + 0.1)
+        braking, standing = place + [0.01, 0.0, 0.0], place + [0.03, 0.0, 0.0]
+        assert np.allclose(answer(1.3, braking), braking)
+        assert np.allclose(answer(2.1, standing), standing)
+        assert np.allclose(answer(2.105, standing), standing)
+        assert graph.state == 'aborted'
 
 
 def processor_s(process: Popen[bytes]) -> tuple[float, float]:
