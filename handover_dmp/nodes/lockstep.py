@@ -20,7 +20,8 @@ answer a period to give: when it has been asked, and when all that the answer ne
 message that was lost makes `robot_sim` ask again; then the same answer is given again. An input
 that does not come for `patience_s` is done without, and from then on not waited for until it comes
 again. Who waits for one that waits is that much more patient, so that only the neighbour of the
-one that is gone goes on without it.
+one that is gone goes on without it. Where questions were lost, so that one who waits is itself
+given up first, time goes on without it: then it waits no longer, else it would be left behind.
 """
 
 from __future__ import annotations
@@ -75,6 +76,7 @@ class Lockstep:
         self._jumped = jumped
         self._asked_ns: int | None = None
         self._times_asked = 0
+        self._left_behind = False
         self.answered_ns: int | None = None
 
     def ask(self, tick_ns: int) -> None:
@@ -88,8 +90,14 @@ class Lockstep:
         if tick_ns == self.answered_ns:
             self._again()
             return
-        self._times_asked = self._times_asked + 1 if tick_ns == self._asked_ns else 1
-        self._asked_ns = tick_ns
+        if tick_ns == self._asked_ns:
+            self._times_asked += 1
+        else:
+            # asked once is not enough: what the answer needs may just have been on its way
+            waited = self._asked_ns != self.answered_ns and self._times_asked > 1
+            self._left_behind = waited and self._asked_ns is not None and tick_ns > self._asked_ns
+            self._asked_ns = tick_ns
+            self._times_asked = 1
         self.look()
 
     def look(self) -> None:
@@ -117,7 +125,7 @@ class Lockstep:
         patience_s = self._patience_s()
         if self._gone:
             patience_s = min(patience_s, PATIENCE_WHEN_GONE_S)
-        return (self._times_asked - 1) * ASK_AGAIN_S >= patience_s
+        return self._left_behind or (self._times_asked - 1) * ASK_AGAIN_S >= patience_s
 
 
 class Pace:

@@ -37,6 +37,8 @@ from handover_dmp.run import keep_inputs
 from handover_dmp.scenario import Scenario
 from handover_dmp.settings import defaults
 from handover_dmp.topics import JOINT_COMMAND, JOINT_STATES, names_of_values
+from hypothesis import given
+from hypothesis import strategies as st
 import numpy as np
 import pytest
 import rclpy
@@ -230,6 +232,25 @@ def test_who_is_gone_is_waited_for_until_patience_ends() -> None:
     assert asked(2) == 1
     there = False
     assert (asked(3) - 1) * ASK_AGAIN_S >= 20.0
+
+
+@given(askings=st.integers(1, 30), patience_s=st.floats(5.0, 60.0))
+def test_who_is_left_behind_while_it_waits_waits_no_longer(
+    askings: int, patience_s: float
+) -> None:
+    """But one that was asked only once may still get what it needs."""
+    answers: list[int] = []
+    lockstep = Lockstep(
+        0.005, lambda tick_ns, _elapsed_s: answers.append(tick_ns), lambda: None,
+        patience_s=lambda: patience_s, ready=lambda tick_ns: tick_ns == 0,
+    )  # fmt: skip
+    lockstep.ask(0)
+    for _ in range(askings):
+        lockstep.ask(5)
+    lockstep.ask(10)
+    assert answers == ([0, 10] if askings > 1 else [0])
+    lockstep.ask(5)
+    assert 5 not in answers, 'who asks for what was before leaves nobody behind'
 
 
 @pytest.mark.parametrize('labelled', [False, True])

@@ -32,6 +32,7 @@ from handover_dmp.errors import DataError
 from handover_dmp.nodes.dmp import LONGEST_STALL_S
 from handover_dmp.nodes.graph import Graph
 from handover_dmp.nodes.leaving import LONGEST_WAIT_S, turn_file
+from handover_dmp.nodes.lockstep import ASK_AGAIN_S
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.nodes.recorder import QUEUE
 from handover_dmp.recording import (
@@ -183,41 +184,83 @@ def test_dmp_follows_any_hand(tmp_path: Path) -> None:
         assert np.linalg.norm(place_of(hearing.newest[POSE_COMMAND]) - goal) < 0.02
 
 
-def test_a_dmp_that_wakes_holds_the_wrist_where_the_arm_came_to_stand(tmp_path: Path) -> None:
-    """What it is asked for first may be from when the arm still braked."""
+class DmpInLockstep:
+    """A dmp alone, which is asked for its periods as `priority_ik` would."""
+
+    def __init__(self, graph: Graph) -> None:
+        self.graph = graph
+        self._hearing = Hearing(graph, POSE_COMMAND, STATE)
+        self._hand = self._hearing.publisher(HAND_POSE)
+        self._wrist = self._hearing.publisher(WRIST_POSE)
+        self._target = example_trials()[0].p1[-1]
+
+    def _pose(self, at_s: float, place: np.ndarray) -> PoseStamped:
+        message = pose(self.graph, place)
+        message.header.stamp = Time(seconds=at_s).to_msg()
+        return message
+
+    def ask(self, at_s: float, place: np.ndarray) -> None:
+        """Tell where the wrist is, once, and nothing of the hand."""
+        self._wrist.publish(self._pose(at_s, place))
+
+    def answered(self, at_s: float) -> bool:
+        newest = self._hearing.newest.get(POSE_COMMAND)
+        return newest is not None and newest.header.stamp == Time(seconds=at_s).to_msg()
+
+    def answer(self, at_s: float, place: np.ndarray) -> np.ndarray:
+        """Ask for a period, with the hand, until it is answered; return the place commanded."""
+
+        def ask() -> None:
+            self._hand.publish(self._pose(at_s, self._target))
+            self.ask(at_s, place)
+
+        assert self._hearing.until(lambda: self.answered(at_s), ask, 20.0)
+        return place_of(self._hearing.newest[POSE_COMMAND])
+
+    def reach(self) -> np.ndarray:
+        """Begin a handover; return the place of the wrist, in full motion after 1.2 s."""
+        place = self.answer(1.0, np.array(example_model().start))
+        self.graph.call('/dmp/start')
+        for k in range(1, 41):
+            place = self.answer(1.0 + 0.005 * k, place)
+        assert self.graph.state == 'reaching'
+        return place
+
+
+@pytest.fixture
+def dmp(tmp_path: Path) -> Iterator[DmpInLockstep]:
     with Graph(tmp_path, {'dmp': {'start': 'service'}}, nodes=('dmp',)) as graph:
-        hearing = Hearing(graph, POSE_COMMAND, STATE)
-        hand, wrist = hearing.publisher(HAND_POSE), hearing.publisher(WRIST_POSE)
-        target = example_trials()[0].p1[-1]
+        yield DmpInLockstep(graph)
 
-        def answer(at_s: float, place: np.ndarray) -> np.ndarray:
-            """Ask for a period until it is answered; return the place that is commanded."""
-            messages = [pose(graph, at) for at in (target, place)]
-            for message in messages:
-                message.header.stamp = Time(seconds=at_s).to_msg()
 
-            def ask() -> None:
-                for publisher, message in zip((hand, wrist), messages, strict=True):
-                    publisher.publish(message)
+def test_a_dmp_that_wakes_holds_the_wrist_where_the_arm_came_to_stand(dmp: DmpInLockstep) -> None:
+    """What it is asked for first may be from when the arm still braked."""
+    place = dmp.reach()
+    time.sleep(LONGEST_STALL_S + 0.1)
+    braking, standing = place + [0.01, 0.0, 0.0], place + [0.03, 0.0, 0.0]
+    assert np.allclose(dmp.answer(1.3, braking), braking)
+    assert np.allclose(dmp.answer(2.1, standing), standing)
+    assert np.allclose(dmp.answer(2.105, standing), standing)
+    assert dmp.graph.state == 'aborted'
 
-            def answered() -> bool:
-                newest = hearing.newest.get(POSE_COMMAND)
-                return newest is not None and newest.header.stamp == messages[0].header.stamp
 
-            assert hearing.until(answered, ask, 20.0)
-            return place_of(hearing.newest[POSE_COMMAND])
-
-        place = answer(1.0, np.array(example_model().start))
-        graph.call('/dmp/start')
-        for k in range(1, 40):
-            place = answer(1.0 + 0.005 * k, place)
-        assert graph.state == 'reaching'
-        time.sleep(LONGEST_STALL_S + 0.1)
-        braking, standing = place + [0.01, 0.0, 0.0], place + [0.03, 0.0, 0.0]
-        assert np.allclose(answer(1.3, braking), braking)
-        assert np.allclose(answer(2.1, standing), standing)
-        assert np.allclose(answer(2.105, standing), standing)
-        assert graph.state == 'aborted'
+def test_a_dmp_that_is_given_up_while_it_waits_for_the_hand_goes_on(dmp: DmpInLockstep) -> None:
+    """Where its questions are lost, `priority_ik` is out of patience before it is."""
+    place = dmp.reach()
+    waits_until_s = time.monotonic() + LONGEST_STALL_S + 0.2
+    while time.monotonic() < waits_until_s:
+        dmp.ask(1.205, place)
+        dmp.graph.spin(ASK_AGAIN_S)
+    assert not dmp.answered(1.205)
+    for k in range(2, 40):
+        at_s = 1.2 + 0.005 * k
+        # as often as `priority_ik` asks once it has given up: without an answer it goes on
+        for _ in range(2):
+            if not dmp.answered(at_s):
+                dmp.ask(at_s, place)
+                dmp.graph.spin(0.05)
+    dmp.answer(1.4, place)
+    assert dmp.graph.state == 'reaching'
 
 
 def processor_s(process: Popen[bytes]) -> tuple[float, float]:
