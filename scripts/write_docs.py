@@ -129,8 +129,8 @@ def own_parameters(node: str) -> Sequence[Parameter]:
     classes = [
         value for value in vars(module(node)).values() if getattr(value, 'NAME', None) == node
     ]
-    parameters: Sequence[Parameter] = classes[0].PARAMETERS
-    return parameters
+    # the posture's default is that of the robot
+    return (*classes[0].PARAMETERS, *getattr(module(node), 'POSTURE', ()))
 
 
 def other_defaults(node: str) -> Sequence[Parameter]:

@@ -16,7 +16,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import inf, nan
+from typing import Any
 
 from handover_dmp.controller import HandoverController, HandoverOptions, HandoverState
 from handover_dmp.dmp import DecoupledDmp, relearn
@@ -179,15 +181,48 @@ def test_a_command_cannot_run_away_from_an_arm_that_is_held(model: DecoupledDmp)
     assert loop.state is HandoverState.REACHING
 
 
-def test_changed_parameters_do_not_jump(model: DecoupledDmp) -> None:
+@pytest.mark.parametrize(
+    'changes',
+    [
+        {'stiffness': 400.0, 'mu': 0.9},
+        {'sigma': 0.2},
+        {'sigma': 0.01, 'mu': 0.4},
+        {'damping': 60.0},
+        {'goal_velocity_gain': 0.0},
+        {'formulation': 'printed'},
+    ],
+)
+def test_changed_parameters_do_not_jump(model: DecoupledDmp, changes: dict[str, Any]) -> None:
     loop = Loop(model)
     loop.step(5)
     loop.controller.start()
     loop.step(round(0.6 * model.duration_s / PERIOD_S))
-    loop.controller.model = relearn(model, stiffness=400.0, mu=0.9)
+    loop.controller.model = relearn(model, **changes)
     loop.step(round(1.5 * model.duration_s / PERIOD_S))
     assert loop.largest_acceleration <= loop.controller.options.acceleration_limit * (1 + 1e-9)
     assert loop.state in (HandoverState.EXCHANGE, HandoverState.DONE)
+
+
+@pytest.mark.parametrize(
+    'changes',
+    [
+        {'acceleration_limit': 5.0},
+        {'tracking_error_limit_m': 0.01},
+        {'phase_stopping': False},
+        {'exchange_distance_m': 0.3},
+    ],
+)
+def test_changed_rules_do_not_jump(model: DecoupledDmp, changes: dict[str, Any]) -> None:
+    loop = Loop(model)
+    loop.step(5)
+    loop.controller.start()
+    loop.step(round(0.6 * model.duration_s / PERIOD_S))
+    loop.controller.options = replace(loop.controller.options, **changes)
+    loop.step(round(0.8 * model.duration_s / PERIOD_S))
+    assert loop.largest_acceleration <= HandoverOptions().acceleration_limit * (1 + 1e-9)
+    steps = np.linalg.norm(np.diff(loop.positions, axis=0), axis=1)
+    speeds = np.linalg.norm(loop.velocities[1:], axis=1)
+    assert np.all(steps <= PERIOD_S * (speeds + HandoverOptions().acceleration_limit * PERIOD_S))
 
 
 def test_abort_brakes_and_only_a_new_start_moves_again(model: DecoupledDmp) -> None:

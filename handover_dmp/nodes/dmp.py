@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from math import inf, isfinite, nan
 from pathlib import Path
@@ -55,6 +55,7 @@ from handover_dmp.topics import (
     IK_STATUS,
     PHASE,
     POSE_COMMAND,
+    Quality,
     SIGNAL,
     STATE,
     TWIST_COMMAND,
@@ -126,7 +127,7 @@ class Dmp(HandoverNode):
         self._controller = HandoverController(
             _with_parameters(learnt, self.values), _options(self.values), _estimator(self.values)
         )
-        on_change(self, HANDOVER + PRIMITIVE, self._change)
+        on_change(self, HANDOVER + PRIMITIVE, self._prepare)
         period_s = 1.0 / self.values['rate_hz']
         self._period_ns = round(period_s * NANOSECONDS)
         self._periods = Periods(period_s)
@@ -170,7 +171,9 @@ class Dmp(HandoverNode):
         self.subscribe(HAND_POSE, self._on_hand)
         self.subscribe(WRIST_POSE, self._on_wrist)
         self.subscribe(IK_STATUS, self._on_ik_status)
-        self.subscribe(SIGNAL, self._on_signal)
+        self.subscribe(SIGNAL, self._on_stamped_signal)
+        # what was latched before says nothing of its time: only who speaks now is heard
+        self.subscribe(replace(SIGNAL, quality=Quality.COMMAND), self._on_unstamped_signal)
         self.serve('start', self._start)
         self.serve('abort', self._abort)
         self.serve('reset', self._reset)
@@ -182,7 +185,8 @@ class Dmp(HandoverNode):
             self._fault(f'hand in frame {message.header.frame_id!r} instead of {FRAME!r}')
             return
         time_ns = self.hand_stamp_ns(message.header.stamp)
-        self._hands.append((time_ns / NANOSECONDS, position_of(message)))
+        if time_ns != self._newest_hand_ns:  # else told again, as it may have been lost
+            self._hands.append((time_ns / NANOSECONDS, position_of(message)))
         self._newest_hand_ns = time_ns
         if self.lockstep:
             self._clock_of_periods.look()
@@ -215,8 +219,14 @@ class Dmp(HandoverNode):
         self._phase_rate_ns = round(time_s * NANOSECONDS)
         self._clock_of_periods.look()
 
-    def _on_signal(self, message: Header) -> None:
-        self._signal_s = self.hand_stamp_ns(message.stamp) / NANOSECONDS
+    def _on_unstamped_signal(self, message: Header) -> None:
+        if not self.is_stamped(message.stamp):
+            self._controller.signal(self.now_s())
+
+    def _on_stamped_signal(self, message: Header) -> None:
+        if not self.is_stamped(message.stamp):
+            return
+        self._signal_s = nanoseconds(message.stamp) / NANOSECONDS
         if self._begun_s is None:
             return
         # one that was latched before this node was there may come after its first period
@@ -238,11 +248,15 @@ class Dmp(HandoverNode):
         self._controller.reset()
         return ''
 
-    def _change(self, values: Values) -> None:
+    def _prepare(self, values: Values) -> Callable[[], None]:
         # always from what was learnt: a shape that once had no weight would be lost
-        model = _with_parameters(self._learnt, values)
-        self._controller.options = _options(values)
-        self._controller.model = model
+        model, options = _with_parameters(self._learnt, values), _options(values)
+
+        def apply() -> None:
+            self._controller.options = options
+            self._controller.model = model
+
+        return apply
 
     # Periods
 

@@ -122,9 +122,9 @@ class Graph:
         self._nodes = nodes
         self._parameters = {
             name: {
-                **parameters.get(name, {}),
                 'lockstep': lockstep,
                 'use_sim_time': lockstep and name != 'robot_sim',
+                **parameters.get(name, {}),
             }
             for name in nodes
         }

@@ -21,6 +21,7 @@ from time import monotonic, time_ns
 from typing import Any, ClassVar
 
 from builtin_interfaces.msg import Time
+from handover_dmp.errors import UsageError
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
 from handover_dmp.nodes.housekeeping import Housekeeping
 from handover_dmp.nodes.parameters import COMMON, declare, Parameter
@@ -42,6 +43,7 @@ class HandoverNode(Node):  # type: ignore[misc]
 
     NAME: ClassVar[str]
     PARAMETERS: ClassVar[tuple[Parameter, ...]]
+    MAKES_TIME: ClassVar[bool] = False
 
     def __init__(self) -> None:
         """Declare the parameters; their values at the start are in `self.values`."""
@@ -49,6 +51,8 @@ class HandoverNode(Node):  # type: ignore[misc]
         self.values = declare(self, COMMON + self.PARAMETERS)
         self.lockstep: bool = self.values['lockstep']
         self.simulated: bool = self.get_parameter('use_sim_time').value
+        if self.lockstep and not (self.simulated or self.MAKES_TIME):
+            raise UsageError(f'{self.NAME}: lockstep is for use_sim_time alone')
         self.add_on_set_parameters_callback(_keep_the_clock)
         self.housekeeping = Housekeeping(self)
 
@@ -150,10 +154,20 @@ class HandoverNode(Node):  # type: ignore[misc]
             Time on this node's clock, ns.
 
         """
-        stamp_ns = nanoseconds(stamp)
-        if stamp_ns == 0 or self.values['hand_stamps'] == 'arrival':
-            return self.now_ns()
-        return stamp_ns
+        return nanoseconds(stamp) if self.is_stamped(stamp) else self.now_ns()
+
+    def is_stamped(self, stamp: Time) -> bool:
+        """
+        Tell whether a message about the hand says its time, by the parameter `hand_stamps`.
+
+        Args:
+            stamp: of its header.
+
+        Returns:
+            Whether; else its time is that of its arrival.
+
+        """
+        return self.values['hand_stamps'] == 'header' and nanoseconds(stamp) != 0
 
     def now_ns(self) -> int:
         """Return the time of stamps, ns."""

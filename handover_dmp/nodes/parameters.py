@@ -46,7 +46,6 @@ class Parameter:
         high: greatest value, of numbers.
         choices: the words it may be, of strings.
         read_only: whether it is fixed once the node runs.
-        unset: its type, of a parameter that has no default.
 
     """
 
@@ -56,7 +55,6 @@ class Parameter:
     high: float | None = None
     choices: tuple[str, ...] = ()
     read_only: bool = False
-    unset: RosParameter.Type | None = None
 
     def descriptor(self, default: Any) -> ParameterDescriptor:
         """
@@ -154,7 +152,7 @@ def declare(
     section = defaults(node.NAME) if defaults_from is None else defaults_from
     values: Values = {}
     for parameter in parameters:
-        default = section.get(parameter.name, parameter.unset)
+        default = section[parameter.name]
         try:
             declared = node.declare_parameter(
                 parameter.name, default, parameter.descriptor(default)
@@ -169,7 +167,7 @@ def declare(
 
 
 def on_change(
-    node: Node, parameters: Sequence[Parameter], apply: Callable[[Values], None]
+    node: Node, parameters: Sequence[Parameter], prepare: Callable[[Values], Callable[[], None]]
 ) -> None:
     """
     Let parameters be changed while the node runs, all of one request or none.
@@ -177,10 +175,12 @@ def on_change(
     Args:
         node: the node.
         parameters: those it declared.
-        apply: gets every value, the new ones among them, and either takes them all or raises a
-            `HandoverError` or `ValueError` and takes none.
+        prepare: gets every value, the new ones among them, and either returns what takes them
+            all, once nobody else has refused the request, or raises a `HandoverError` or
+            `ValueError`.
 
     """
+    prepared: list[Callable[[], None]] = []
 
     def changed(requested: list[RosParameter]) -> SetParametersResult:
         values = {
@@ -191,12 +191,17 @@ def on_change(
         if fault:
             return SetParametersResult(successful=False, reason=fault)
         try:
-            apply(values)
+            prepared[:] = [prepare(values)]
         except (HandoverError, ValueError) as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
+    def apply(_set: list[RosParameter]) -> None:
+        while prepared:
+            prepared.pop()()
+
     node.add_on_set_parameters_callback(changed)
+    node.add_post_set_parameters_callback(apply)
 
 
 def _wrong_choice(parameters: Sequence[Parameter], values: Values) -> str:

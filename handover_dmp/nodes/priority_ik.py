@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import nan
 import sys
 from time import sleep
@@ -105,14 +106,12 @@ class PriorityIkNode(HandoverNode):
     def __init__(self) -> None:
         """Load the arm, connect the topics, wait for joint states and commands."""
         super().__init__()
-        x, y, z = self.values['base_position']
-        self._model = RobotModel.load(
-            self.values['robot'], base=BasePlacement((x, y, z), self.values['base_yaw'])
-        )
+        base = BasePlacement(tuple(self.values['base_position']), self.values['base_yaw'])
+        self._model = RobotModel.load(self.values['robot'], base=base)
         self._controller = WristController(
             self._model, PriorityIk(self._model, _tasks(self.values)), _timeouts(self.values)
         )
-        on_change(self, TIMEOUTS + TASKS, self._change)
+        on_change(self, TIMEOUTS + TASKS, self._prepare)
         self._period_s = 1.0 / self.values['rate_hz']
         self._periods = Periods(self._period_s)
         self._hand = GoalEstimator()
@@ -130,6 +129,7 @@ class PriorityIkNode(HandoverNode):
         self._fault = 'no joint states yet'
         self._active: tuple[str, ...] = ()
         self._refused = 0
+        self._refusal = ''
         self._joints = frozenset(self._model.joint_names)
         self._twist_awaited = False
         self._connect()
@@ -165,7 +165,7 @@ class PriorityIkNode(HandoverNode):
         if not self._controller.set_joint_state(
             message.name, message.position, message.velocity, arrival_s
         ):
-            self._refused += 1
+            self._refuse('joint states')
             return
         self._measured_stamp = message.header.stamp
         if self.lockstep:
@@ -184,7 +184,7 @@ class PriorityIkNode(HandoverNode):
 
     def _on_pose(self, message: PoseStamped) -> None:
         if message.header.frame_id != FRAME:
-            self._refused += 1
+            self._refuse(f'wrist command in frame {message.header.frame_id!r}, not {FRAME!r}')
             return
         self._pose = message
         self._on_command()
@@ -203,7 +203,7 @@ class PriorityIkNode(HandoverNode):
 
     def _on_hand(self, message: PoseStamped) -> None:
         if message.header.frame_id != FRAME:
-            self._refused += 1
+            self._refuse(f'hand in frame {message.header.frame_id!r}, not {FRAME!r}')
             return
         self._newest_hand_ns = self.hand_stamp_ns(message.header.stamp)
         stamp_s = self._newest_hand_ns / NANOSECONDS
@@ -237,16 +237,18 @@ class PriorityIkNode(HandoverNode):
             self._followed_s = nanoseconds(pose.header.stamp) / NANOSECONDS
             self._follows_since_s = arrival_s
         else:
-            self._refused += 1
+            self._refuse('wrist command')
 
-    def _change(self, values: Values) -> None:
-        old = self._controller.ik
-        tasks, timeouts = _tasks(values), _timeouts(values)
-        if tasks != old.options:
-            self._controller.ik = PriorityIk(
-                self._model, tasks, collision_model=old.collision_model
-            )
-        self._controller.options = timeouts
+    def _prepare(self, values: Values) -> Callable[[], None]:
+        ik, tasks, timeouts = self._controller.ik, _tasks(values), _timeouts(values)
+        if tasks != ik.options:
+            ik = PriorityIk(self._model, tasks, collision_model=ik.collision_model)
+
+        def apply() -> None:
+            self._controller.ik = ik
+            self._controller.options = timeouts
+
+        return apply
 
     # Periods
 
@@ -319,10 +321,15 @@ class PriorityIkNode(HandoverNode):
 
     # Condition
 
+    def _refuse(self, what: str) -> None:
+        self._refused += 1
+        self._refusal = f'refused: {what}'
+
     def _condition(self) -> tuple[str, dict[str, str]]:
         refused, self._refused = self._refused, 0
+        refusal, self._refusal = self._refusal, ''
         ages = self._controller.ages_s(self.now_s() if self.lockstep else self.arrival_s())
-        return self._fault, {
+        return '; '.join(filter(None, (self._fault, refusal))), {
             **{f'age of the {name} (s)': f'{age_s:.3f}' for name, age_s in ages.items()},
             'active limits': ', '.join(self._active) or 'none',
             'messages refused': str(refused),

@@ -16,22 +16,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from math import inf
 import sys
 from time import monotonic, sleep
 
+from handover_dmp.errors import UsageError
 from handover_dmp.nodes.conversions import NANOSECONDS, period_of, stamp
 from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.lockstep import ASK_AGAIN_S, HEAD_START_S, Pace
 from handover_dmp.nodes.node import HandoverNode
-from handover_dmp.nodes.parameters import ARM, on_change, Parameter, Values
+from handover_dmp.nodes.parameters import ARM, declare, on_change, Parameter, Values
 from handover_dmp.nodes.spinning import run
 from handover_dmp.robot.arm import ArmOptions, ArmState, SimulatedArm
 from handover_dmp.robot.model import BasePlacement, RobotModel
 from handover_dmp.robot.self_check import check_models
 from handover_dmp.topics import CLOCK, JOINT_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
-from rclpy.parameter import Parameter as RosParameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
@@ -39,8 +40,20 @@ from std_msgs.msg import Float64MultiArray, String
 LOOK_S = 0.02
 PATIENCE_WHEN_LOST_S = 0.5
 
+LEAST_FACTOR = 0.01
+"""Slower, and a period would keep the node from its services and from ending."""
+LONGEST_STEP_S = 1.0
+"""Where the clock of another simulator leaps further, it has begun or begun anew."""
+
 CHANGEABLE = (
-    Parameter('real_time_factor', 'of simulated time; 0: as fast as it goes', 0.0, 100.0),
+    Parameter(
+        'real_time_factor', 'of simulated time in lockstep; 0: as fast as it goes', 0.0, 100.0
+    ),
+)
+POSTURE = (
+    Parameter(
+        'initial_positions', 'of the joints, rad; the home posture if not set', read_only=True
+    ),
 )
 
 
@@ -48,14 +61,11 @@ class RobotSim(HandoverNode):
     """The simulated arm as a node."""
 
     NAME = 'robot_sim'
+    MAKES_TIME = True
     PARAMETERS = (
         *ARM,
         *CHANGEABLE,
         Parameter('rate_hz', 'of the joint states, Hz', 10.0, 1000.0, read_only=True),
-        Parameter(
-            'initial_positions', 'of the joints, rad; not set: the home posture', read_only=True,
-            unset=RosParameter.Type.DOUBLE_ARRAY,
-        ),
         Parameter(
             'command_timeout_s', 'the arm brakes without a command for so long, s', 0.001, 10.0,
             read_only=True,
@@ -69,16 +79,17 @@ class RobotSim(HandoverNode):
     def __init__(self) -> None:
         """Load the arm, hold it against Pinocchio's, begin to simulate."""
         super().__init__()
-        x, y, z = self.values['base_position']
-        model = RobotModel.load(
-            self.values['robot'], base=BasePlacement((x, y, z), self.values['base_yaw'])
-        )
+        _check_factor(self.values)
+        base = BasePlacement(tuple(self.values['base_position']), self.values['base_yaw'])
+        model = RobotModel.load(self.values['robot'], base=base)
+        home = {'initial_positions': model.home.tolist()}
+        self.values |= declare(self, POSTURE, defaults_from=home)
         check_models(model)
         self._arm = SimulatedArm(
             model,
             options=ArmOptions(self.values['command_timeout_s'], self.values['resume_required']),
         )
-        self._start: Sequence[float] | None = self.values['initial_positions']
+        self._start: Sequence[float] = self.values['initial_positions']
         self._arm.reset(self._start)
         self._period_s = 1.0 / self.values['rate_hz']
         self._period_ns = round(self._period_s * NANOSECONDS)
@@ -90,13 +101,14 @@ class RobotSim(HandoverNode):
         self._slept_s = 0.0
         self._answers = 0
         self._lost = False
+        self._commanded_s = -inf
         self._paused: bool = self.values['paused']
         self._connect(model)
         if self.lockstep:
             self.every(LOOK_S, self._wait, wall=True)
         else:
-            self._stepped_s = monotonic()
-            self.every(self._period_s, self._step_on_the_wall_clock, wall=True)
+            self._stepped_s = self.arrival_s()
+            self.every(self._period_s, self._step_by_the_clock)
         Diagnostics(self, self._periods, self._condition)
 
     def _connect(self, model: RobotModel) -> None:
@@ -111,11 +123,12 @@ class RobotSim(HandoverNode):
         self.serve('pause', self._pause)
         self.serve('resume', self._resume)
         self.serve('reset', self._reset)
-        on_change(self, CHANGEABLE, self._change)
+        on_change(self, CHANGEABLE, self._prepare)
 
     # Simulated time: a period ends when the command that answers it has come
 
     def _on_command(self, message: Float64MultiArray) -> None:
+        self._commanded_s = self._time_s()
         if not self.lockstep:
             self._arm.command(message.data)
         elif period_of(message) in (self._tick_ns, None) and not self._paused:
@@ -161,16 +174,20 @@ class RobotSim(HandoverNode):
         self._looked_s, self._waited_s = monotonic(), 0.0
         self._publish()
 
-    # The wall clock
+    # The wall clock, or that of another simulator
 
-    def _step_on_the_wall_clock(self) -> None:
+    def _step_by_the_clock(self) -> None:
         self._periods.tick()
-        now_s = monotonic()
+        now_s = self.arrival_s()
         elapsed_s = now_s - self._stepped_s
         self._stepped_s = now_s
-        if not self._paused:
+        leapt = self.simulated and not 0.0 <= elapsed_s <= LONGEST_STEP_S
+        if not (self._paused or leapt):
             self._arm.advance(elapsed_s)
         self._publish()
+
+    def _time_s(self) -> float:
+        return self._tick_ns / NANOSECONDS if self.lockstep else self.arrival_s()
 
     def _publish(self) -> None:
         self._asked_s = monotonic()
@@ -179,7 +196,9 @@ class RobotSim(HandoverNode):
             self._time_publisher.publish(Clock(clock=time))
         self._message.header.stamp = time
         self._message.position = self._arm.joint_positions.tolist()
-        self._message.velocity = self._arm.joint_velocities.tolist()
+        # an arm whose time stands still does not move, whatever it will go on with
+        stands = self._paused and not self.lockstep
+        self._message.velocity = (self._arm.joint_velocities * (not stands)).tolist()
         self._states.publish(self._message)
 
     def destroy_node(self) -> None:
@@ -201,19 +220,27 @@ class RobotSim(HandoverNode):
         self._arm.reset(self._start)
         return ''
 
-    def _change(self, values: Values) -> None:
-        self.values |= values
+    def _prepare(self, values: Values) -> Callable[[], None]:
+        _check_factor(values)
+        return lambda: self.values.update(values)
 
     def _condition(self) -> tuple[str, dict[str, str]]:
         report = self._arm.report
         fault = '' if report.state is ArmState.READY else f'stopped: {report.last_fault}'
         values = {key: str(value) for key, value in asdict(report).items()}
+        values['age of the joint command (s)'] = f'{self._time_s() - self._commanded_s:.3f}'
         if self.lockstep:
             values |= {
                 'simulated (s)': f'{self._tick_ns / NANOSECONDS:.3f}',
                 'slept for real_time_factor (s)': f'{self._slept_s:.3f}',
             }
         return fault, values
+
+
+def _check_factor(values: Values) -> None:
+    factor = values['real_time_factor']
+    if 0.0 < factor < LEAST_FACTOR:
+        raise UsageError(f'real_time_factor is {factor:g}: 0, or at least {LEAST_FACTOR:g}')
 
 
 def main() -> int:

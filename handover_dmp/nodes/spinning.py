@@ -26,12 +26,11 @@ from pathlib import Path
 import signal
 import sys
 
-from handover_dmp.errors import HandoverError
+from handover_dmp.errors import HandoverError, UsageError
 from handover_dmp.nodes.housekeeping import Housekeeping
 from handover_dmp.nodes.leaving import leave
 import rclpy
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
-from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
@@ -68,12 +67,12 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
         signal.signal(number, lambda caught, _frame: ended.append(caught))
     try:
         node = make_node()
+        executor, spin = _executor(node)
     except HandoverError as error:
         print(error, file=sys.stderr)
         rclpy.try_shutdown()
         return error.exit_code
     _prioritise(node)
-    executor, spin = _executor(node)
     gc.collect()
     gc.freeze()
     gc.disable()
@@ -104,12 +103,22 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
 def _executor(node: Node) -> tuple[Executor, Callable[[], None]]:
     """Make the executor that the node asks for, and what spins it for `POLL_S` at most."""
     default = node.has_parameter('executor') and node.get_parameter('executor').value == 'default'
-    executor: Executor = SingleThreadedExecutor() if default else EventsExecutor()
+    executor: Executor = SingleThreadedExecutor() if default else _events_executor()
     executor.add_node(node)
     if default:
         return executor, partial(executor.spin_once, POLL_S)
     # many events in one go, since there is nothing to look at after each
     return executor, partial(executor.spin_until_future_complete, Future(), POLL_S)
+
+
+def _events_executor() -> Executor:
+    try:
+        from rclpy.experimental import EventsExecutor
+    except ImportError as error:
+        raise UsageError(
+            'executor is events, which this rclpy is too old for: update it, or say default'
+        ) from error
+    return EventsExecutor()
 
 
 def _prioritise(node: Node) -> None:

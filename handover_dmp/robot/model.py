@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+from handover_dmp.errors import UsageError
 from handover_dmp.robot import descriptions
 from handover_dmp.robot.errors import RobotDescriptionError
 from handover_dmp.robot.limits import JointLimits
@@ -51,6 +52,14 @@ class BasePlacement:
 
     position: tuple[float, float, float] = (0.0, 0.0, 0.0)
     yaw: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse what is no place."""
+        if len(self.position) != 3 or not np.all(np.isfinite((*self.position, self.yaw))):
+            raise UsageError(
+                f'a base stands at three finite numbers and a yaw, not at {self.position} and '
+                f'{self.yaw}'
+            )
 
     @property
     def rotation(self) -> Array:

@@ -115,6 +115,7 @@ def test_gives_the_same_motion_as_one_process_at_any_speed(
         graph.unpause()
         assert graph.wait_for_state(('done',), LONGEST_S, lambda: None)
         took, passed = time.monotonic() - begun, graph.time_s
+        print(f'{passed / took:.2f} times real time')
         graph.linger(0.1)
     if factor:
         assert took >= 0.9 * passed / factor

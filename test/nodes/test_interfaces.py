@@ -24,15 +24,16 @@ from pathlib import Path
 import time
 from typing import Any
 
+from handover_dmp.errors import UsageError
 from handover_dmp.nodes.conduct import graph_parameters
 from handover_dmp.nodes.dmp import Dmp, LONGEST_STALL_S, PRIMITIVE
 from handover_dmp.nodes.graph import Graph
 from handover_dmp.nodes.hand_tracker import HandTracker
-from handover_dmp.nodes.parameters import COMMON
+from handover_dmp.nodes.parameters import COMMON, declare, on_change
 from handover_dmp.nodes.priority_ik import PriorityIkNode
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.nodes.recorder import Recorder
-from handover_dmp.nodes.robot_sim import RobotSim
+from handover_dmp.nodes.robot_sim import POSTURE, RobotSim
 from handover_dmp.run import keep_inputs
 from handover_dmp.scenario import Scenario
 from handover_dmp.topics import (
@@ -48,8 +49,14 @@ from handover_dmp.topics import (
     WRIST_POSE,
 )
 import pytest
-from rcl_interfaces.msg import ParameterType
-from rcl_interfaces.srv import DescribeParameters, ListParameters, SetParametersAtomically
+from rcl_interfaces.msg import ParameterType, SetParametersResult
+from rcl_interfaces.srv import (
+    DescribeParameters,
+    GetParameters,
+    ListParameters,
+    SetParametersAtomically,
+)
+import rclpy
 from rclpy.parameter import Parameter as RosParameter
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(300)]
@@ -136,10 +143,11 @@ def listen(graph: Graph, topic: Topic, seconds: float) -> list[Any]:
 
 @pytest.mark.parametrize('node', NODES, ids=lambda node: node.NAME)
 def test_every_parameter_is_described(graph: Graph, node: Any) -> None:
-    known = {parameter.name: parameter for parameter in COMMON + node.PARAMETERS + PRIMITIVE}
+    own = COMMON + node.PARAMETERS + {Dmp: PRIMITIVE, RobotSim: POSTURE}.get(node, ())
+    known = {parameter.name: parameter for parameter in own}
     listed = ask(graph, ListParameters, f'/{node.NAME}/list_parameters', ListParameters.Request())
     names = [name for name in listed.result.names if name not in OF_ROS]
-    assert {parameter.name for parameter in COMMON + node.PARAMETERS} <= set(names)
+    assert set(known) == set(names)
     request = DescribeParameters.Request(names=names)
     answer = ask(graph, DescribeParameters, f'/{node.NAME}/describe_parameters', request)
     assert [d.name for d in answer.descriptors] == names
@@ -150,6 +158,11 @@ def test_every_parameter_is_described(graph: Graph, node: Any) -> None:
             assert descriptor.floating_point_range, descriptor.name
         if descriptor.type == ParameterType.PARAMETER_INTEGER:
             assert descriptor.integer_range, descriptor.name
+    # in one request, as `ros2 param dump` asks: one that had no value would leave all without
+    request = GetParameters.Request(names=names)
+    values = ask(graph, GetParameters, f'/{node.NAME}/get_parameters', request).values
+    assert len(values) == len(names)
+    assert ParameterType.PARAMETER_NOT_SET not in {value.type for value in values}
 
 
 def test_parameters_of_one_request_are_taken_together_or_not_at_all(graph: Graph) -> None:
@@ -161,8 +174,6 @@ def test_parameters_of_one_request_are_taken_together_or_not_at_all(graph: Graph
     assert not refused.successful
     refused = set_together(graph, 'dmp', stiffness=150.0, model='another.json')
     assert not refused.successful
-    from rcl_interfaces.srv import GetParameters
-
     request = GetParameters.Request(names=['stiffness', 'mu', 'formulation'])
     values = ask(graph, GetParameters, '/dmp/get_parameters', request).values
     assert values[0].double_value == 300.0
@@ -173,6 +184,43 @@ def test_parameters_of_one_request_are_taken_together_or_not_at_all(graph: Graph
     assert set_together(graph, 'priority_ik', orientation='none', separation=False).successful
     assert set_together(graph, 'robot_sim', real_time_factor=2.0).successful
     assert 'for the start' in set_together(graph, 'dmp', use_sim_time=True).reason
+
+
+def test_nothing_of_a_request_that_anybody_refuses_is_applied(graph: Graph) -> None:
+    node = rclpy.create_node('someone', context=graph.node.context, use_global_arguments=False)
+    names = ('stiffness', 'mu')
+    parameters = [parameter for parameter in PRIMITIVE if parameter.name in names]
+    declare(node, parameters, defaults_from={'stiffness': 200.0, 'mu': 0.75})
+    applied: list[dict[str, Any]] = []
+
+    def prepare(values: dict[str, Any]) -> Any:
+        if values['mu'] < 0.1:
+            raise UsageError('mu')
+        return lambda: applied.append(values)
+
+    def set_(**values: float) -> bool:
+        requested = [RosParameter(name, value=value) for name, value in values.items()]
+        return bool(node.set_parameters_atomically(requested).successful)
+
+    willing = True
+
+    def judge(_requested: list[RosParameter]) -> SetParametersResult:
+        return SetParametersResult(successful=willing)
+
+    try:
+        node.add_on_set_parameters_callback(judge)
+        on_change(node, parameters, prepare)
+        assert set_(stiffness=300.0)
+        assert applied == [{'stiffness': 300.0, 'mu': 0.75}]
+        willing = False
+        assert not set_(stiffness=400.0)
+        willing = True
+        assert not set_(stiffness=400.0, mu=0.05)
+        assert len(applied) == 1
+        assert set_(mu=0.6)
+        assert applied[1:] == [{'stiffness': 300.0, 'mu': 0.6}]
+    finally:
+        node.destroy_node()
 
 
 def test_pose_and_twist_of_one_command_carry_the_same_stamp(graph: Graph) -> None:
@@ -226,6 +274,7 @@ def test_every_node_tells_its_condition(graph: Graph) -> None:
     assert {'age of the hand (s)', 'age of the wrist (s)'} <= told['dmp']
     inputs = {f'age of the {name} (s)' for name in ('joint states', 'wrist command', 'hand')}
     assert inputs | {'active limits'} <= told['priority_ik']
+    assert 'age of the joint command (s)' in told['robot_sim']
 
 
 def settle(graph: Graph) -> None:

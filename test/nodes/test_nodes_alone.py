@@ -179,7 +179,9 @@ def test_runs_at_the_priority_that_it_is_given(lockstep: bool, tmp_path: Path) -
         permitted = True
     except PermissionError:
         permitted = False
-    words = ['-p', 'thread_priority:=7', '-p', f'lockstep:={str(lockstep).lower()}']
+    simulated = str(lockstep).lower()
+    words = ['-p', 'thread_priority:=7']
+    words += ['-p', f'lockstep:={simulated}', '-p', f'use_sim_time:={simulated}']
     process = start('dmp', tmp_path, *words)
     assert is_up('dmp'), process.communicate()
     end_s = time.monotonic() + 30.0
@@ -204,9 +206,13 @@ def priorities(pid: int) -> set[int]:
         ('dmp', ['-p', 'rate_hz:=1e9'], 'rate_hz'),
         ('dmp', ['-p', 'start:=magic'], 'magic'),
         ('dmp', ['-p', 'mu:=text'], 'mu'),
+        ('dmp', ['-p', 'lockstep:=true'], 'use_sim_time'),
         ('hand_tracker', ['-p', 'trial:=nowhere.csv'], 'nowhere.csv'),
         ('robot_sim', ['-p', 'robot:=nowhere.urdf'], 'nowhere.urdf'),
         ('robot_sim', ['-p', 'initial_positions:=[1.0, 2.0]'], '7'),
+        ('robot_sim', ['-p', 'base_position:=[0.0, 0.0]'], 'three'),
+        ('robot_sim', ['-p', 'real_time_factor:=0.0001'], '0.01'),
+        ('priority_ik', ['-p', 'base_position:=[0.0, .nan, 0.0]'], 'three finite'),
         ('priority_ik', ['-p', 'orientation:=upside_down'], 'upside_down'),
         ('recorder', ['-p', 'compression:=rar'], 'rar'),
     ],

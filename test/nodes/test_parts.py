@@ -27,8 +27,10 @@ from threading import Thread
 import time
 from typing import Any
 
+from builtin_interfaces.msg import Time as RosTime
 from geometry_msgs.msg import PoseStamped
 from handover_dmp.errors import DataError
+from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
 from handover_dmp.nodes.dmp import LONGEST_STALL_S
 from handover_dmp.nodes.graph import Graph
 from handover_dmp.nodes.leaving import LONGEST_WAIT_S, turn_file
@@ -52,6 +54,7 @@ from handover_dmp.topics import (
     JOINT_COMMAND,
     JOINT_STATES,
     POSE_COMMAND,
+    SIGNAL,
     STATE,
     Topic,
     WRIST_POSE,
@@ -64,7 +67,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
 from rosbags.highlevel import AnyReader
 from rosgraph_msgs.msg import Clock
-from std_msgs.msg import Float64MultiArray, String
+from std_msgs.msg import Float64MultiArray, Header, String
 import yaml
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(300)]
@@ -130,13 +133,20 @@ def test_priority_ik_follows_poses_alone_on_any_robot(tmp_path: Path, robot: str
     with nodes(
         tmp_path, {'robot_sim': arm, 'priority_ik': arm}, 'robot_sim', 'priority_ik'
     ) as graph:
-        hearing = Hearing(graph, WRIST_POSE)
+        hearing = Hearing(graph, WRIST_POSE, DIAGNOSTICS)
         command = hearing.publisher(POSE_COMMAND)
         assert hearing.until(lambda: WRIST_POSE in hearing.newest, lambda: None, 50.0)
         model = RobotModel.load(robot)
         start = place_of(hearing.newest[WRIST_POSE])
         assert np.linalg.norm(start - model.wrist_pose(model.home)[0]) < 1e-3
         goal = start + [-0.05, 0.1, -0.05]
+        elsewhere = pose(graph, goal)
+        elsewhere.header.frame_id = 'base_link'
+        assert hearing.until(
+            lambda: "refused: wrist command in frame 'base_link'" in str(hearing.newest),
+            lambda: command.publish(elsewhere),
+            40.0,
+        )
         reached = hearing.until(
             lambda: np.linalg.norm(place_of(hearing.newest[WRIST_POSE]) - goal) < 1e-3,
             lambda: command.publish(pose(graph, goal)),
@@ -146,7 +156,8 @@ def test_priority_ik_follows_poses_alone_on_any_robot(tmp_path: Path, robot: str
 
 
 def test_robot_sim_takes_velocities_from_anybody(tmp_path: Path) -> None:
-    with nodes(tmp_path, {}, 'robot_sim') as graph:
+    patient = {'robot_sim': {'command_timeout_s': 1.0}}
+    with nodes(tmp_path, patient, 'robot_sim') as graph:
         hearing = Hearing(graph, JOINT_STATES)
         command = hearing.publisher(JOINT_COMMAND)
         velocities = [0.1, -0.1, 0.0, 0.05, 0.0, 0.1, -0.2]
@@ -162,6 +173,42 @@ def test_robot_sim_takes_velocities_from_anybody(tmp_path: Path) -> None:
         )
         ratio = moved() / np.abs(moved()).max()
         assert np.allclose(ratio, np.array(velocities) / 0.2, atol=0.02)
+        assert any(hearing.newest[JOINT_STATES].velocity)
+        graph.call('/robot_sim/pause')
+        assert hearing.until(
+            lambda: not any(hearing.newest[JOINT_STATES].velocity), lambda: None, 50.0
+        )
+
+
+def test_robot_sim_follows_the_clock_of_another_simulator(tmp_path: Path) -> None:
+    """Which begins late in its day, and then runs at a quarter of the speed of the wall's."""
+    parameters = {'robot_sim': {'use_sim_time': True}}
+    with nodes(tmp_path, parameters, 'robot_sim') as graph:
+        hearing = Hearing(graph, JOINT_STATES)
+        command, clock = hearing.publisher(JOINT_COMMAND), hearing.publisher(CLOCK)
+        simulated_ns = 1000 * NANOSECONDS
+
+        def act() -> None:
+            nonlocal simulated_ns
+            simulated_ns += 5_000_000
+            clock.publish(Clock(clock=Time(nanoseconds=simulated_ns).to_msg()))
+            command.publish(Float64MultiArray(data=[0.2] + [0.0] * 6))
+
+        def state() -> tuple[float, float]:
+            message = hearing.newest[JOINT_STATES]
+            return nanoseconds(message.header.stamp) * 1e-9, message.position[0]
+
+        def moving() -> bool:
+            return (
+                JOINT_STATES in hearing.newest and hearing.newest[JOINT_STATES].velocity[0] > 0.19
+            )
+
+        assert hearing.until(moving, act, 50.0)
+        began_s, began_rad = state()
+        assert began_s > 1000.0
+        assert hearing.until(lambda: state()[0] > began_s + 0.5, act, 50.0)
+        now_s, now_rad = state()
+        assert now_rad - began_rad == pytest.approx(0.2 * (now_s - began_s), rel=0.15)
 
 
 def test_dmp_follows_any_hand(tmp_path: Path) -> None:
@@ -261,6 +308,45 @@ def test_a_dmp_that_is_given_up_while_it_waits_for_the_hand_goes_on(dmp: DmpInLo
                 dmp.graph.spin(0.05)
     dmp.answer(1.4, place)
     assert dmp.graph.state == 'reaching'
+
+
+@pytest.mark.parametrize('hand_stamps', ['header', 'arrival'])
+def test_a_dmp_that_starts_anew_does_not_heed_a_signal_without_its_time(
+    tmp_path: Path, hand_stamps: str
+) -> None:
+    """What its publisher has latched may be from any handover before; what is said now counts."""
+    parameters = {'dmp': {'hand_stamps': hand_stamps}}
+    with nodes(tmp_path, parameters, 'dmp') as graph:
+        hearing = Hearing(graph, POSE_COMMAND, STATE)
+        hand, wrist = hearing.publisher(HAND_POSE), hearing.publisher(WRIST_POSE)
+        signal_publisher = hearing.publisher(SIGNAL)
+        start, target = np.array(example_model().start), example_trials()[0].p1[-1]
+
+        def act() -> None:
+            wrist.publish(pose(graph, start))
+            hand.publish(pose(graph, target))
+
+        def signals() -> None:
+            now = graph.node.get_clock().now().to_msg()
+            signal_publisher.publish(Header(stamp=now if hand_stamps == 'arrival' else RosTime()))
+
+        def commanded_s() -> float:
+            newest = hearing.newest.get(POSE_COMMAND)
+            return nanoseconds(newest.header.stamp) * 1e-9 if newest else 0.0
+
+        assert hearing.until(lambda: commanded_s() > 0.0, act, 50.0)
+        signals()
+        assert hearing.until(lambda: graph.state == 'reaching', act, 50.0)
+        dead = graph.processes.pop('dmp')
+        dead.kill()
+        dead.wait()
+        graph.start('dmp')
+        assert hearing.until(lambda: graph.state == 'idle', act, 50.0)
+        begun_s = graph.node.get_clock().now().nanoseconds * 1e-9
+        assert hearing.until(lambda: commanded_s() > begun_s + 2.0, act, 50.0)
+        assert graph.state == 'idle'
+        signals()
+        assert hearing.until(lambda: graph.state == 'reaching', act, 50.0)
 
 
 def processor_s(process: Popen[bytes]) -> tuple[float, float]:

@@ -16,6 +16,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.priority_ik import PriorityIk, WristTarget
 from handover_dmp.robot.wrist_controller import WristController, WristControllerOptions
@@ -96,6 +98,40 @@ def test_stale_joint_states_stop_the_commands(
     moving = controller.update(0.049, PERIOD_S).velocities
     assert moving is not None
     assert_comes_to_rest(controller, moving, 0.06, 'old')
+
+
+@pytest.mark.parametrize(
+    'changes',
+    [
+        {'braking_share': 0.9},
+        {'orientation': 'level'},
+        {'position_gain': 80.0},
+        {'posture_gain': 10.0},
+        {'limit_margin': 0.5},
+        {'self_collision': False},
+    ],
+)
+def test_changed_tasks_do_not_jump(
+    robot: RobotModel, controller: WristController, changes: dict[str, object]
+) -> None:
+    """The acceleration limits of the joints hold from the last command of the old tasks on."""
+    names, positions, velocities = list(robot.joint_names), robot.home, np.zeros(robot.dof)
+    commands = [velocities]
+    for k in range(200):
+        now_s = k * PERIOD_S
+        if k == 40:
+            assert np.abs(velocities).max() > 0.1, 'in motion'
+            tasks = replace(controller.ik.options, **changes)  # type: ignore[arg-type]
+            controller.ik = PriorityIk(robot, tasks, collision_model=controller.ik.collision_model)
+        controller.set_joint_state(names, positions, velocities, now_s)
+        controller.set_target(target_beside(robot), now_s)
+        answer = controller.update(now_s, PERIOD_S).velocities
+        assert answer is not None
+        velocities = answer
+        positions = positions + PERIOD_S * velocities
+        commands.append(velocities)
+    change = np.abs(np.diff(commands, axis=0)) / PERIOD_S
+    assert np.all(change <= robot.limits.acceleration * (1 + 1e-6))
 
 
 def assert_comes_to_rest(
