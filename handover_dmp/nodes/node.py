@@ -39,7 +39,15 @@ ROUNDING_S = 1e-6
 
 
 class HandoverNode(Node):  # type: ignore[misc]
-    """A node of the graph."""
+    """
+    A node of the graph.
+
+    Attributes:
+        NAME: of the node, and of its section in `config/handover.yaml`.
+        PARAMETERS: what it declares beyond what all nodes do.
+        MAKES_TIME: whether the others follow its `/clock` in lockstep.
+
+    """
 
     NAME: ClassVar[str]
     PARAMETERS: ClassVar[tuple[Parameter, ...]]

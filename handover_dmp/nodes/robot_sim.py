@@ -117,6 +117,7 @@ class RobotSim(HandoverNode):
         self._time_publisher = self.advertise(CLOCK) if own_time else None
         self._states = self.advertise(JOINT_STATES)
         self._message = JointState(name=list(model.joint_names))
+        self._still = [0.0] * model.dof
         self._description = self.advertise(ROBOT_DESCRIPTION)
         self._description.publish(String(data=model.urdf_text))
         self.subscribe(JOINT_COMMAND, self._on_command)
@@ -196,9 +197,9 @@ class RobotSim(HandoverNode):
             self._time_publisher.publish(Clock(clock=time))
         self._message.header.stamp = time
         self._message.position = self._arm.joint_positions.tolist()
-        # an arm whose time stands still does not move, whatever it will go on with
-        stands = self._paused and not self.lockstep
-        self._message.velocity = (self._arm.joint_velocities * (not stands)).tolist()
+        # an arm that is paused while time goes on does not move, whatever it will go on with
+        moves = self.lockstep or not self._paused
+        self._message.velocity = self._arm.joint_velocities.tolist() if moves else self._still
         self._states.publish(self._message)
 
     def destroy_node(self) -> None:
