@@ -55,6 +55,8 @@ LEAD_S = 0.1
 """From bringing the hand back until it sets out again, s."""
 BESIDE_EACH_OTHER_HZ = {'dmp': 200.4, 'priority_ik': 201.1}
 """Rates of timers that pass through every offset from each other and from the hand's 200 Hz."""
+MESSAGES_IN_TURN = 4
+"""Of a period in lockstep: joint states, wrist, its command, joint velocities."""
 IN_MOTION = 80.0
 """Share of the periods that is to be in motion for the figures to tell anything, %."""
 
@@ -115,13 +117,14 @@ def run(progress: Callable[[str], None]) -> list[Measurement]:
     Run the five nodes on the wall clock and the probes beside them, all at the same time.
 
     The arm is in motion nearly all the time: one handover follows the other. For a third of the
-    time more, the same is run with timers that are not moved behind their input.
+    time more, the same is run with timers that are not moved behind their input, and for another
+    third in lockstep, as fast as it goes.
 
     Args:
         progress: is told what goes on.
 
     Returns:
-        Period errors, drift and latency.
+        Period errors, drift and latency; speed and lost periods in lockstep.
 
     """
     scenario = make_scenario()
@@ -129,12 +132,15 @@ def run(progress: Callable[[str], None]) -> list[Measurement]:
     alone = {
         node: {'phase_lock': False, 'rate_hz': rate} for node, rate in BESIDE_EACH_OTHER_HZ.items()
     }
-    free = _run_graph(scenario, max(DURATION_S / 3.0, LEAST_S), alone, progress)
+    shorter_s = max(DURATION_S / 3.0, LEAST_S)
+    free = _run_graph(scenario, shorter_s, alone, progress)
+    round_trip_s = float(np.median(locked.probes['ping']))
     return [
         *_motion(locked),
         *_periods('dmp', locked, locked.dmp),
         *_periods('priority_ik', locked, locked.ik),
         *_latency(locked, free),
+        *_lockstep(scenario, shorter_s, round_trip_s, progress),
     ]
 
 
@@ -144,23 +150,9 @@ def _run_graph(
     changes: dict[str, dict[str, Any]],
     progress: Callable[[str], None],
 ) -> _Run:
-    from handover_dmp.nodes.conduct import graph_parameters
-    from handover_dmp.nodes.graph import Graph
-
     with TemporaryDirectory() as name:
         folder = Path(name)
-        keep_inputs(folder, scenario)
-        parameters = graph_parameters(folder, scenario, {}, lockstep=False)
-        # the conductor says when to start, once the hand is back
-        parameters['dmp']['start'] = 'service'
-        parameters['hand_tracker']['lead_s'] = LEAD_S
-        for node, more in changes.items():
-            parameters[node] |= more
-        progress('starting the graph')
-        with Graph(folder, parameters, lockstep=False) as graph, ExitStack() as running:
-            running.enter_context(_probe(CONDUCTOR, folder))
-            if not graph.wait_for_state(('done',), LONGEST_WAIT_S, lambda: None):
-                raise HandoverError(f'no handover within {LONGEST_WAIT_S:.0f} s')
+        with _graph(folder, scenario, changes, progress) as graph, ExitStack() as running:
             for probe in PROBES:
                 running.enter_context(_probe(probe, folder))
             _wait_for_probes(graph, folder)
@@ -171,6 +163,35 @@ def _run_graph(
             span = begun_s, time()
         progress('reading the bag')
         return _read(folder, span)
+
+
+@contextmanager
+def _graph(
+    folder: Path,
+    scenario: Scenario,
+    changes: dict[str, dict[str, Any]],
+    progress: Callable[[str], None],
+    *,
+    lockstep: bool = False,
+) -> Iterator[Graph]:
+    """Run the five nodes, one handover after the other; the first is over when this is entered."""
+    from handover_dmp.nodes.conduct import graph_parameters
+    from handover_dmp.nodes.graph import Graph
+
+    keep_inputs(folder, scenario)
+    parameters = graph_parameters(folder, scenario, {}, lockstep)
+    # the conductor says when to start, once the hand is back
+    parameters['dmp']['start'] = 'service'
+    parameters['hand_tracker'] |= {'lead_s': LEAD_S, 'replay_at_s': -1.0}
+    for node, more in changes.items():
+        parameters[node] |= more
+    progress('starting the graph')
+    with Graph(folder, parameters, lockstep=lockstep) as graph, _probe(CONDUCTOR, folder):
+        if lockstep:
+            graph.unpause()
+        if not graph.wait_for_state(('done',), LONGEST_WAIT_S, lambda: None):
+            raise HandoverError(f'no handover within {LONGEST_WAIT_S:.0f} s')
+        yield graph
 
 
 @contextmanager
@@ -229,6 +250,19 @@ def _read(folder: Path, span: tuple[float, float]) -> _Run:
         handovers=states.count('done'),
         span=span,
     )
+
+
+def _ticks(folder: Path) -> tuple[dict[str, Array], int]:
+    """Read when the periods of each node were, s, with their numbers; and count the handovers."""
+    nodes = {PHASE.name: 'dmp', IK_STATUS.name: 'priority_ik'}
+    ticks: dict[str, list[list[float]]] = {node: [] for node in nodes.values()}
+    handovers = 0
+    for topic, message, _ in read_bag(folder / 'bag', [*nodes, STATE.name]):
+        if topic == STATE.name:
+            handovers += message.data == 'done'
+        else:
+            ticks[nodes[topic]].append(_labelled(message, 'time_s', 'period'))
+    return {node: np.array(rows) for node, rows in ticks.items()}, handovers
 
 
 def _labelled(message: Any, *names: str) -> list[float]:
@@ -313,11 +347,6 @@ def _pace(node: str, ticks: Array, empty: Array) -> list[Measurement]:
     """Tell whether a node's rate is that of the clock, and whether it loses periods."""
     bare: Array = np.column_stack((empty, np.arange(len(empty))))
 
-    def lost(ticks: Array) -> float:
-        """How many periods are missing; a timer that is moved may gain one, and loses none."""
-        between_s, numbers = np.diff(ticks, axis=0).T
-        return max(float(np.sum(np.rint(between_s / PERIOD_S) - numbers)), 0.0)
-
     def behind(ticks: Array) -> float:
         """By how many periods the last tick is later than the first one says."""
         duration_s, periods = ticks[-1] - ticks[0]
@@ -330,10 +359,10 @@ def _pace(node: str, ticks: Array, empty: Array) -> list[Measurement]:
     return [
         Measurement(
             name=f'periods lost by {node}',
-            value=lost(ticks),
+            value=_lost(ticks),
             unit='periods',
-            target=lost(bare),
-            floor=lost(bare),
+            target=_lost(bare),
+            floor=_lost(bare),
             note=f'of {periods}, {periods - len(ticks)} of them unseen by the recorder; '
             'floor and target: empty rclpy timer beside it',
         ),
@@ -346,6 +375,12 @@ def _pace(node: str, ticks: Array, empty: Array) -> list[Measurement]:
             note='floor: empty rclpy timer beside it; target: one period more in the whole time',
         ),
     ]
+
+
+def _lost(ticks: Array) -> float:
+    """Count the periods that are missing; a timer that is moved may gain one, and loses none."""
+    between_s, numbers = np.diff(ticks, axis=0).T
+    return max(float(np.sum(np.rint(between_s / PERIOD_S) - numbers)), 0.0)
 
 
 def _latency(locked: _Run, free: _Run) -> list[Measurement]:
@@ -374,6 +409,43 @@ def _latency(locked: _Run, free: _Run) -> list[Measurement]:
         )
         for (name, (run, found)), note in zip(names.items(), notes, strict=True)
         for share in (50, 99)
+    ]
+
+
+def _lockstep(
+    scenario: Scenario, duration_s: float, round_trip_s: float, progress: Callable[[str], None]
+) -> list[Measurement]:
+    """Run the graph on simulated time, for so many seconds of that."""
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        with _graph(folder, scenario, {}, progress, lockstep=True) as graph:
+            progress(f'measuring for {duration_s:.0f} s of simulated time')
+            begun_s, simulated_s = monotonic(), graph.time_s
+            graph.linger(duration_s)
+            speed = (graph.time_s - simulated_s) / (monotonic() - begun_s)
+        progress('reading the bag')
+        ticks, handovers = _ticks(folder)
+    return [
+        Measurement(
+            name='five nodes in lockstep',
+            value=speed,
+            unit='times real time',
+            target=1.0,
+            floor=PERIOD_S / (MESSAGES_IN_TURN / 2 * round_trip_s),
+            higher_is_better=True,
+            note=f'as fast as it goes, {handovers} handovers, one after the other; '
+            'floor: nothing but the four messages of a period that wait for each other',
+        ),
+        *(
+            Measurement(
+                name=f'periods lost by {node} in lockstep',
+                value=_lost(rows),
+                unit='periods',
+                target=0.0,
+                note=f'of {rows[-1, 1] - rows[0, 1] + 1.0:.0f}',
+            )
+            for node, rows in ticks.items()
+        ),
     ]
 
 

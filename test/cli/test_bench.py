@@ -94,6 +94,12 @@ def test_the_graph_is_measured_in_motion(tmp_path: Path, monkeypatch: pytest.Mon
         for row in (middle, worst):
             (at_once,) = row.peers.values()
             assert 0.0 < at_once <= row.value
+    speed = rows['five nodes in lockstep']
+    # no machine takes less time for all that a period does than for its messages alone
+    assert speed.floor is not None
+    assert 0.0 < speed.value < speed.floor
+    for node in ('dmp', 'priority_ik'):
+        assert rows[f'periods lost by {node} in lockstep'].value == 0.0
 
 
 @pytest.mark.parametrize('on', [1.0, 0.0])
