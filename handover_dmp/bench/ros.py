@@ -12,87 +12,34 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The graph in real time: periods, drift and latency beside what the machine can do at best."""
+"""The graph: periods, drift, latency and speed beside what the machine can do at best."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, ExitStack
+from collections.abc import Callable
 from dataclasses import dataclass
 import os
-from pathlib import Path
-import subprocess
-import sys
-from tempfile import TemporaryDirectory
-from time import monotonic, time
-from typing import Any, TYPE_CHECKING
 
+from handover_dmp.bench.graph_run import (
+    Array,
+    LockstepRun,
+    run_by_the_wall_clock,
+    run_in_lockstep,
+    WallClockRun,
+)
 from handover_dmp.bench.measurement import Measurement
-from handover_dmp.errors import HandoverError
-from handover_dmp.recording import read_bag
-from handover_dmp.run import keep_inputs
-from handover_dmp.scenario import make_scenario, Scenario
-from handover_dmp.topics import HAND_POSE, HUMAN_POSE, IK_STATUS, names_of_values, PHASE, STATE
+from handover_dmp.scenario import make_scenario
 import numpy as np
-from numpy.typing import NDArray
-
-if TYPE_CHECKING:
-    from handover_dmp.nodes.graph import Graph
-
-Array = NDArray[np.float64]
 
 PERIOD_S = 0.005
 DURATION_S = float(os.environ.get('HANDOVER_DMP_BENCH_SECONDS', '60'))
-SETTLING_S = 10.0
-"""For the timers to find their places with the probes beside them, s."""
 LEAST_S = 5.0
-LONGEST_WAIT_S = 60.0
-ROUNDING_S = 1e-6
-PROBES = ('empty', 'urgent', 'sleep', 'echo', 'ping', 'listener')
-CONDUCTOR = 'conductor'
-
-LEAD_S = 0.1
-"""From bringing the hand back until it sets out again, s."""
 BESIDE_EACH_OTHER_HZ = {'dmp': 200.4, 'priority_ik': 201.1}
 """Rates of timers that pass through every offset from each other and from the hand's 200 Hz."""
 MESSAGES_IN_TURN = 4
 """Of a period in lockstep: joint states, wrist, its command, joint velocities."""
 IN_MOTION = 80.0
 """Share of the periods that is to be in motion for the figures to tell anything, %."""
-
-
-@dataclass(frozen=True)
-class _Run:
-    """
-    What one run of the graph left, all times on the wall clock.
-
-    Attributes:
-        hand: (n, 2) when a pose was published and its stamp, s.
-        dmp: (n, 4) when a period began; stamp of the newest pose it knew; how long ago that had
-            come, s; 1 while a handover was on.
-        ik: (n, 3) when a period began; stamp of the wrist command it followed; how long ago that
-            had come, s.
-        joints: (n, 3) which period a joint command answers, when it was heard, s; 1 if it moves.
-        ticks: node to (n, 2) when a period began, s; its number.
-        probes: name to what the probe wrote.
-        handovers: how many came to their end, those before and after the time measured too.
-        span: from when to when all was measured, s.
-
-    """
-
-    hand: Array
-    dmp: Array
-    ik: Array
-    joints: Array
-    ticks: dict[str, Array]
-    probes: dict[str, Array]
-    handovers: int
-    span: tuple[float, float]
-
-    def within(self, rows: Array) -> Array:
-        """Keep the rows whose first column is a time that was measured."""
-        times = rows if rows.ndim == 1 else rows[:, 0]
-        return rows[(times > self.span[0]) & (times < self.span[1])]
 
 
 @dataclass(frozen=True)
@@ -128,155 +75,23 @@ def run(progress: Callable[[str], None]) -> list[Measurement]:
 
     """
     scenario = make_scenario()
-    locked = _run_graph(scenario, DURATION_S, {}, progress)
+    locked = run_by_the_wall_clock(scenario, DURATION_S, {}, progress)
     alone = {
         node: {'phase_lock': False, 'rate_hz': rate} for node, rate in BESIDE_EACH_OTHER_HZ.items()
     }
     shorter_s = max(DURATION_S / 3.0, LEAST_S)
-    free = _run_graph(scenario, shorter_s, alone, progress)
-    round_trip_s = float(np.median(locked.probes['ping']))
+    free = run_by_the_wall_clock(scenario, shorter_s, alone, progress)
+    simulated = run_in_lockstep(scenario, shorter_s, progress)
     return [
         *_motion(locked),
         *_periods('dmp', locked, locked.dmp),
         *_periods('priority_ik', locked, locked.ik),
         *_latency(locked, free),
-        *_lockstep(scenario, shorter_s, round_trip_s, progress),
+        *_lockstep(simulated, float(np.median(locked.probes['ping']))),
     ]
 
 
-def _run_graph(
-    scenario: Scenario,
-    duration_s: float,
-    changes: dict[str, dict[str, Any]],
-    progress: Callable[[str], None],
-) -> _Run:
-    with TemporaryDirectory() as name:
-        folder = Path(name)
-        with _graph(folder, scenario, changes, progress) as graph, ExitStack() as running:
-            for probe in PROBES:
-                running.enter_context(_probe(probe, folder))
-            _wait_for_probes(graph, folder)
-            progress(f'measuring for {duration_s:.0f} s')
-            graph.linger(SETTLING_S)
-            begun_s = time()
-            graph.linger(duration_s)
-            span = begun_s, time()
-        progress('reading the bag')
-        return _read(folder, span)
-
-
-@contextmanager
-def _graph(
-    folder: Path,
-    scenario: Scenario,
-    changes: dict[str, dict[str, Any]],
-    progress: Callable[[str], None],
-    *,
-    lockstep: bool = False,
-) -> Iterator[Graph]:
-    """Run the five nodes, one handover after the other; the first is over when this is entered."""
-    from handover_dmp.nodes.conduct import graph_parameters
-    from handover_dmp.nodes.graph import Graph
-
-    keep_inputs(folder, scenario)
-    parameters = graph_parameters(folder, scenario, {}, lockstep)
-    # the conductor says when to start, once the hand is back
-    parameters['dmp']['start'] = 'service'
-    parameters['hand_tracker'] |= {'lead_s': LEAD_S, 'replay_at_s': -1.0}
-    for node, more in changes.items():
-        parameters[node] |= more
-    progress('starting the graph')
-    with Graph(folder, parameters, lockstep=lockstep) as graph, _probe(CONDUCTOR, folder):
-        if lockstep:
-            graph.unpause()
-        if not graph.wait_for_state(('done',), LONGEST_WAIT_S, lambda: None):
-            raise HandoverError(f'no handover within {LONGEST_WAIT_S:.0f} s')
-        yield graph
-
-
-@contextmanager
-def _probe(name: str, folder: Path) -> Iterator[None]:
-    words = [sys.executable, '-m', 'handover_dmp.nodes.probes', name, str(folder / name)]
-    process = subprocess.Popen(words)
-    try:
-        yield
-    finally:
-        process.terminate()
-        process.wait()
-
-
-def _wait_for_probes(graph: Graph, folder: Path) -> None:
-    deadline_s = monotonic() + LONGEST_WAIT_S
-    while absent := [name for name in PROBES if not (folder / name).exists()]:
-        graph.spin()
-        if monotonic() > deadline_s:
-            raise HandoverError(f'{absent[0]} does not run within {LONGEST_WAIT_S:.0f} s')
-
-
-def _read(folder: Path, span: tuple[float, float]) -> _Run:
-    """Put together what the probes and the recorder have left."""
-    stamps: dict[str, list[float]] = {HAND_POSE.name: [], HUMAN_POSE.name: []}
-    dmp, ik, states = [], [], []
-    ticks: dict[str, list[list[float]]] = {'dmp': [], 'priority_ik': []}
-    for topic, message, _ in read_bag(
-        folder / 'bag', [*stamps, PHASE.name, IK_STATUS.name, STATE.name]
-    ):
-        if topic in stamps:
-            stamp = message.header.stamp
-            stamps[topic].append((stamp.sec * 10**9 + stamp.nanosec) / 1e9)
-        elif topic == STATE.name:
-            states.append(message.data)
-        elif topic == PHASE.name:
-            dmp.append(_labelled(message, 'time_s', 'hand_stamp_s', 'hand_age_s', 'phase'))
-            ticks['dmp'].append(_labelled(message, 'time_s', 'period'))
-        else:
-            ik.append(_labelled(message, 'time_s', 'command_stamp_s', 'command_age_s'))
-            ticks['priority_ik'].append(_labelled(message, 'time_s', 'period'))
-    hand, person = map(np.array, stamps.values())
-    # `hand_tracker` stamps the person's pose with its own time, the hand's with that of the pose
-    published = np.searchsorted(person, hand - ROUNDING_S)
-    seen = published < len(person)
-    probes = {
-        name: np.array((folder / name).read_text(encoding='utf-8').split(), dtype=float)
-        for name in PROBES
-    }
-    return _Run(
-        hand=np.column_stack((person[published[seen]], hand[seen])),
-        dmp=_with_motion(np.array(dmp)),
-        ik=np.array(ik),
-        joints=probes['listener'].reshape(-1, 3),
-        ticks={node: np.array(rows) for node, rows in ticks.items()},
-        probes=probes,
-        handovers=states.count('done'),
-        span=span,
-    )
-
-
-def _ticks(folder: Path) -> tuple[dict[str, Array], int]:
-    """Read when the periods of each node were, s, with their numbers; and count the handovers."""
-    nodes = {PHASE.name: 'dmp', IK_STATUS.name: 'priority_ik'}
-    ticks: dict[str, list[list[float]]] = {node: [] for node in nodes.values()}
-    handovers = 0
-    for topic, message, _ in read_bag(folder / 'bag', [*nodes, STATE.name]):
-        if topic == STATE.name:
-            handovers += message.data == 'done'
-        else:
-            ticks[nodes[topic]].append(_labelled(message, 'time_s', 'period'))
-    return {node: np.array(rows) for node, rows in ticks.items()}, handovers
-
-
-def _labelled(message: Any, *names: str) -> list[float]:
-    values = dict(zip(names_of_values(message), message.data, strict=True))
-    return [values[name] for name in names]
-
-
-def _with_motion(dmp: Array) -> Array:
-    """Make the last column tell whether a handover is on: the phase stands still while not."""
-    falls = np.diff(dmp[:, 3], prepend=np.inf) < 0.0
-    return np.column_stack((dmp[:, :3], falls))
-
-
-def _motion(run: _Run) -> list[Measurement]:
+def _motion(run: WallClockRun) -> list[Measurement]:
     rows = {
         'a handover is on': run.within(run.dmp)[:, 3],
         'the arm moves': run.within(run.joints)[:, 2],
@@ -294,7 +109,7 @@ def _motion(run: _Run) -> list[Measurement]:
     ]
 
 
-def _periods(node: str, run: _Run, rows: Array) -> list[Measurement]:
+def _periods(node: str, run: WallClockRun, rows: Array) -> list[Measurement]:
     """Compare the periods of a node with those of the probes and of its own input."""
     ticks = run.within(run.ticks[node])
     empty, ordinary, slept = (run.within(run.probes[p]) for p in ('urgent', 'empty', 'sleep'))
@@ -383,7 +198,7 @@ def _lost(ticks: Array) -> float:
     return max(float(np.sum(np.rint(between_s / PERIOD_S) - numbers)), 0.0)
 
 
-def _latency(locked: _Run, free: _Run) -> list[Measurement]:
+def _latency(locked: WallClockRun, free: WallClockRun) -> list[Measurement]:
     answers, left_alone = _answers(locked), _answers(free)
     names = {
         'hand pose to joint velocity': (locked, answers),
@@ -412,28 +227,16 @@ def _latency(locked: _Run, free: _Run) -> list[Measurement]:
     ]
 
 
-def _lockstep(
-    scenario: Scenario, duration_s: float, round_trip_s: float, progress: Callable[[str], None]
-) -> list[Measurement]:
-    """Run the graph on simulated time, for so many seconds of that."""
-    with TemporaryDirectory() as name:
-        folder = Path(name)
-        with _graph(folder, scenario, {}, progress, lockstep=True) as graph:
-            progress(f'measuring for {duration_s:.0f} s of simulated time')
-            begun_s, simulated_s = monotonic(), graph.time_s
-            graph.linger(duration_s)
-            speed = (graph.time_s - simulated_s) / (monotonic() - begun_s)
-        progress('reading the bag')
-        ticks, handovers = _ticks(folder)
+def _lockstep(run: LockstepRun, round_trip_s: float) -> list[Measurement]:
     return [
         Measurement(
             name='five nodes in lockstep',
-            value=speed,
+            value=run.speed,
             unit='times real time',
             target=1.0,
             floor=PERIOD_S / (MESSAGES_IN_TURN / 2 * round_trip_s),
             higher_is_better=True,
-            note=f'as fast as it goes, {handovers} handovers, one after the other; '
+            note=f'as fast as it goes, {run.handovers} handovers, one after the other; '
             'floor: nothing but the four messages of a period that wait for each other',
         ),
         *(
@@ -444,12 +247,12 @@ def _lockstep(
                 target=0.0,
                 note=f'of {rows[-1, 1] - rows[0, 1] + 1.0:.0f}',
             )
-            for node, rows in ticks.items()
+            for node, rows in run.ticks.items()
         ),
     ]
 
 
-def _answers(run: _Run) -> _Answers:
+def _answers(run: WallClockRun) -> _Answers:
     """
     Follow each pose of the hand through the periods that used it.
 

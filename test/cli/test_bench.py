@@ -104,11 +104,12 @@ def test_the_graph_is_measured_in_motion(tmp_path: Path, monkeypatch: pytest.Mon
 
 @pytest.mark.parametrize('on', [1.0, 0.0])
 def test_an_answer_is_what_follows_from_the_pose_and_not_what_comes_next(on: float) -> None:
-    from handover_dmp.bench.ros import _answers, _Run
+    from handover_dmp.bench.graph_run import WallClockRun
+    from handover_dmp.bench.ros import _answers
 
     # the wrist command of 1.006 does not know the pose of 1.005, and 1.008 still follows that of
     # 1.006: what answers the pose is heard at 1.0145; a pose from before the start has no answer
-    run = _Run(
+    run = WallClockRun(
         hand=np.array([[1.0, 1.0], [1.0051, 1.005]]),
         dmp=np.array(
             [
@@ -131,9 +132,10 @@ def test_an_answer_is_what_follows_from_the_pose_and_not_what_comes_next(on: flo
 
 
 def test_an_answer_after_a_period_that_was_not_recorded_is_none() -> None:
-    from handover_dmp.bench.ros import _answers, _Run
+    from handover_dmp.bench.graph_run import WallClockRun
+    from handover_dmp.bench.ros import _answers
 
-    run = _Run(
+    run = WallClockRun(
         hand=np.array([[1.0, 1.0], [1.0051, 1.005]]),
         dmp=np.array([[0.996, 0.99, 0.0055, 1.0], [1.011, 1.005, 0.0055, 1.0]]),
         ik=np.array([[1.008, 1.006, 0.0015], [1.013, 1.011, 0.0015]]),
@@ -147,9 +149,10 @@ def test_an_answer_after_a_period_that_was_not_recorded_is_none() -> None:
 
 
 def test_an_answer_of_an_arm_at_rest_is_none() -> None:
-    from handover_dmp.bench.ros import _answers, _Run
+    from handover_dmp.bench.graph_run import WallClockRun
+    from handover_dmp.bench.ros import _answers
 
-    run = _Run(
+    run = WallClockRun(
         hand=np.array([[1.0, 1.0]]),
         dmp=np.array([[1.001, 1.0, 0.0005, 0.0]]),
         ik=np.array([[1.002, 1.001, 0.0005]]),

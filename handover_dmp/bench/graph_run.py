@@ -1,0 +1,278 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The graph running with probes beside it, and what that leaves in the bag."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+import subprocess
+import sys
+from tempfile import TemporaryDirectory
+from time import monotonic, time
+from typing import Any, TYPE_CHECKING
+
+from handover_dmp.errors import HandoverError
+from handover_dmp.recording import read_bag
+from handover_dmp.run import keep_inputs
+from handover_dmp.scenario import Scenario
+from handover_dmp.topics import HAND_POSE, HUMAN_POSE, IK_STATUS, names_of_values, PHASE, STATE
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from handover_dmp.nodes.graph import Graph
+
+Array = NDArray[np.float64]
+
+SETTLING_S = 10.0
+"""For the timers to find their places with the probes beside them, s."""
+LONGEST_WAIT_S = 60.0
+ROUNDING_S = 1e-6
+PROBES = ('empty', 'urgent', 'sleep', 'echo', 'ping', 'listener')
+CONDUCTOR = 'conductor'
+LEAD_S = 0.1
+"""From bringing the hand back until it sets out again, s."""
+
+
+@dataclass(frozen=True)
+class WallClockRun:
+    """
+    What a run by the wall clock left, all times on that.
+
+    Attributes:
+        hand: (n, 2) when a pose was published and its stamp, s.
+        dmp: (n, 4) when a period began; stamp of the newest pose it knew; how long ago that had
+            come, s; 1 while a handover was on.
+        ik: (n, 3) when a period began; stamp of the wrist command it followed; how long ago that
+            had come, s.
+        joints: (n, 3) which period a joint command answers, when it was heard, s; 1 if it moves.
+        ticks: node to (n, 2) when a period began, s; its number.
+        probes: name to what the probe wrote.
+        handovers: how many came to their end, those before and after the time measured too.
+        span: from when to when all was measured, s.
+
+    """
+
+    hand: Array
+    dmp: Array
+    ik: Array
+    joints: Array
+    ticks: dict[str, Array]
+    probes: dict[str, Array]
+    handovers: int
+    span: tuple[float, float]
+
+    def within(self, rows: Array) -> Array:
+        """Keep the rows whose first column is a time that was measured."""
+        times = rows if rows.ndim == 1 else rows[:, 0]
+        return rows[(times > self.span[0]) & (times < self.span[1])]
+
+
+@dataclass(frozen=True)
+class LockstepRun:
+    """
+    What a run on simulated time left.
+
+    Attributes:
+        speed: of simulated time, in multiples of the wall clock's.
+        ticks: node to (n, 2) when a period began, s of simulated time; its number.
+        handovers: how many came to their end.
+
+    """
+
+    speed: float
+    ticks: dict[str, Array]
+    handovers: int
+
+
+def run_by_the_wall_clock(
+    scenario: Scenario,
+    duration_s: float,
+    changes: dict[str, dict[str, Any]],
+    progress: Callable[[str], None],
+) -> WallClockRun:
+    """
+    Run the five nodes and the probes beside them, one handover after the other.
+
+    Args:
+        scenario: what is run.
+        duration_s: how long to measure, s.
+        changes: node to parameters that are to be other than usual.
+        progress: is told what goes on.
+
+    Returns:
+        What it left.
+
+    Raises:
+        HandoverError: no handover came to its end, or a probe does not run.
+
+    """
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        with _graph(folder, scenario, changes, progress) as graph, ExitStack() as running:
+            for probe in PROBES:
+                running.enter_context(_probe(probe, folder))
+            _wait_for_probes(graph, folder)
+            progress(f'measuring for {duration_s:.0f} s')
+            graph.linger(SETTLING_S)
+            begun_s = time()
+            graph.linger(duration_s)
+            span = begun_s, time()
+        progress('reading the bag')
+        return _read(folder, span)
+
+
+def run_in_lockstep(
+    scenario: Scenario, duration_s: float, progress: Callable[[str], None]
+) -> LockstepRun:
+    """
+    Run the five nodes on simulated time as fast as it goes, one handover after the other.
+
+    Args:
+        scenario: what is run.
+        duration_s: how long to measure, s of simulated time.
+        progress: is told what goes on.
+
+    Returns:
+        What it left.
+
+    Raises:
+        HandoverError: no handover came to its end.
+
+    """
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        with _graph(folder, scenario, {}, progress, lockstep=True) as graph:
+            progress(f'measuring for {duration_s:.0f} s of simulated time')
+            begun_s, simulated_s = monotonic(), graph.time_s
+            graph.linger(duration_s)
+            speed = (graph.time_s - simulated_s) / (monotonic() - begun_s)
+        progress('reading the bag')
+        ticks, handovers = _ticks(folder)
+    return LockstepRun(speed, ticks, handovers)
+
+
+@contextmanager
+def _graph(
+    folder: Path,
+    scenario: Scenario,
+    changes: dict[str, dict[str, Any]],
+    progress: Callable[[str], None],
+    *,
+    lockstep: bool = False,
+) -> Iterator[Graph]:
+    """Run the five nodes, one handover after the other; the first is over when this is entered."""
+    from handover_dmp.nodes.conduct import graph_parameters
+    from handover_dmp.nodes.graph import Graph
+
+    keep_inputs(folder, scenario)
+    parameters = graph_parameters(folder, scenario, {}, lockstep)
+    # the conductor says when to start, once the hand is back
+    parameters['dmp']['start'] = 'service'
+    parameters['hand_tracker'] |= {'lead_s': LEAD_S, 'replay_at_s': -1.0}
+    for node, more in changes.items():
+        parameters[node] |= more
+    progress('starting the graph')
+    with Graph(folder, parameters, lockstep=lockstep) as graph, _probe(CONDUCTOR, folder):
+        if lockstep:
+            graph.unpause()
+        if not graph.wait_for_state(('done',), LONGEST_WAIT_S, lambda: None):
+            raise HandoverError(f'no handover within {LONGEST_WAIT_S:.0f} s')
+        yield graph
+
+
+@contextmanager
+def _probe(name: str, folder: Path) -> Iterator[None]:
+    words = [sys.executable, '-m', 'handover_dmp.nodes.probes', name, str(folder / name)]
+    process = subprocess.Popen(words)
+    try:
+        yield
+    finally:
+        process.terminate()
+        process.wait()
+
+
+def _wait_for_probes(graph: Graph, folder: Path) -> None:
+    deadline_s = monotonic() + LONGEST_WAIT_S
+    while absent := [name for name in PROBES if not (folder / name).exists()]:
+        graph.spin()
+        if monotonic() > deadline_s:
+            raise HandoverError(f'{absent[0]} does not run within {LONGEST_WAIT_S:.0f} s')
+
+
+def _read(folder: Path, span: tuple[float, float]) -> WallClockRun:
+    """Put together what the probes and the recorder have left."""
+    stamps: dict[str, list[float]] = {HAND_POSE.name: [], HUMAN_POSE.name: []}
+    dmp, ik, states = [], [], []
+    ticks: dict[str, list[list[float]]] = {'dmp': [], 'priority_ik': []}
+    for topic, message, _ in read_bag(
+        folder / 'bag', [*stamps, PHASE.name, IK_STATUS.name, STATE.name]
+    ):
+        if topic in stamps:
+            stamp = message.header.stamp
+            stamps[topic].append((stamp.sec * 10**9 + stamp.nanosec) / 1e9)
+        elif topic == STATE.name:
+            states.append(message.data)
+        elif topic == PHASE.name:
+            dmp.append(_labelled(message, 'time_s', 'hand_stamp_s', 'hand_age_s', 'phase'))
+            ticks['dmp'].append(_labelled(message, 'time_s', 'period'))
+        else:
+            ik.append(_labelled(message, 'time_s', 'command_stamp_s', 'command_age_s'))
+            ticks['priority_ik'].append(_labelled(message, 'time_s', 'period'))
+    hand, person = map(np.array, stamps.values())
+    # `hand_tracker` stamps the person's pose with its own time, the hand's with that of the pose
+    published = np.searchsorted(person, hand - ROUNDING_S)
+    seen = published < len(person)
+    probes = {
+        name: np.array((folder / name).read_text(encoding='utf-8').split(), dtype=float)
+        for name in PROBES
+    }
+    return WallClockRun(
+        hand=np.column_stack((person[published[seen]], hand[seen])),
+        dmp=_with_motion(np.array(dmp)),
+        ik=np.array(ik),
+        joints=probes['listener'].reshape(-1, 3),
+        ticks={node: np.array(rows) for node, rows in ticks.items()},
+        probes=probes,
+        handovers=states.count('done'),
+        span=span,
+    )
+
+
+def _ticks(folder: Path) -> tuple[dict[str, Array], int]:
+    """Read when the periods of each node were, s, with their numbers; and count the handovers."""
+    nodes = {PHASE.name: 'dmp', IK_STATUS.name: 'priority_ik'}
+    ticks: dict[str, list[list[float]]] = {node: [] for node in nodes.values()}
+    handovers = 0
+    for topic, message, _ in read_bag(folder / 'bag', [*nodes, STATE.name]):
+        if topic == STATE.name:
+            handovers += message.data == 'done'
+        else:
+            ticks[nodes[topic]].append(_labelled(message, 'time_s', 'period'))
+    return {node: np.array(rows) for node, rows in ticks.items()}, handovers
+
+
+def _labelled(message: Any, *names: str) -> list[float]:
+    values = dict(zip(names_of_values(message), message.data, strict=True))
+    return [values[name] for name in names]
+
+
+def _with_motion(dmp: Array) -> Array:
+    """Make the last column tell whether a handover is on: the phase stands still while not."""
+    falls = np.diff(dmp[:, 3], prepend=np.inf) < 0.0
+    return np.column_stack((dmp[:, :3], falls))
