@@ -235,7 +235,7 @@ def run_ros2(words: list[str], folder: Path, request: pytest.FixtureRequest) -> 
 def play_bag(words: list[str], folder: Path, bag: Path) -> None:
     """Play a bag to its end; who listens must hear of the hand what is in the bag."""
     recorded = {place_of(message) for _, message, _ in read_bag(bag, [HAND_POSE.name])}
-    own = [sys.executable, str(PLAYER), *words[2:], '--heard', HAND_POSE.name]
+    own = [sys.executable, str(PLAYER), *words[2:], '--heard', HAND_POSE.name, '1']
     command = [ROS2, *words] if ROS2 else own
     context = rclpy.Context()
     context.init(args=[], domain_id=domain_alone())

@@ -15,9 +15,9 @@
 """
 Play a bag as `ros2 bag play` does, for tests: the bytes as they are, when they were recorded.
 
-    python play_bag.py BAG [--delay SECONDS] [--heard TOPIC]
+    python play_bag.py BAG [--delay SECONDS] [--heard TOPIC LISTENERS]...
 
-With `--heard` it begins when somebody listens to that topic, however long that takes.
+With `--heard` it begins when so many listen to that topic, however long that takes.
 """
 
 from __future__ import annotations
@@ -43,15 +43,19 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('bag', type=Path)
     parser.add_argument('--delay', type=float, default=0.0)
-    parser.add_argument('--heard', metavar='TOPIC')
+    parser.add_argument(
+        '--heard', nargs=2, action='append', default=[], metavar=('TOPIC', 'LISTENERS')
+    )
     words = parser.parse_args()
     rclpy.init()
     node = rclpy.create_node('play_bag')
     with Reader(words.bag) as reader:
         publishers = {c.id: publisher(node, c) for c in reader.connections}
+        offered = {c.topic: publishers[c.id] for c in reader.connections}
         messages = [(c.id, time_ns, data) for c, time_ns, data in reader.messages()]
-    while words.heard and not node.count_subscribers(words.heard):
-        sleep(0.02)
+    for topic, listeners in words.heard:
+        while offered[topic].get_subscription_count() < int(listeners):
+            sleep(0.02)
     sleep(words.delay)
     begun_s = monotonic()
     for number, time_ns, data in messages:

@@ -36,7 +36,14 @@ from handover_dmp.recording import read_bag
 from handover_dmp.run import keep_inputs
 from handover_dmp.scenario import Scenario
 from handover_dmp.settings import defaults
-from handover_dmp.topics import JOINT_COMMAND, JOINT_STATES, names_of_values
+from handover_dmp.topics import (
+    HAND_POSE,
+    JOINT_COMMAND,
+    JOINT_STATES,
+    names_of_values,
+    SIGNAL,
+    STATE,
+)
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
@@ -50,7 +57,6 @@ pytestmark = [pytest.mark.ros, pytest.mark.timeout(400)]
 LONGEST_S = 20.0
 ROS2 = shutil.which('ros2')
 PLAYER = Path(__file__).with_name('play_bag.py')
-PLAY = [ROS2, 'bag', 'play'] if ROS2 else [sys.executable, str(PLAYER)]
 STALL_S = 4.0
 AT_REST = 1e-3
 STREAMS = (
@@ -327,9 +333,11 @@ def test_a_graph_that_cannot_begin_says_why(
     assert not rclpy.ok(), 'the next one can begin'
 
 
-def hand_over(graph: Graph, bag: Path | None = None) -> None:
+def hand_over(graph: Graph, recorded: Path, bag: Path | None = None) -> None:
     """
     Hand over on the wall clock, to the hand of `hand_tracker` or to that of a bag that is played.
+
+    Ends when the handover is in the bag that is recorded.
 
     Tried again where the machine has stood still for so long that a node has stopped the arm, as
     it must.
@@ -340,17 +348,39 @@ def hand_over(graph: Graph, bag: Path | None = None) -> None:
         for service in ('/robot_sim/reset', '/robot_sim/resume'):
             graph.call(service)
         assert graph.wait_for_state(('idle',), LONGEST_S, lambda: None)
+        begun_ns = time.time_ns()
         if bag is None:
             graph.call('/hand_tracker/replay')
             graph.wait_for_state(('done', 'aborted'), 8.0, lambda: None)
         else:
-            with subprocess.Popen([*PLAY, str(bag), '--delay', '2']) as player:
+            with subprocess.Popen(play(graph, bag)) as player:
                 graph.wait_for_state(('done', 'aborted'), 30.0, lambda: None)
                 player.kill()
         if graph.state == 'done':
-            graph.linger(0.3)  # the recorder may be the last to hear of it
+            wait_until_recorded(graph, recorded, 'done', begun_ns)
             return
     pytest.fail('never handed over')
+
+
+def play(graph: Graph, bag: Path) -> list[str]:
+    """Return the command that plays a bag once all who listen can hear it."""
+    if ROS2:  # which can only wait for a while
+        return [ROS2, 'bag', 'play', str(bag), '--delay', '2']
+    command = [sys.executable, str(PLAYER), str(bag)]
+    for topic in (HAND_POSE.name, SIGNAL.name):
+        command += ['--heard', topic, str(graph.node.count_subscribers(topic))]
+    return command
+
+
+def wait_until_recorded(graph: Graph, bag: Path, state: str, since_ns: int) -> None:
+    """Wait until the recorder, too, has heard of a state that was reached since then."""
+    end_s = time.monotonic() + LONGEST_S
+    while not any(
+        message.data == state and time_ns >= since_ns
+        for _, message, time_ns in read_bag(bag, [STATE.name])
+    ):
+        graph.spin()
+        assert time.monotonic() < end_s, f'{state} was not recorded'
 
 
 def wait_for_rest(graph: Graph) -> None:
@@ -370,13 +400,13 @@ def wait_for_rest(graph: Graph) -> None:
 
 
 def states(bag: Path) -> list[str]:
-    return [message.data for _, message, _ in read_bag(bag, ['/handover/state'])]
+    return [message.data for _, message, _ in read_bag(bag, [STATE.name])]
 
 
 def test_hands_over_on_the_wall_clock(prepare: Any, lockstep_path: dict[int, Any]) -> None:
     folder, parameters = prepare(lockstep=False)
     with Graph(folder, parameters, lockstep=False) as graph:
-        hand_over(graph)
+        hand_over(graph, folder / 'bag')
     assert states(folder / 'bag')[-3:] == ['reaching', 'exchange', 'done']
     reached = list(positions(folder / 'bag', '/wrist/pose').values())[-1]
     assert np.linalg.norm(reached - list(lockstep_path.values())[-1]) < 0.02
@@ -387,7 +417,7 @@ def test_two_handovers_one_after_the_other_are_alike(prepare: Any) -> None:
     ends = []
     with Graph(folder, parameters, lockstep=False) as graph:
         for _ in range(2):
-            hand_over(graph)
+            hand_over(graph, folder / 'bag')
             ends.append(graph.node.get_clock().now().nanoseconds)
     said = states(folder / 'bag')
     assert ''.join(said).count('reachingexchangedone') == 2
@@ -477,7 +507,7 @@ def way_towards(source: str, trial_bag: Path, folder: Path, prepare: Any) -> np.
     )
     nodes = tuple(node for node in NODES if (node, source) != ('hand_tracker', 'player'))
     with Graph(run, parameters, lockstep=False, nodes=nodes) as graph:
-        hand_over(graph, trial_bag if source == 'player' else None)
+        hand_over(graph, folder, trial_bag if source == 'player' else None)
     return last_way(folder)
 
 
@@ -526,7 +556,7 @@ def test_hands_over_to_a_hand_that_is_seen_badly(
         lockstep=False, hand_tracker={f'sensor.{name}': value for name, value in sensor.items()}
     )
     with Graph(folder, parameters, lockstep=False) as graph:
-        hand_over(graph)
+        hand_over(graph, folder / 'bag')
     stamps, places = [], []
     for _, message, log_time_ns in read_bag(folder / 'bag', ['/hand/pose']):
         stamps.append((nanoseconds(message.header.stamp), log_time_ns))
