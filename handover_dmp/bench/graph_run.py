@@ -218,22 +218,16 @@ def _wait_for_probes(graph: Graph, folder: Path) -> None:
 def _read(folder: Path, span: tuple[float, float]) -> WallClockRun:
     """Put together what the probes and the recorder have left."""
     stamps: dict[str, list[float]] = {HAND_POSE.name: [], HUMAN_POSE.name: []}
-    dmp, ik, states = [], [], []
-    ticks: dict[str, list[list[float]]] = {'dmp': [], 'priority_ik': []}
-    for topic, message, _ in read_bag(
-        folder / 'bag', [*stamps, PHASE.name, IK_STATUS.name, STATE.name]
-    ):
+    dmp, ik = [], []
+    for topic, message, _ in read_bag(folder / 'bag', [*stamps, PHASE.name, IK_STATUS.name]):
         if topic in stamps:
             stamp = message.header.stamp
             stamps[topic].append((stamp.sec * 10**9 + stamp.nanosec) / 1e9)
-        elif topic == STATE.name:
-            states.append(message.data)
         elif topic == PHASE.name:
             dmp.append(_labelled(message, 'time_s', 'hand_stamp_s', 'hand_age_s', 'phase'))
-            ticks['dmp'].append(_labelled(message, 'time_s', 'period'))
         else:
             ik.append(_labelled(message, 'time_s', 'command_stamp_s', 'command_age_s'))
-            ticks['priority_ik'].append(_labelled(message, 'time_s', 'period'))
+    ticks, handovers = _ticks(folder)
     hand, person = map(np.array, stamps.values())
     # `hand_tracker` stamps the person's pose with its own time, the hand's with that of the pose
     published = np.searchsorted(person, hand - ROUNDING_S)
@@ -247,9 +241,9 @@ def _read(folder: Path, span: tuple[float, float]) -> WallClockRun:
         dmp=_with_motion(np.array(dmp)),
         ik=np.array(ik),
         joints=probes['listener'].reshape(-1, 3),
-        ticks={node: np.array(rows) for node, rows in ticks.items()},
+        ticks=ticks,
         probes=probes,
-        handovers=states.count('done'),
+        handovers=handovers,
         span=span,
     )
 
