@@ -22,10 +22,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+import faulthandler
 from math import inf
 import os
 from pathlib import Path
-import signal
 import socket
 import subprocess
 import sys
@@ -37,7 +37,7 @@ from handover_dmp.errors import HandoverError
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
 from handover_dmp.nodes.leaving import leave
 from handover_dmp.nodes.qos import message_class, qos_profile
-from handover_dmp.nodes.spinning import PARENT_VARIABLE
+from handover_dmp.nodes.spinning import LONGEST_END_S, PARENT_VARIABLE, STDERR
 from handover_dmp.resources import share_path
 from handover_dmp.topics import (
     CLOCK,
@@ -350,7 +350,8 @@ class Graph:
         for group in (recorder, others):
             for process in group:
                 if process.poll() is None:
-                    process.send_signal(signal.SIGINT)
+                    # a shell's background job has SIGINT ignored, and a node that still starts too
+                    process.terminate()
             for process in group:
                 with suppress(subprocess.TimeoutExpired):
                     process.wait(END_TIMEOUT_S)
@@ -360,8 +361,13 @@ class Graph:
                 process.wait(END_TIMEOUT_S)
             except subprocess.TimeoutExpired:
                 process.kill()
-        self._executor.shutdown()
-        leave(self.node)
+        # as in a node: what hangs in DDS ends here all the same, and says where it was
+        faulthandler.dump_traceback_later(LONGEST_END_S, exit=True, file=STDERR)
+        try:
+            self._executor.shutdown()
+            leave(self.node)
+        finally:
+            faulthandler.cancel_dump_traceback_later()
         return {name: process.wait() for name, process in self.processes.items()}
 
 

@@ -38,6 +38,7 @@ from rclpy.task import Future
 PARENT_VARIABLE = 'HANDOVER_DMP_PARENT'
 POLL_S = 0.05
 LONGEST_END_S = 15.0
+STDERR = 2
 
 
 def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -> int:
@@ -87,7 +88,7 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_IGN)
         # what hangs in DDS ends here all the same, and says where it was
-        faulthandler.dump_traceback_later(LONGEST_END_S, exit=True)
+        faulthandler.dump_traceback_later(LONGEST_END_S, exit=True, file=STDERR)
         getattr(node, 'finish', lambda: None)()
         executor.shutdown()
         leave(node)

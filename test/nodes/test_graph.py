@@ -29,7 +29,7 @@ from handover_dmp.hand import write_data_set
 from handover_dmp.handover import Handover
 from handover_dmp.nodes.conduct import graph_parameters
 from handover_dmp.nodes.conversions import answering, NANOSECONDS, nanoseconds
-from handover_dmp.nodes.graph import Graph, isolation, NODES
+from handover_dmp.nodes.graph import Graph, GraphError, isolation, NODES
 from handover_dmp.nodes.lockstep import ASK_AGAIN_S, Lockstep, Pace
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.recording import read_bag
@@ -331,6 +331,34 @@ def test_a_graph_that_cannot_begin_says_why(
         with pytest.raises(RuntimeError, match='no such network'), Graph(tmp_path, {}):
             pass
     assert not rclpy.ok(), 'the next one can begin'
+
+
+class DiesAsItStarts(Graph):
+    """A graph whose `dmp` is killed before it has loaded anything."""
+
+    def start(self, name: str) -> None:
+        super().start(name)
+        if name == 'dmp':
+            self.processes[name].kill()
+
+
+@pytest.mark.parametrize('ignored', [False, True], ids=['terminal', 'background'])
+def test_nodes_that_still_start_are_ended_without_a_kill(tmp_path: Path, ignored: bool) -> None:
+    """Also in a background job of a shell, where programs begin with SIGINT ignored."""
+    before = signal.signal(
+        signal.SIGINT, signal.SIG_IGN if ignored else signal.default_int_handler
+    )
+    graph = DiesAsItStarts(tmp_path, {'recorder': {'folder': str(tmp_path / 'bag')}})
+    try:
+        with pytest.raises(GraphError, match=f'dmp ended with code {-signal.SIGKILL}'), graph:
+            pass
+    finally:
+        signal.signal(signal.SIGINT, before)
+    codes = {name: process.returncode for name, process in graph.processes.items()}
+    assert codes.pop('dmp') == -signal.SIGKILL
+    assert set(codes) == set(NODES) - {'dmp'}
+    assert set(codes.values()) <= {0, -signal.SIGTERM}
+    assert all((tmp_path / 'logs' / f'{name}.log').read_text() == '' for name in NODES)
 
 
 def hand_over(graph: Graph, recorded: Path, bag: Path | None = None) -> None:
