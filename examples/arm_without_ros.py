@@ -16,9 +16,9 @@
 
 from __future__ import annotations
 
-from handover_dmp.robot.arm import SimulatedArm
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.priority_ik import PriorityIk, WristTarget
+from handover_dmp.simulation.arm import SimulatedArm
 import numpy as np
 
 PERIOD_S, RADIUS_M, TURN_S = 0.005, 0.1, 3.0

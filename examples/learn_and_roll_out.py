@@ -16,8 +16,8 @@
 
 from __future__ import annotations
 
-from handover_dmp.hand import synthesize
-from handover_dmp.teaching import learn_from_trials, rollout_against
+from handover_dmp.handover.teaching import learn_from_trials, rollout_against
+from handover_dmp.mocap import synthesize
 import numpy as np
 
 

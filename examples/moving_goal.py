@@ -17,8 +17,8 @@
 from __future__ import annotations
 
 from handover_dmp.dmp import ClassicalDmp, DecoupledDmp
-from handover_dmp.hand import synthesize
-from handover_dmp.teaching import learn_from_trials
+from handover_dmp.handover.teaching import learn_from_trials
+from handover_dmp.mocap import synthesize
 import numpy as np
 
 SPEED = np.array([0.2, 0.0, 0.0])  # m/s

@@ -20,7 +20,7 @@ from pathlib import Path
 import sys
 
 from handover_dmp.evaluation.tuning import tune
-from handover_dmp.hand import read_data_set, synthesize
+from handover_dmp.mocap import read_data_set, synthesize
 
 
 def main(arguments: list[str]) -> None:

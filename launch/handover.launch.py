@@ -31,7 +31,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 from xml.etree import ElementTree
 
-from handover_dmp.resources import share_path
+from handover_dmp.common.resources import share_path
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch.conditions import IfCondition
@@ -103,7 +103,7 @@ def prepare(chosen: dict[str, str]) -> tuple[Any, Path]:
     """
     from handover_dmp.nodes.conduct import graph_parameters
     from handover_dmp.nodes.graph import write_parameters
-    from handover_dmp.run import keep_inputs, new_run_folder, run_info
+    from handover_dmp.runs.folder import keep_inputs, new_run_folder, run_info
 
     scenario = _scenario(chosen)
     folder = new_run_folder(Path(chosen['output']) if chosen['output'] else None, scenario.trial)
@@ -177,9 +177,9 @@ def root_link(urdf_text: str) -> str:
 def _scenario(chosen: dict[str, str]) -> Any:
     """Read the recording; else learn from one synthetic handover and take another."""
     from handover_dmp.dmp import save_model
-    from handover_dmp.hand import condition, synthesize, write_trial
-    from handover_dmp.scenario import EXAMPLE, make_scenario
-    from handover_dmp.teaching import learn_from_trials
+    from handover_dmp.handover.scenario import EXAMPLE, make_scenario
+    from handover_dmp.handover.teaching import learn_from_trials
+    from handover_dmp.mocap import condition, synthesize, write_trial
 
     if chosen['trial'] and chosen['bag']:
         raise RuntimeError('trial and bag exclude each other')

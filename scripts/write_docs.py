@@ -34,8 +34,8 @@ from typing import Any
 from handover_dmp import topics
 from handover_dmp.bench.measurement import Measurement
 from handover_dmp.bench.report import cells, markdown, read_json
+from handover_dmp.common.settings import defaults
 from handover_dmp.nodes.parameters import COMMON, Parameter
-from handover_dmp.settings import defaults
 from handover_dmp.topics import Topic, TOPICS
 
 ROOT = Path(__file__).resolve().parents[1]

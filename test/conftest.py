@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from handover_dmp.threads import use_one_thread
+from handover_dmp.common.threads import use_one_thread
 import pytest
 
 use_one_thread()

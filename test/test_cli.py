@@ -114,7 +114,9 @@ def test_every_verb_has_a_module_of_one_form() -> None:
 def test_a_pipe_is_written_to_and_not_replaced(tmp_path: Path) -> None:
     pipe = tmp_path / 'pipe.json'
     os.mkfifo(pipe)
-    writing = 'import sys; from pathlib import Path; from handover_dmp.files import write_text; '
+    writing = (
+        'import sys; from pathlib import Path; from handover_dmp.common.files import write_text; '
+    )
     writing += "write_text(Path(sys.argv[1]), 'all of it')"
     with subprocess.Popen([sys.executable, '-c', writing, str(pipe)]) as process:
         assert pipe.read_text(encoding='utf-8') == 'all of it'

@@ -37,17 +37,17 @@ import sys
 from time import monotonic, sleep
 from typing import Any
 
+from handover_dmp.common.settings import defaults
 from handover_dmp.dmp import DmpParameters
-from handover_dmp.hand import synthesize, write_trial
+from handover_dmp.dmp.parameter_file import TunedParameters, write_parameters
+from handover_dmp.handover.scenario import make_scenario
+from handover_dmp.mocap import synthesize, write_trial
 from handover_dmp.nodes.conduct import graph_parameters
 from handover_dmp.nodes.graph import Graph, isolate, NODES
 from handover_dmp.nodes.leaving import leave
 from handover_dmp.nodes.qos import message_class, qos_profile
-from handover_dmp.parameter_file import TunedParameters, write_parameters
 from handover_dmp.recording import read_bag
-from handover_dmp.run import keep_inputs
-from handover_dmp.scenario import make_scenario
-from handover_dmp.settings import defaults
+from handover_dmp.runs.folder import keep_inputs
 from handover_dmp.topics import HAND_POSE, STATE
 import numpy as np
 import pybullet_data

@@ -22,7 +22,7 @@ import re
 from types import ModuleType
 from typing import Any
 
-from handover_dmp.settings import defaults
+from handover_dmp.common.settings import defaults
 from handover_dmp.topics import TOPICS
 import pytest
 

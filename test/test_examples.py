@@ -24,7 +24,7 @@ import subprocess
 import sys
 from time import monotonic
 
-from handover_dmp.hand import synthesize, write_data_set
+from handover_dmp.mocap import synthesize, write_data_set
 import pytest
 
 pytestmark = pytest.mark.timeout(1800)  # on a machine that does much else

@@ -26,10 +26,10 @@ import sys
 from typing import Any
 from xml.etree import ElementTree
 
+from handover_dmp.common.errors import HandoverError
+from handover_dmp.common.settings import defaults
 from handover_dmp.dmp import load_model
-from handover_dmp.errors import HandoverError
-from handover_dmp.hand import read_trial
-from handover_dmp.settings import defaults
+from handover_dmp.mocap import read_trial
 import numpy as np
 import pytest
 import yaml

@@ -149,7 +149,9 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     if not colcon.is_file():
         pytest.skip('colcon is not installed')
     folder = tmp_path_factory.mktemp('colcon')
-    copy_sources(folder / 'src' / 'handover_dmp', 'test/conftest.py', 'test/test_resources.py')
+    copy_sources(
+        folder / 'src' / 'handover_dmp', 'test/conftest.py', 'test/common/test_resources.py'
+    )
     checked((colcon, 'build', '--event-handlers', 'console_direct+'), folder, colcon_home(folder))
     return folder
 
@@ -225,7 +227,7 @@ def test_the_command_uses_the_files_that_came_with_it(
 ) -> None:
     python = installed.prefix / 'bin' / 'python3'
     program = (
-        'import handover_dmp; from handover_dmp.resources import share_path;'
+        'import handover_dmp; from handover_dmp.common.resources import share_path;'
         'print(handover_dmp.__file__, share_path("config/handover.yaml"))'
     )
     found = installed.run(python if python.exists() else 'python3', '-c', program).stdout.split()

@@ -26,7 +26,7 @@ from time import perf_counter
 
 from handover_dmp.bench.measurement import Measurement, time_call
 from handover_dmp.evaluation.protocol import evaluate
-from handover_dmp.hand import synthesize, write_data_set
+from handover_dmp.mocap import synthesize, write_data_set
 
 TABLE_TARGET_S = 3.0
 LARGE_TARGET_S = 60.0

@@ -37,7 +37,7 @@ import tempfile
 from time import monotonic, sleep
 
 from handover_dmp.bench.measurement import Measurement
-from handover_dmp.errors import HandoverError
+from handover_dmp.common.errors import HandoverError
 
 INPUTS = 1_000_000
 MINUTES = 60.0
@@ -204,15 +204,15 @@ def _parameters() -> list[bytes]:
 
 
 READERS = {
-    'trial CSV': Reader('handover_dmp.hand', 'read_trial', 'a_give_1.csv', 0.25, _trial),
+    'trial CSV': Reader('handover_dmp.mocap', 'read_trial', 'a_give_1.csv', 0.25, _trial),
     'data set CSV': Reader(
-        'handover_dmp.hand', 'read_data_set', 'trials.csv', 0.1, _index, in_folder=True,
+        'handover_dmp.mocap', 'read_data_set', 'trials.csv', 0.1, _index, in_folder=True,
         beside=lambda: {'a_give_1.csv': _trial()[0]},
     ),
     'Qualisys TSV': Reader(
-        'handover_dmp.hand.qualisys', 'read_qualisys', 'a.tsv', 0.2, _qualisys
+        'handover_dmp.mocap.qualisys', 'read_qualisys', 'a.tsv', 0.2, _qualisys
     ),
-    'C3D': Reader('handover_dmp.hand.c3d_file', 'read_c3d', 'a.c3d', 0.15, _c3d),
+    'C3D': Reader('handover_dmp.mocap.c3d', 'read_c3d', 'a.c3d', 0.15, _c3d),
     'MCAP': Reader('handover_dmp.recording', 'read_bag', 'bag_0.mcap', 0.1, _mcap),
     'bag metadata YAML': Reader(
         'handover_dmp.recording.bag_metadata', 'read_metadata', 'metadata.yaml', 0.02, _metadata,
@@ -220,7 +220,7 @@ READERS = {
     ),
     'model JSON': Reader('handover_dmp.dmp', 'load_model', 'model.json', 0.15, _model),
     'parameter YAML': Reader(
-        'handover_dmp.parameter_file', 'read_parameters', 'parameters.yaml', 0.03, _parameters
+        'handover_dmp.dmp.parameter_file', 'read_parameters', 'parameters.yaml', 0.03, _parameters
     ),
 }  # fmt: skip
 

@@ -26,10 +26,10 @@ from tempfile import TemporaryDirectory
 from time import monotonic, time
 from typing import Any, TYPE_CHECKING
 
-from handover_dmp.errors import HandoverError
+from handover_dmp.common.errors import HandoverError
+from handover_dmp.handover.scenario import Scenario
 from handover_dmp.recording import read_bag
-from handover_dmp.run import keep_inputs
-from handover_dmp.scenario import Scenario
+from handover_dmp.runs.folder import keep_inputs
 from handover_dmp.topics import HAND_POSE, HUMAN_POSE, IK_STATUS, names_of_values, PHASE, STATE
 import numpy as np
 from numpy.typing import NDArray
@@ -198,7 +198,7 @@ def _graph(
 
 @contextmanager
 def _probe(name: str, folder: Path) -> Iterator[None]:
-    words = [sys.executable, '-m', 'handover_dmp.nodes.probes', name, str(folder / name)]
+    words = [sys.executable, '-m', 'handover_dmp.bench.probes', name, str(folder / name)]
     process = subprocess.Popen(words)
     try:
         yield

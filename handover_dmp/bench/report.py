@@ -28,8 +28,8 @@ from typing import Any
 
 from handover_dmp import __version__
 from handover_dmp.bench.measurement import Measurement
-from handover_dmp.errors import DataError
-from handover_dmp.files import write_text
+from handover_dmp.common.errors import DataError
+from handover_dmp.common.files import write_text
 from rich.markup import escape
 from rich.table import Table
 

@@ -28,7 +28,7 @@ from handover_dmp.bench.graph_run import (
     WallClockRun,
 )
 from handover_dmp.bench.measurement import Measurement
-from handover_dmp.scenario import make_scenario
+from handover_dmp.handover.scenario import make_scenario
 import numpy as np
 
 PERIOD_S = 0.005

@@ -21,14 +21,14 @@ from statistics import median
 from time import perf_counter
 
 from handover_dmp.bench.measurement import Measurement, time_call
-from handover_dmp.handover import Handover
-from handover_dmp.robot.arm import SimulatedArm
-from handover_dmp.robot.human import HumanFigure
+from handover_dmp.handover.lockstep import Handover
+from handover_dmp.handover.scenario import make_scenario
 from handover_dmp.robot.model import BasePlacement, RobotModel
-from handover_dmp.robot.scene import Scene
-from handover_dmp.robot.self_check import check_models
-from handover_dmp.robot.world import World
-from handover_dmp.scenario import make_scenario
+from handover_dmp.simulation.arm import SimulatedArm
+from handover_dmp.simulation.human import HumanFigure
+from handover_dmp.simulation.self_check import check_models
+from handover_dmp.simulation.world import World
+from handover_dmp.view.scene import Scene
 import numpy as np
 from numpy.typing import NDArray
 

@@ -21,14 +21,14 @@ from collections.abc import Callable, Sequence
 import gc
 from time import monotonic
 
+from handover_dmp.bench.faults import FaultyHand, InvariantChecker, tracker_faults
 from handover_dmp.bench.measurement import Measurement
-from handover_dmp.controller import HandoverState, MOVING
-from handover_dmp.faults import FaultyHand, InvariantChecker, tracker_faults
-from handover_dmp.handover import Handover, Period
-from handover_dmp.robot.arm import ArmState, CommandOutcome, SimulatedArm
+from handover_dmp.handover.controller import HandoverState, MOVING
+from handover_dmp.handover.lockstep import Handover, Period
+from handover_dmp.handover.scenario import make_scenario, Scenario
 from handover_dmp.robot.priority_ik import WristTarget
 from handover_dmp.robot.wrist_controller import WristController
-from handover_dmp.scenario import make_scenario, Scenario
+from handover_dmp.simulation.arm import ArmState, CommandOutcome, SimulatedArm
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 import psutil

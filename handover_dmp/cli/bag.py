@@ -20,7 +20,7 @@ import argparse
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
-from handover_dmp.errors import UsageError
+from handover_dmp.common.errors import UsageError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -92,16 +92,16 @@ def run(options: argparse.Namespace) -> int:
     if options.json is not None:
         import json
 
-        from handover_dmp.files import write_text
+        from handover_dmp.common.files import write_text
 
         write_text(options.json, json.dumps(outcome, indent=2) + '\n')
     return 0
 
 
 def _write(source: Path, folder: Path, compression: str, console: Console) -> dict[str, Any]:
-    from handover_dmp.hand import read_data_set, read_trial
+    from handover_dmp.mocap import read_data_set, read_trial
+    from handover_dmp.mocap.trial_bag import write_trial_bags
     from handover_dmp.recording.bag_metadata import read_metadata
-    from handover_dmp.recording.trial_bag import write_trial_bags
     from rich.console import Console as RichConsole
     from rich.progress import Progress
 

@@ -105,8 +105,8 @@ def _measure(options: argparse.Namespace) -> int:
 
     from handover_dmp.bench.measurement import Measurement
     from handover_dmp.bench.report import machine, markdown, table, write_json
-    from handover_dmp.errors import GET_ROS, HandoverError, UsageError
-    from handover_dmp.files import write_text
+    from handover_dmp.common.errors import GET_ROS, HandoverError, UsageError
+    from handover_dmp.common.files import write_text
     from rich.console import Console
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
@@ -164,7 +164,7 @@ def _measure(options: argparse.Namespace) -> int:
 
 def _compare(options: argparse.Namespace) -> int:
     from handover_dmp.bench.report import compare, comparison_table, read_json
-    from handover_dmp.errors import UsageError
+    from handover_dmp.common.errors import UsageError
 
     if len(options.words) != 3:
         raise UsageError('compare takes two files: compare BEFORE.json AFTER.json')

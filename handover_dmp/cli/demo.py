@@ -21,7 +21,7 @@ from functools import partial
 from pathlib import Path
 
 from handover_dmp.cli.running import add_run_arguments, run_and_report
-from handover_dmp.errors import GET_ROS, HandoverError
+from handover_dmp.common.errors import GET_ROS, HandoverError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

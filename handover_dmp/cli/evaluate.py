@@ -23,7 +23,7 @@ from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING
 
-from handover_dmp.errors import UsageError
+from handover_dmp.common.errors import UsageError
 from handover_dmp.evaluation import LEARN
 
 if TYPE_CHECKING:
@@ -152,8 +152,8 @@ def read_learning(options: argparse.Namespace) -> Learning:
     """
     from dataclasses import replace
 
+    from handover_dmp.dmp.parameter_file import read_parameters
     from handover_dmp.evaluation.rollouts import Learning
-    from handover_dmp.parameter_file import read_parameters
 
     learning = Learning(regression=options.regression, basis=options.basis)
     if options.parameters is not None:
@@ -186,11 +186,11 @@ def run(options: argparse.Namespace) -> int:
     unknown = [word for word in learn if word not in LEARN]
     if unknown:
         raise UsageError(f'--learn {unknown[0]!r}: known are {", ".join(LEARN)}')
+    from handover_dmp.common.files import write_text
     from handover_dmp.evaluation.protocol import evaluate, Protocol
     from handover_dmp.evaluation.report import write_report
     from handover_dmp.evaluation.table import renderable, WIDTH
-    from handover_dmp.files import write_text
-    from handover_dmp.hand import read_data_set
+    from handover_dmp.mocap import read_data_set
     from rich.console import Console
 
     protocol = Protocol(

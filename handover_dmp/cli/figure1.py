@@ -79,10 +79,10 @@ def run(options: argparse.Namespace) -> int:
     """
     from math import isfinite
 
-    from handover_dmp.dmp.figure1 import draw_figure1
-    from handover_dmp.errors import UsageError
-    from handover_dmp.files import write_text
-    from handover_dmp.hand import condition, read_trial, synthesize
+    from handover_dmp.common.errors import UsageError
+    from handover_dmp.common.files import write_text
+    from handover_dmp.evaluation.figure1 import draw_figure1
+    from handover_dmp.mocap import condition, read_trial, synthesize
 
     if options.output.suffix not in {'.png', '.svg', '.pdf'}:
         raise UsageError(f'{options.output}: a picture is .png, .svg or .pdf')

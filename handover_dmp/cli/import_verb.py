@@ -22,12 +22,12 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from handover_dmp.errors import DataError, UsageError
+from handover_dmp.common.errors import DataError, UsageError
 
 if TYPE_CHECKING:
-    from handover_dmp.hand.markers import WristMotion
-    from handover_dmp.hand.segmentation import SegmentedMotion
-    from handover_dmp.hand.trial import HandoverTrial
+    from handover_dmp.mocap.markers import WristMotion
+    from handover_dmp.mocap.segmentation import SegmentedMotion
+    from handover_dmp.mocap.trial import HandoverTrial
 
 FORMATS = {
     'qualisys': 'TSV of Qualisys Track Manager, 3D trajectories',
@@ -114,13 +114,13 @@ def run(options: argparse.Namespace) -> int:
         UsageError: options that do not go together.
 
     """
-    from handover_dmp.hand.data_set import (
+    from handover_dmp.mocap.data_set import (
         check_no_data_set,
         file_name,
         read_data_set,
         write_data_set,
     )
-    from handover_dmp.hand.tables import save
+    from handover_dmp.mocap.tables import save
     from rich.console import Console
     from rich.progress import track
 
@@ -144,7 +144,7 @@ def run(options: argparse.Namespace) -> int:
         else:
             new.append(_whole(options, source, motion))
     if options.figure:
-        from handover_dmp.hand.figures import draw_segmentation
+        from handover_dmp.mocap.segmentation_figure import draw_segmentation
 
         draw_segmentation(segmented[0], options.figure)
     if not new:
@@ -195,17 +195,17 @@ def _check(options: argparse.Namespace) -> None:
 
 def _read(options: argparse.Namespace, source: Path) -> WristMotion:
     if options.format == 'bag':
-        from handover_dmp.hand.bag import P1_TOPIC, P2_TOPIC, read_bag_wrists
+        from handover_dmp.mocap.bag import P1_TOPIC, P2_TOPIC, read_bag_wrists
 
         topics = [(options.p1 or [P1_TOPIC])[0], (options.p2 or [P2_TOPIC])[0]]
         return read_bag_wrists(source, *topics)
     markers = [*(options.p1 or []), *(options.p2 or [])]
     if options.format == 'c3d':
-        from handover_dmp.hand.c3d_file import read_c3d
+        from handover_dmp.mocap.c3d import read_c3d
 
         recording = read_c3d(source, markers)
     else:
-        from handover_dmp.hand.qualisys import read_qualisys
+        from handover_dmp.mocap.qualisys import read_qualisys
 
         recording = read_qualisys(source, markers)
     if not (options.p1 and options.p2):
@@ -214,7 +214,7 @@ def _read(options: argparse.Namespace, source: Path) -> WristMotion:
 
 
 def _segment(options: argparse.Namespace, source: Path, motion: WristMotion) -> SegmentedMotion:
-    from handover_dmp.hand.segmentation import segment, Segmentation
+    from handover_dmp.mocap.segmentation import segment, Segmentation
 
     told = {
         'giver': options.giver,
@@ -229,8 +229,8 @@ def _segment(options: argparse.Namespace, source: Path, motion: WristMotion) -> 
 
 
 def _whole(options: argparse.Namespace, source: Path, motion: WristMotion) -> HandoverTrial:
-    from handover_dmp.hand.bag import describe_bag
-    from handover_dmp.hand.trial import describe
+    from handover_dmp.mocap.bag import describe_bag
+    from handover_dmp.mocap.trial import describe
 
     told = describe_bag(source) if options.format == 'bag' else describe(source)
     configuration, exchange, number = told
@@ -270,7 +270,7 @@ def _why(segmented: list[SegmentedMotion]) -> str:
 
 
 def _report(output: Path, new: list[HandoverTrial], segmented: list[SegmentedMotion]) -> None:
-    from handover_dmp.hand.data_set import file_name
+    from handover_dmp.mocap.data_set import file_name
     import numpy as np
     from rich.console import Console
     from rich.table import Table

@@ -95,12 +95,12 @@ def run(options: argparse.Namespace) -> int:
         UsageError: a number of basis functions out of range.
 
     """
+    from handover_dmp.common.files import write_text
     from handover_dmp.dmp import ClassicalDmp, DecoupledDmp, save_model
     from handover_dmp.dmp.learning import DEFAULT_BASIS
-    from handover_dmp.files import write_text
-    from handover_dmp.hand import read_trial
-    from handover_dmp.parameter_file import read_parameters, TunedParameters
-    from handover_dmp.teaching import learn_from_trials, reproduction_error
+    from handover_dmp.dmp.parameter_file import read_parameters, TunedParameters
+    from handover_dmp.handover.teaching import learn_from_trials, reproduction_error
+    from handover_dmp.mocap import read_trial
     import numpy as np
     from rich.console import Console
 
@@ -147,7 +147,7 @@ def _parameters(options: argparse.Namespace, tuned: Any) -> Any:
     from dataclasses import replace
     from math import exp, isfinite
 
-    from handover_dmp.errors import UsageError
+    from handover_dmp.common.errors import UsageError
 
     names = ('stiffness', 'damping', 'goal_velocity_gain', 'mu', 'sigma', 'formulation')
     given = {name: getattr(options, name) for name in names if getattr(options, name) is not None}

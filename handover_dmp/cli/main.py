@@ -22,7 +22,7 @@ from importlib import import_module
 import sys
 
 from handover_dmp import __version__
-from handover_dmp.errors import HandoverError
+from handover_dmp.common.errors import HandoverError
 
 DESCRIPTION = 'Human-robot handover with a decoupled Dynamic Movement Primitive.'
 

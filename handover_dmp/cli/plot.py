@@ -54,7 +54,7 @@ def run(options: argparse.Namespace) -> int:
     """
     import json
 
-    from handover_dmp.files import write_text
+    from handover_dmp.common.files import write_text
     from handover_dmp.report import write_report
     from handover_dmp.report.report import report_folder
     from rich.console import Console

@@ -88,8 +88,8 @@ def run(options: argparse.Namespace) -> int:
     import os
     from time import monotonic
 
-    from handover_dmp.errors import UsageError
-    from handover_dmp.files import write_text
+    from handover_dmp.common.errors import UsageError
+    from handover_dmp.common.files import write_text
     from handover_dmp.view.video import Film, film
     from rich.console import Console
     from rich.progress import (
@@ -137,7 +137,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _size(text: str) -> tuple[int, int]:
-    from handover_dmp.errors import UsageError
+    from handover_dmp.common.errors import UsageError
 
     width, _, height = text.partition('x')
     if not (width.isdecimal() and height.isdecimal()):

@@ -66,11 +66,11 @@ def run(options: argparse.Namespace) -> int:
         UsageError: a rate out of range.
 
     """
+    from handover_dmp.common.errors import UsageError
+    from handover_dmp.common.files import write_text
     from handover_dmp.dmp import load_model
-    from handover_dmp.errors import UsageError
-    from handover_dmp.files import write_text
-    from handover_dmp.hand import read_trial
-    from handover_dmp.teaching import rollout_against
+    from handover_dmp.handover.teaching import rollout_against
+    from handover_dmp.mocap import read_trial
     import numpy as np
     from rich.console import Console
 

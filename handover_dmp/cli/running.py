@@ -21,7 +21,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from handover_dmp.errors import UsageError
+from handover_dmp.common.errors import UsageError
 
 Tell = Callable[[str, float], None]
 Conduct = Callable[[Path, Any, dict[str, Any], Tell], None]
@@ -55,8 +55,8 @@ def run_and_report(
         HandoverError: something is wrong with the request, the data or the run.
 
     """
-    from handover_dmp.run import finish, keep_inputs, new_run_folder, run_info, save_json
-    from handover_dmp.scenario import make_scenario
+    from handover_dmp.handover.scenario import make_scenario
+    from handover_dmp.runs.folder import finish, keep_inputs, new_run_folder, run_info, save_json
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 

@@ -21,10 +21,10 @@ from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
 from handover_dmp.cli.running import add_run_arguments, run_and_report, Tell
-from handover_dmp.errors import UsageError
+from handover_dmp.common.errors import UsageError
 
 if TYPE_CHECKING:
-    from handover_dmp.scenario import Scenario
+    from handover_dmp.handover.scenario import Scenario
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -57,8 +57,8 @@ def _check_definitions() -> None:
 
 
 def _conduct(folder: Path, scenario: Scenario, info: dict[str, Any], tell: Tell) -> None:
-    from handover_dmp.handover import Handover
-    from handover_dmp.run_bag import write_run_bag
+    from handover_dmp.handover.lockstep import Handover
+    from handover_dmp.runs.bag import write_run_bag
 
     handover = Handover(scenario)
     periods = handover.run(lambda share: tell('handing over', share))

@@ -75,9 +75,9 @@ def run(options: argparse.Namespace) -> int:
         0.
 
     """
-    from handover_dmp.hand.data_set import file_name, write_data_set
-    from handover_dmp.hand.synthetic import CONFIGURATIONS, synthesize
-    from handover_dmp.hand.tables import save
+    from handover_dmp.mocap.data_set import file_name, write_data_set
+    from handover_dmp.mocap.synthetic import CONFIGURATIONS, synthesize
+    from handover_dmp.mocap.tables import save
     from rich.console import Console
     from rich.progress import Progress
 

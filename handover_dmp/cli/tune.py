@@ -27,7 +27,7 @@ from handover_dmp.cli.evaluate import (
     progress_bar,
     read_learning,
 )
-from handover_dmp.errors import UsageError
+from handover_dmp.common.errors import UsageError
 
 if TYPE_CHECKING:
     from handover_dmp.evaluation.tuning import Tuning
@@ -84,10 +84,10 @@ def run(options: argparse.Namespace) -> int:
     from dataclasses import asdict
     import json
 
+    from handover_dmp.common.files import write_text
+    from handover_dmp.dmp.parameter_file import TunedParameters, write_parameters
     from handover_dmp.evaluation.tuning import tune
-    from handover_dmp.files import write_text
-    from handover_dmp.hand import read_data_set
-    from handover_dmp.parameter_file import TunedParameters, write_parameters
+    from handover_dmp.mocap import read_data_set
     from rich.console import Console
 
     default = read_learning(options)

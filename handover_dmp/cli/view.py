@@ -64,7 +64,7 @@ def run(options: argparse.Namespace) -> int:
     from tempfile import TemporaryDirectory
     import webbrowser
 
-    from handover_dmp.files import write_text
+    from handover_dmp.common.files import write_text
     from handover_dmp.view.page import write_page
     from handover_dmp.view.server import serving
     from handover_dmp.view.stage import set_up

@@ -20,6 +20,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
+from handover_dmp.common.errors import DataError, UsageError
 from handover_dmp.dmp.basis import equally_spaced
 from handover_dmp.dmp.decoupled import DecoupledDmp
 from handover_dmp.dmp.demonstration import demonstrate, Demonstration, mean_motion
@@ -27,7 +28,6 @@ from handover_dmp.dmp.parameters import DmpParameters
 from handover_dmp.dmp.posterior import WeightPosterior
 from handover_dmp.dmp.primitive import Primitive
 from handover_dmp.dmp.sparse_bayes import sparse_bayes
-from handover_dmp.errors import DataError, UsageError
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg.lapack import dgels

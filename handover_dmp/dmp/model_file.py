@@ -23,14 +23,14 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
+from handover_dmp.common.errors import DataError
+from handover_dmp.common.files import write_text
 from handover_dmp.dmp.basis import Basis
 from handover_dmp.dmp.classical import ClassicalDmp
 from handover_dmp.dmp.decoupled import DecoupledDmp
 from handover_dmp.dmp.parameters import DmpParameters
 from handover_dmp.dmp.posterior import WeightPosterior
 from handover_dmp.dmp.primitive import Primitive
-from handover_dmp.errors import DataError
-from handover_dmp.files import write_text
 import numpy as np
 from numpy.typing import NDArray
 

@@ -19,8 +19,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import isfinite, log, sqrt
 
-from handover_dmp.errors import DataError
-from handover_dmp.settings import setting
+from handover_dmp.common.errors import DataError
+from handover_dmp.common.settings import setting
 
 FORMULATIONS = ('stiff', 'printed')
 

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from handover_dmp.errors import DataError
+from handover_dmp.common.errors import DataError
 import numpy as np
 from numpy.typing import NDArray
 

@@ -29,13 +29,13 @@ from functools import cached_property
 from math import ceil, exp, inf, log, nan
 from typing import Any, NamedTuple, TypeVar
 
+from handover_dmp.common.errors import DataError
 from handover_dmp.dmp.basis import Basis, LAST_NODE, TABLE_RATE
 from handover_dmp.dmp.intervals import Intervals
 from handover_dmp.dmp.parameters import DmpParameters
 from handover_dmp.dmp.posterior import WeightPosterior
 from handover_dmp.dmp.state import DmpState, Rollout, Vector
 from handover_dmp.dmp.transition import GAUSS_A, GAUSS_B, steady, Transition, varying
-from handover_dmp.errors import DataError
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

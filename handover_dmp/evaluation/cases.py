@@ -20,9 +20,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from handover_dmp.errors import DataError
+from handover_dmp.common.errors import DataError
 from handover_dmp.evaluation.envelope import Array, SAMPLES, time_normalise
-from handover_dmp.hand import condition, HandoverTrial, velocities
+from handover_dmp.mocap import condition, HandoverTrial, velocities
 import numpy as np
 from numpy.typing import NDArray
 

@@ -22,10 +22,10 @@ from pathlib import Path
 import re
 from typing import Any
 
+from handover_dmp.common.files import replacing
 from handover_dmp.evaluation.cases import Case
 from handover_dmp.evaluation.envelope import Array, Envelope
 from handover_dmp.evaluation.scores import BANDS
-from handover_dmp.files import replacing
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure

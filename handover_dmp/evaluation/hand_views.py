@@ -20,7 +20,7 @@ from dataclasses import replace
 
 from handover_dmp.evaluation.cases import Hands
 from handover_dmp.evaluation.envelope import Array
-from handover_dmp.hand import GoalEstimator
+from handover_dmp.tracking import GoalEstimator
 import numpy as np
 from scipy.signal import lfilter
 

@@ -29,7 +29,7 @@ from handover_dmp.evaluation.minimum_jerk import minimum_jerk
 from handover_dmp.evaluation.rollouts import curves_of, Learning, plan, PRIMITIVES, Task
 from handover_dmp.evaluation.scores import judge, Scores, Summary, Totals
 from handover_dmp.evaluation.table import Row
-from handover_dmp.hand import HandoverTrial
+from handover_dmp.mocap import HandoverTrial
 from joblib import delayed, Parallel
 import numpy as np
 from numpy.typing import NDArray

@@ -23,11 +23,11 @@ from pathlib import Path
 from typing import Any
 
 from handover_dmp import __version__
+from handover_dmp.common.files import write_text
 from handover_dmp.evaluation.cases import Case
 from handover_dmp.evaluation.page import page
 from handover_dmp.evaluation.protocol import Evaluation
 from handover_dmp.evaluation.table import as_csv, as_text, PAPER
-from handover_dmp.files import write_text
 
 
 def as_json(evaluation: Evaluation, data_set: str) -> dict[str, Any]:

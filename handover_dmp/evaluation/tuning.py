@@ -42,7 +42,7 @@ from handover_dmp.evaluation.hand_views import (
 )
 from handover_dmp.evaluation.rollouts import Learning
 from handover_dmp.evaluation.scores import BANDS, Totals
-from handover_dmp.hand import HandoverTrial
+from handover_dmp.mocap import HandoverTrial
 from joblib import delayed, Parallel
 import numpy as np
 from scipy.stats import qmc

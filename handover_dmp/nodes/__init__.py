@@ -18,7 +18,7 @@ import os
 import signal
 import sys
 
-from handover_dmp.threads import use_one_thread
+from handover_dmp.common.threads import use_one_thread
 
 use_one_thread()
 

@@ -21,9 +21,9 @@ import json
 from pathlib import Path
 from typing import Any
 
-from handover_dmp.handover import AFTERWARDS_S, LONGEST_EXTRA_S, REPLAY_AT_S
+from handover_dmp.handover.lockstep import AFTERWARDS_S, LONGEST_EXTRA_S, REPLAY_AT_S
+from handover_dmp.handover.scenario import Scenario
 from handover_dmp.nodes.graph import Graph
-from handover_dmp.scenario import Scenario
 
 
 def conduct(

@@ -24,10 +24,15 @@ import sys
 from time import monotonic
 
 from geometry_msgs.msg import PoseStamped
-from handover_dmp.controller import HandoverController, HandoverOptions, HandoverState, MOVING
 from handover_dmp.dmp import DecoupledDmp, relearn
 from handover_dmp.dmp.parameters import RANGES
-from handover_dmp.hand import GoalEstimator, HandFilter
+from handover_dmp.handover.controller import (
+    HandoverController,
+    HandoverOptions,
+    HandoverState,
+    MOVING,
+)
+from handover_dmp.handover.scenario import example_model, read_model
 from handover_dmp.nodes.conversions import (
     labelled,
     NANOSECONDS,
@@ -48,7 +53,6 @@ from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import declare, HAND, on_change, Parameter, TIMER, Values
 from handover_dmp.nodes.punctual_timer import PunctualTimer
 from handover_dmp.nodes.spinning import run
-from handover_dmp.scenario import example_model, read_model
 from handover_dmp.topics import (
     FRAME,
     HAND_POSE,
@@ -61,6 +65,7 @@ from handover_dmp.topics import (
     TWIST_COMMAND,
     WRIST_POSE,
 )
+from handover_dmp.tracking import GoalEstimator, HandFilter
 import numpy as np
 from std_msgs.msg import Float64MultiArray, Header, String
 

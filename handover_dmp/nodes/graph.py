@@ -33,12 +33,12 @@ from time import monotonic
 from types import TracebackType
 from typing import Any
 
-from handover_dmp.errors import HandoverError
+from handover_dmp.common.errors import HandoverError
+from handover_dmp.common.resources import share_path
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
 from handover_dmp.nodes.leaving import leave
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.nodes.spinning import LONGEST_END_S, PARENT_VARIABLE, STDERR
-from handover_dmp.resources import share_path
 from handover_dmp.topics import (
     CLOCK,
     HAND_POSE,

@@ -20,18 +20,17 @@ import sys
 from time import sleep
 
 from geometry_msgs.msg import PoseStamped
-from handover_dmp.errors import UsageError
-from handover_dmp.hand.playback import PlayedBag, PlayedTrial
-from handover_dmp.hand.replay import HandSample
-from handover_dmp.hand.sensor import SensorModel
+from handover_dmp.common.errors import UsageError
+from handover_dmp.handover.scenario import recorded_trial
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds, pose_message, stamp
 from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.lockstep import Lockstep
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import Parameter, Values
 from handover_dmp.nodes.spinning import run
-from handover_dmp.scenario import recorded_trial
 from handover_dmp.topics import CLOCK, FRAME, HAND_POSE, HUMAN_POSE, SIGNAL
+from handover_dmp.tracking.playback import HandSample, PlayedBag, PlayedTrial
+from handover_dmp.tracking.sensor_model import SensorModel
 from std_msgs.msg import Header
 
 

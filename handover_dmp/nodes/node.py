@@ -21,7 +21,7 @@ from time import monotonic, time_ns
 from typing import Any, ClassVar
 
 from builtin_interfaces.msg import Time
-from handover_dmp.errors import UsageError
+from handover_dmp.common.errors import UsageError
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
 from handover_dmp.nodes.housekeeping import Housekeeping
 from handover_dmp.nodes.parameters import COMMON, declare, Parameter

@@ -20,8 +20,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from handover_dmp.errors import HandoverError, UsageError
-from handover_dmp.settings import defaults
+from handover_dmp.common.errors import HandoverError, UsageError
+from handover_dmp.common.settings import defaults
 from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,

@@ -24,7 +24,6 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TwistStamped
-from handover_dmp.hand import GoalEstimator
 from handover_dmp.nodes.conversions import (
     answering,
     labelled,
@@ -56,6 +55,7 @@ from handover_dmp.topics import (
     TWIST_COMMAND,
     WRIST_POSE,
 )
+from handover_dmp.tracking import GoalEstimator
 import numpy as np
 from sensor_msgs.msg import JointState
 

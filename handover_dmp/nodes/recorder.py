@@ -21,7 +21,7 @@ from pathlib import Path
 import sys
 from time import sleep
 
-from handover_dmp.errors import DataError
+from handover_dmp.common.errors import DataError
 from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import Parameter

@@ -22,16 +22,16 @@ from math import inf
 import sys
 from time import monotonic, sleep
 
-from handover_dmp.errors import UsageError
+from handover_dmp.common.errors import UsageError
 from handover_dmp.nodes.conversions import NANOSECONDS, period_of, stamp
 from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.lockstep import ASK_AGAIN_S, HEAD_START_S, Pace
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import ARM, declare, on_change, Parameter, Values
 from handover_dmp.nodes.spinning import run
-from handover_dmp.robot.arm import ArmOptions, ArmState, SimulatedArm
 from handover_dmp.robot.model import BasePlacement, RobotModel
-from handover_dmp.robot.self_check import check_models
+from handover_dmp.simulation.arm import ArmOptions, ArmState, SimulatedArm
+from handover_dmp.simulation.self_check import check_models
 from handover_dmp.topics import CLOCK, JOINT_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState

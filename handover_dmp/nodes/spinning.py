@@ -26,7 +26,7 @@ from pathlib import Path
 import signal
 import sys
 
-from handover_dmp.errors import HandoverError, UsageError
+from handover_dmp.common.errors import HandoverError, UsageError
 from handover_dmp.nodes.housekeeping import Housekeeping
 from handover_dmp.nodes.leaving import leave
 import rclpy

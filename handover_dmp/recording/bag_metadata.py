@@ -22,9 +22,9 @@ import os
 from pathlib import Path
 from typing import Any
 
-from handover_dmp.errors import DataError
-from handover_dmp.files import write_text
-from handover_dmp.plain_yaml import load_plain
+from handover_dmp.common.errors import DataError
+from handover_dmp.common.files import write_text
+from handover_dmp.common.plain_yaml import load_plain
 from handover_dmp.recording.qos import Qos
 import yaml
 

@@ -25,8 +25,8 @@ import re
 import struct
 from typing import Any, NamedTuple
 
-from handover_dmp.errors import DataError
-from handover_dmp.plain_yaml import load_plain
+from handover_dmp.common.errors import DataError
+from handover_dmp.common.plain_yaml import load_plain
 from handover_dmp.recording.bag_metadata import METADATA_FILE, read_metadata
 from handover_dmp.recording.mcap_file import is_complete, read_records
 from mcap.records import Channel, Metadata, Schema

@@ -23,7 +23,8 @@ from time import monotonic
 from types import TracebackType
 
 from handover_dmp import __version__
-from handover_dmp.errors import DataError, UsageError
+from handover_dmp.common.errors import DataError, UsageError
+from handover_dmp.common.settings import defaults
 from handover_dmp.recording.bag_metadata import (
     bag_information,
     dump_information,
@@ -36,7 +37,6 @@ from handover_dmp.recording.mcap_writer import COMPRESSIONS, McapFileWriter
 from handover_dmp.recording.message_definitions import message_definition, MessageDefinition
 from handover_dmp.recording.messages import encoder, Message
 from handover_dmp.recording.qos import COMMAND, dump_profiles, Qos
-from handover_dmp.settings import defaults
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import LIBRARY_IDENTIFIER
 

@@ -32,7 +32,7 @@ import struct
 from typing import cast, IO
 import zlib
 
-from handover_dmp.errors import DataError
+from handover_dmp.common.errors import DataError
 import lz4.frame  # type: ignore[import-untyped]
 from mcap.exceptions import McapError
 from mcap.records import Chunk, McapRecord

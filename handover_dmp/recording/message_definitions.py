@@ -32,7 +32,7 @@ import re
 import sys
 from typing import Any
 
-from handover_dmp.errors import DataError, GET_ROS
+from handover_dmp.common.errors import DataError, GET_ROS
 
 SEPARATOR = '=' * 80
 TYPE_NAME = re.compile(r'([A-Za-z]\w*)/msg/([A-Za-z]\w*)')

@@ -21,9 +21,9 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from handover_dmp.errors import DataError
-from handover_dmp.files import replacing
-from handover_dmp.plain_yaml import load_plain
+from handover_dmp.common.errors import DataError
+from handover_dmp.common.files import replacing
+from handover_dmp.common.plain_yaml import load_plain
 from handover_dmp.recording.bag_metadata import (
     bag_information,
     FileStatistics,

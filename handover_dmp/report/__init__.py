@@ -21,12 +21,12 @@ from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
     from handover_dmp.report.metrics import measure
+    from handover_dmp.report.recorded_run import load_run, RunRecord
     from handover_dmp.report.report import write_report
-    from handover_dmp.report.run import load_run, RunRecord
 
 _HOMES = {
-    'RunRecord': 'run',
-    'load_run': 'run',
+    'RunRecord': 'recorded_run',
+    'load_run': 'recorded_run',
     'measure': 'metrics',
     'write_report': 'report',
 }

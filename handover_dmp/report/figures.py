@@ -22,10 +22,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from handover_dmp.files import replacing
+from handover_dmp.common.files import replacing
 from handover_dmp.report.metrics import FEEDBACK_WEIGHT, goal_at
 from handover_dmp.report.motion import bell_of, velocity
-from handover_dmp.report.run import Array, RunRecord
+from handover_dmp.report.recorded_run import Array, RunRecord
 from handover_dmp.topics import (
     HAND_POSE,
     JOINT_STATES,

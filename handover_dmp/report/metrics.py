@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from handover_dmp.report.motion import bell_of, RATE_HZ, resample, velocity
-from handover_dmp.report.run import Array, RunRecord
+from handover_dmp.report.recorded_run import Array, RunRecord
 from handover_dmp.topics import DIAGNOSTICS
 import numpy as np
 

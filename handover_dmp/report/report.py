@@ -21,13 +21,13 @@ import math
 from pathlib import Path
 from typing import Any
 
-from handover_dmp.errors import DataError
-from handover_dmp.files import write_text
+from handover_dmp.common.errors import DataError
+from handover_dmp.common.files import write_text
 from handover_dmp.recording import bag_information
 from handover_dmp.report.figures import Picture, write_figures
 from handover_dmp.report.metrics import measure, Numbers
 from handover_dmp.report.page import as_html, as_markdown, Page, Section, Table
-from handover_dmp.report.run import load_run, RunRecord
+from handover_dmp.report.recorded_run import load_run, RunRecord
 
 SCENES = {
     'scene_start': 'The scene when the arm begins to move',

@@ -22,7 +22,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from handover_dmp.resources import share_path
+from handover_dmp.common.resources import share_path
 from handover_dmp.robot.errors import RobotDescriptionError
 import yaml
 

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from handover_dmp.errors import DataError
+from handover_dmp.common.errors import DataError
 
 
 class RobotDescriptionError(DataError):

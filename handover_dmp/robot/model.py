@@ -22,11 +22,11 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from handover_dmp.errors import UsageError
+from handover_dmp.common.errors import UsageError
+from handover_dmp.common.quiet_pybullet import silenced
 from handover_dmp.robot import descriptions
 from handover_dmp.robot.errors import RobotDescriptionError
 from handover_dmp.robot.limits import JointLimits
-from handover_dmp.robot.silence import silenced
 import numpy as np
 from numpy.typing import NDArray
 import pinocchio as pin

@@ -35,14 +35,14 @@ import math
 from typing import NamedTuple
 
 import daqp
-from handover_dmp.errors import UsageError
+from handover_dmp.common.errors import UsageError
+from handover_dmp.common.settings import setting
 from handover_dmp.robot.collision import ClosingSpeed, CollisionModel, NearPair
 from handover_dmp.robot.limits import VelocityBox
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.separation import Partner, SpeedSeparation
-from handover_dmp.robot.stretch import limit_outward_speed, singular_slope, smallest_singular
+from handover_dmp.robot.singularity import limit_outward_speed, singular_slope, smallest_singular
 from handover_dmp.robot.tasks import axis_alignment, full_orientation, PostureTask, UP
-from handover_dmp.settings import setting
 import numpy as np
 from numpy.typing import NDArray
 import pinocchio as pin

@@ -26,11 +26,11 @@ from dataclasses import dataclass
 from math import isfinite, nan
 from typing import NamedTuple
 
+from handover_dmp.common.settings import setting
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.priority_ik import IkSolution, PriorityIk, WristTarget
 from handover_dmp.robot.separation import Partner
-from handover_dmp.robot.stretch import smallest_singular
-from handover_dmp.settings import setting
+from handover_dmp.robot.singularity import smallest_singular
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

@@ -31,9 +31,9 @@ import json
 from pathlib import Path
 from typing import Any
 
-from handover_dmp.errors import DataError, UsageError
-from handover_dmp.files import write_text
-from handover_dmp.robot.scene import (
+from handover_dmp.common.errors import DataError, UsageError
+from handover_dmp.common.files import write_text
+from handover_dmp.view.scene import (
     FIELD_OF_VIEW_DEG,
     HAND_COLOUR,
     OBJECT_COLOUR,

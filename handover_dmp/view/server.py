@@ -24,7 +24,7 @@ from pathlib import Path
 from threading import Thread
 from typing import Any
 
-from handover_dmp.errors import UsageError
+from handover_dmp.common.errors import UsageError
 
 ADDRESS = '127.0.0.1'
 

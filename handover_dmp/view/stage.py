@@ -22,11 +22,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from handover_dmp.errors import DataError
+from handover_dmp.common.errors import DataError
 from handover_dmp.report import load_run, RunRecord
 from handover_dmp.robot.descriptions import known_arms
 from handover_dmp.robot.model import BasePlacement, RobotModel
-from handover_dmp.robot.scene import Scene
+from handover_dmp.view.scene import Scene
 import numpy as np
 from numpy.typing import NDArray
 

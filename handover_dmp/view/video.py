@@ -24,8 +24,8 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from handover_dmp.errors import DataError, UsageError
-from handover_dmp.files import replacing
+from handover_dmp.common.errors import DataError, UsageError
+from handover_dmp.common.files import replacing
 from handover_dmp.view.stage import set_up, Stage
 import numpy as np
 from numpy.typing import NDArray

@@ -26,7 +26,7 @@ from handover_dmp.bench.measurement import Measurement
 from handover_dmp.bench.report import cells, compare, markdown, read_json, write_json
 from handover_dmp.cli.bench import SUBJECTS
 from handover_dmp.cli.main import main
-from handover_dmp.errors import DataError
+from handover_dmp.common.errors import DataError
 import numpy as np
 import pytest
 

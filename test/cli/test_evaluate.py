@@ -24,7 +24,7 @@ import shutil
 from xml.etree import ElementTree
 
 from handover_dmp.cli.main import main
-from handover_dmp.hand import synthesize, write_data_set
+from handover_dmp.mocap import synthesize, write_data_set
 from PIL import Image
 import pytest
 

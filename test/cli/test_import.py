@@ -19,7 +19,7 @@ from __future__ import annotations
 import json
 
 from handover_dmp.cli.main import main
-from handover_dmp.hand import read_data_set, synthesize
+from handover_dmp.mocap import read_data_set, synthesize
 import numpy as np
 import pytest
 
@@ -184,7 +184,7 @@ def test_wrong_usage_is_one_line(tmp_path, trials, capsys):
 def test_a_bag_of_this_package(tmp_path, trials):
     """What `handover_dmp bag` writes comes back as trials."""
     pytest.importorskip('mcap')
-    from handover_dmp.hand import write_data_set
+    from handover_dmp.mocap import write_data_set
 
     write_data_set(trials[2:3], tmp_path / 'old')
     assert main(['bag', str(tmp_path / 'old'), '-o', str(tmp_path / 'bags')]) == 0

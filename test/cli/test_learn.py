@@ -18,7 +18,7 @@ import json
 
 from handover_dmp.cli.main import main
 from handover_dmp.dmp import ClassicalDmp, load_model
-from handover_dmp.hand import synthesize, write_trial
+from handover_dmp.mocap import synthesize, write_trial
 import pytest
 
 

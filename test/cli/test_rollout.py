@@ -17,7 +17,7 @@ from __future__ import annotations
 import json
 
 from handover_dmp.cli.main import main
-from handover_dmp.hand import synthesize, write_trial
+from handover_dmp.mocap import synthesize, write_trial
 import numpy as np
 import pytest
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 import json
 
 from handover_dmp.cli.main import main
-from handover_dmp.hand import read_data_set, synthesize
+from handover_dmp.mocap import read_data_set, synthesize
 import numpy as np
 import pytest
 

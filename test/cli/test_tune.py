@@ -20,7 +20,7 @@ import json
 from pathlib import Path
 
 from handover_dmp.cli.main import main
-from handover_dmp.hand import synthesize, write_data_set
+from handover_dmp.mocap import synthesize, write_data_set
 import pytest
 import yaml
 

@@ -14,9 +14,9 @@
 
 from __future__ import annotations
 
+from handover_dmp.common.errors import DataError, UsageError
 from handover_dmp.dmp import ClassicalDmp, DmpParameters, learn, learn_jointly, learn_mean
 from handover_dmp.dmp.demonstration import demonstrate, mean_motion
-from handover_dmp.errors import DataError, UsageError
 import numpy as np
 import pytest
 

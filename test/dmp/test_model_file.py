@@ -17,9 +17,9 @@ from __future__ import annotations
 import copy
 import json
 
+from handover_dmp.common.errors import DataError
 from handover_dmp.dmp import ClassicalDmp, DmpParameters, learn, load_model, save_model
 from handover_dmp.dmp.model_file import VERSION
-from handover_dmp.errors import DataError
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np

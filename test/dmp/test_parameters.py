@@ -17,9 +17,9 @@ from __future__ import annotations
 from dataclasses import fields
 from math import sqrt
 
+from handover_dmp.common.errors import DataError
+from handover_dmp.common.settings import defaults
 from handover_dmp.dmp import DmpParameters
-from handover_dmp.errors import DataError
-from handover_dmp.settings import defaults
 import pytest
 
 

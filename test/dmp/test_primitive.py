@@ -16,8 +16,8 @@
 
 from __future__ import annotations
 
+from handover_dmp.common.errors import DataError
 from handover_dmp.dmp import ClassicalDmp, DecoupledDmp, DmpParameters, learn
-from handover_dmp.errors import DataError
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np

@@ -34,7 +34,7 @@ from handover_dmp.evaluation.hand_views import smooth_goal
 from handover_dmp.evaluation.protocol import evaluate, Protocol
 from handover_dmp.evaluation.rollouts import Learning
 from handover_dmp.evaluation.scores import Totals
-from handover_dmp.hand import synthesize
+from handover_dmp.mocap import synthesize
 import numpy as np
 import pytest
 

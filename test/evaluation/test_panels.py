@@ -20,7 +20,7 @@ from dataclasses import replace
 
 from handover_dmp.evaluation.panels import write_figures
 from handover_dmp.evaluation.protocol import evaluate, Protocol
-from handover_dmp.hand import synthesize
+from handover_dmp.mocap import synthesize
 import numpy as np
 from PIL import Image
 import pytest

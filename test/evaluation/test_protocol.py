@@ -18,14 +18,14 @@ from __future__ import annotations
 
 import math
 
+from handover_dmp.common.errors import DataError
 from handover_dmp.dmp import DmpParameters
-from handover_dmp.errors import DataError
 from handover_dmp.evaluation.envelope import Envelope
 from handover_dmp.evaluation.protocol import evaluate, Evaluation, Protocol
 from handover_dmp.evaluation.rollouts import Learning, plan
 from handover_dmp.evaluation.table import Row
-from handover_dmp.hand import condition, HandoverTrial, synthesize
-from handover_dmp.teaching import hand_goal, learn_from_trials
+from handover_dmp.handover.teaching import hand_goal, learn_from_trials
+from handover_dmp.mocap import condition, HandoverTrial, synthesize
 import numpy as np
 import pytest
 
@@ -250,7 +250,7 @@ def test_sparse_regression_gives_the_same_table():
 
 
 def test_real_people(kth_folder):
-    from handover_dmp.hand import read_data_set
+    from handover_dmp.mocap import read_data_set
 
     evaluated = evaluate(read_data_set(kth_folder))
     assert len(evaluated.cases) == 10

@@ -18,11 +18,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from handover_dmp.common.errors import DataError
 from handover_dmp.dmp import DmpParameters
-from handover_dmp.errors import DataError
 from handover_dmp.evaluation.rollouts import Learning
 from handover_dmp.evaluation.tuning import tune
-from handover_dmp.hand import HandoverTrial, synthesize
+from handover_dmp.mocap import HandoverTrial, synthesize
 import pytest
 
 BAD = Learning(parameters=DmpParameters(mu=1.05, sigma=0.02, stiffness=40.0), duration_scale=1.25)

@@ -20,8 +20,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from handover_dmp.run import keep_inputs
-from handover_dmp.scenario import make_scenario, Scenario
+from handover_dmp.handover.scenario import make_scenario, Scenario
+from handover_dmp.runs.folder import keep_inputs
 import pytest
 
 rclpy = pytest.importorskip('rclpy', reason='ROS 2 is not installed')

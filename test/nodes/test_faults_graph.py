@@ -33,6 +33,7 @@ import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
+from handover_dmp.handover.scenario import Scenario
 from handover_dmp.nodes.conversions import (
     labelled,
     NANOSECONDS,
@@ -43,8 +44,7 @@ from handover_dmp.nodes.conversions import (
 from handover_dmp.nodes.graph import Graph, GraphError
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.recording import bag_information, read_bag, repair_bag
-from handover_dmp.run import keep_inputs
-from handover_dmp.scenario import Scenario
+from handover_dmp.runs.folder import keep_inputs
 from handover_dmp.topics import (
     CLOCK,
     DIAGNOSTICS,

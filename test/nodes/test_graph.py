@@ -25,17 +25,17 @@ import sys
 import time
 from typing import Any
 
-from handover_dmp.hand import write_data_set
-from handover_dmp.handover import Handover
+from handover_dmp.common.settings import defaults
+from handover_dmp.handover.lockstep import Handover
+from handover_dmp.handover.scenario import Scenario
+from handover_dmp.mocap import write_data_set
 from handover_dmp.nodes.conduct import graph_parameters
 from handover_dmp.nodes.conversions import answering, NANOSECONDS, nanoseconds
 from handover_dmp.nodes.graph import Graph, GraphError, isolation, NODES
 from handover_dmp.nodes.lockstep import ASK_AGAIN_S, Lockstep, Pace
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.recording import read_bag
-from handover_dmp.run import keep_inputs
-from handover_dmp.scenario import Scenario
-from handover_dmp.settings import defaults
+from handover_dmp.runs.folder import keep_inputs
 from handover_dmp.topics import (
     HAND_POSE,
     JOINT_COMMAND,

@@ -24,7 +24,8 @@ from pathlib import Path
 import time
 from typing import Any
 
-from handover_dmp.errors import UsageError
+from handover_dmp.common.errors import UsageError
+from handover_dmp.handover.scenario import Scenario
 from handover_dmp.nodes.conduct import graph_parameters
 from handover_dmp.nodes.dmp import Dmp, LONGEST_STALL_S, PRIMITIVE
 from handover_dmp.nodes.graph import Graph
@@ -34,8 +35,7 @@ from handover_dmp.nodes.priority_ik import PriorityIkNode
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.nodes.recorder import Recorder
 from handover_dmp.nodes.robot_sim import POSTURE, RobotSim
-from handover_dmp.run import keep_inputs
-from handover_dmp.scenario import Scenario
+from handover_dmp.runs.folder import keep_inputs
 from handover_dmp.topics import (
     DIAGNOSTICS,
     HAND_POSE,

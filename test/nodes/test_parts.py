@@ -29,7 +29,8 @@ from typing import Any
 
 from builtin_interfaces.msg import Time as RosTime
 from geometry_msgs.msg import PoseStamped
-from handover_dmp.errors import DataError
+from handover_dmp.common.errors import DataError
+from handover_dmp.handover.scenario import example_model, example_trials
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
 from handover_dmp.nodes.dmp import LONGEST_STALL_S
 from handover_dmp.nodes.graph import Graph
@@ -46,7 +47,6 @@ from handover_dmp.recording import (
     read_bag,
 )
 from handover_dmp.robot.model import RobotModel
-from handover_dmp.scenario import example_model, example_trials
 from handover_dmp.topics import (
     CLOCK,
     DIAGNOSTICS,

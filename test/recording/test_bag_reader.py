@@ -19,7 +19,7 @@ from pathlib import Path
 import subprocess
 import sys
 
-from handover_dmp.errors import DataError
+from handover_dmp.common.errors import DataError
 from handover_dmp.recording import bag_files, bag_information, BagWriter, read_bag
 from handover_dmp.recording.bag_reader import bag_custom_data
 from handover_dmp.recording.messages import string
@@ -200,7 +200,7 @@ from mcap.records import Chunk
 from mcap.writer import CompressionType, Writer
 import zstandard
 
-from handover_dmp.errors import DataError
+from handover_dmp.common.errors import DataError
 from handover_dmp.recording import read_bag, repair_bag
 
 folder = Path(sys.argv[1])

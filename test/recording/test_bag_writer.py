@@ -19,7 +19,7 @@ from pathlib import Path
 import subprocess
 import sys
 
-from handover_dmp.errors import DataError, UsageError
+from handover_dmp.common.errors import DataError, UsageError
 from handover_dmp.recording import bag_files, bag_information, BagWriter, Qos, read_bag
 from handover_dmp.recording.messages import string
 from mcap.reader import make_reader
@@ -204,7 +204,7 @@ def test_messages_do_not_stay_in_memory(tmp_path: Path) -> None:
 FULL_DISK = """
 import resource, signal, sys
 from pathlib import Path
-from handover_dmp.errors import DataError
+from handover_dmp.common.errors import DataError
 from handover_dmp.recording import BagWriter
 from handover_dmp.recording.messages import string
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 from pathlib import Path
 import sys
 
-from handover_dmp.errors import DataError
+from handover_dmp.common.errors import DataError
 from handover_dmp.recording.message_definitions import message_definition
 import pytest
 

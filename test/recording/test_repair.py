@@ -21,7 +21,7 @@ import signal
 import subprocess
 import sys
 
-from handover_dmp.errors import DataError
+from handover_dmp.common.errors import DataError
 from handover_dmp.recording import bag_information, read_bag, repair_bag
 import pytest
 

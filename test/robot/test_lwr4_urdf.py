@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from xml.etree import ElementTree
 
-from handover_dmp.resources import share_path
+from handover_dmp.common.resources import share_path
 from handover_dmp.robot.collision import CollisionModel
 from handover_dmp.robot.model import RobotModel
 import numpy as np

@@ -14,8 +14,8 @@
 
 from __future__ import annotations
 
-from handover_dmp.hand.data_set import read_data_set
-from handover_dmp.hand.filtering import condition
+from handover_dmp.mocap.data_set import read_data_set
+from handover_dmp.mocap.filtering import condition
 from handover_dmp.robot.errors import UnreachableError
 from handover_dmp.robot.model import BasePlacement, RobotModel
 from handover_dmp.robot.placement import place_base

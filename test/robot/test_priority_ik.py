@@ -15,7 +15,7 @@
 from __future__ import annotations
 
 from handover_dmp.bench.ik_scenarios import follow, limit_drives, minimum_jerk
-from handover_dmp.errors import UsageError
+from handover_dmp.common.errors import UsageError
 from handover_dmp.robot.limits import VelocityBox
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.priority_ik import IkOptions, IkSolution, PriorityIk, WristTarget

@@ -118,7 +118,7 @@ def test_foxglove_plots_three_axes_of_hand_wrist_and_command(foxglove: dict[str,
 
 def test_foxglove_names_the_numbers_of_the_phase_rightly(foxglove: dict[str, Any]) -> None:
     """`/handover/phase` has its values in the order that the controller gives them."""
-    from handover_dmp.controller import HandoverState, WristCommand
+    from handover_dmp.handover.controller import HandoverState, WristCommand
 
     command = WristCommand((0.0,) * 3, (0.0,) * 3, HandoverState.IDLE, 1.0, 0.0, 0.0)
     names = [name.replace('_', ' ') for name in command.numbers(0.0)]

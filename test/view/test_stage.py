@@ -20,7 +20,7 @@ import importlib.util
 from pathlib import Path
 import sys
 
-from handover_dmp.errors import DataError
+from handover_dmp.common.errors import DataError
 from handover_dmp.view.stage import BEFORE_S, set_up
 import numpy as np
 import pytest
@@ -49,7 +49,7 @@ def test_without_a_word_about_it_the_base_is_found_from_the_wrist(tmp_path: Path
 
 
 def test_an_arm_that_has_no_name_here_is_taken_from_its_description(tmp_path: Path) -> None:
-    from handover_dmp.resources import share_path
+    from handover_dmp.common.resources import share_path
 
     own = tmp_path / 'own.urdf'
     text = share_path('urdf/lwr4.urdf').read_text(encoding='utf-8')

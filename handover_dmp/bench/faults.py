@@ -1,0 +1,245 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What goes wrong with a tracker, and what must hold all the same.
+
+For the tests of faults and for the long soak: a hand whose tracker fails for a while in a chosen
+way, and a checker of every period against what no fault may break.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import hypot
+
+from handover_dmp.handover.controller import HandoverState
+from handover_dmp.handover.lockstep import Period
+from handover_dmp.robot.limits import JointLimits
+from handover_dmp.tracking.playback import HandSample, TrackedHand
+import numpy as np
+
+Samples = list[HandSample]
+Fault = Callable[[Samples], Samples]
+
+POSITION_TOLERANCE = 1e-3
+VELOCITY_TOLERANCE = 1e-2
+ROUNDING = 1e-6
+
+NEXT_STATES = {
+    HandoverState.IDLE: {HandoverState.REACHING, HandoverState.ABORTED},
+    HandoverState.REACHING: {HandoverState.EXCHANGE, HandoverState.ABORTED, HandoverState.IDLE},
+    HandoverState.EXCHANGE: {HandoverState.DONE, HandoverState.ABORTED, HandoverState.IDLE},
+    HandoverState.DONE: {HandoverState.REACHING, HandoverState.ABORTED, HandoverState.IDLE},
+    HandoverState.ABORTED: {HandoverState.REACHING, HandoverState.IDLE},
+}
+
+
+def tracker_faults(seed: int) -> dict[str, Fault]:
+    """
+    Make every fault of a tracker that there is, each with a state of its own.
+
+    Args:
+        seed: of what is drawn at random.
+
+    Returns:
+        Name to fault: what arrives instead of the poses of a period.
+
+    """
+    random = np.random.default_rng(seed)
+    return {
+        'stopped': lambda _samples: [],
+        'frozen': _Frozen(),
+        'jumped by 1 m': lambda samples: [_moved(s, np.array([1.0, 0.0, 0.0])) for s in samples],
+        'not a number': lambda samples: [_moved(s, np.array([np.nan, 0, 0])) for s in samples],
+        'infinite': lambda samples: [_moved(s, np.array([0, np.inf, 0])) for s in samples],
+        'at 5 Hz': _Slow(0.2),
+        'stamps from the future': lambda samples: [_restamped(s, 10.0) for s in samples],
+        'stamps from the past': lambda samples: [_restamped(s, -10.0) for s in samples],
+        'out of order': _Swapped(),
+        'duplicated': lambda samples: [s for s in samples for _ in range(2)],
+        '30 % dropped': lambda samples: [s for s in samples if random.uniform() > 0.3],
+    }
+
+
+class FaultyHand(TrackedHand):
+    """A tracked hand whose tracker fails from one time to another."""
+
+    def __init__(self, hand: TrackedHand, fault: Fault, from_s: float, until_s: float) -> None:
+        """
+        Take a hand and a fault.
+
+        Args:
+            hand: as it would be tracked.
+            fault: what arrives instead.
+            from_s: beginning of the fault, s.
+            until_s: its end, s.
+
+        """
+        self._hand = hand
+        self._fault = fault
+        self._from_s = from_s
+        self._until_s = until_s
+
+    @property
+    def start_s(self) -> float:
+        """When the replay starts, s."""
+        return self._hand.start_s
+
+    def start(self, at_s: float) -> None:
+        """Play the recording back from a time, s."""
+        self._hand.start(at_s)
+
+    def due(self, now_s: float) -> Samples:
+        """Tell what arrives now, at a time in s."""
+        samples = self._hand.due(now_s)
+        return self._fault(samples) if self._from_s <= now_s < self._until_s else samples
+
+
+class _Frozen:
+    """The first pose again and again, with stamps that go on."""
+
+    def __init__(self) -> None:
+        self._first: HandSample | None = None
+
+    def __call__(self, samples: Samples) -> Samples:
+        if self._first is None and samples:
+            self._first = samples[0]
+        first = self._first
+        return [HandSample(s.stamp_s, first.position) for s in samples] if first else []
+
+
+class _Slow:
+    """One pose in a while."""
+
+    def __init__(self, period_s: float) -> None:
+        self._period_s = period_s
+        self._next_s = -np.inf
+
+    def __call__(self, samples: Samples) -> Samples:
+        kept = []
+        for sample in samples:
+            if sample.stamp_s >= self._next_s:
+                self._next_s = sample.stamp_s + self._period_s
+                kept.append(sample)
+        return kept
+
+
+class _Swapped:
+    """Two poses at a time, the newer one first."""
+
+    def __init__(self) -> None:
+        self._kept: Samples = []
+
+    def __call__(self, samples: Samples) -> Samples:
+        self._kept += samples
+        if len(self._kept) < 2:
+            return []
+        swapped, self._kept = self._kept[::-1], []
+        return swapped
+
+
+def _moved(sample: HandSample, offset: np.ndarray) -> HandSample:
+    return HandSample(sample.stamp_s, sample.position + offset)
+
+
+def _restamped(sample: HandSample, offset_s: float) -> HandSample:
+    return HandSample(sample.stamp_s + offset_s, sample.position)
+
+
+@dataclass
+class InvariantChecker:
+    """
+    Holds every period against what no fault may break.
+
+    Commands are finite; joint commands keep the limits of velocity and acceleration; measured
+    joints keep those of position and velocity; the wrist command keeps its acceleration limit;
+    time goes on; states follow each other as they may.
+
+    Attributes:
+        limits: of the joints.
+        period_s: length of a period, s.
+        wrist_acceleration: limit of the wrist command, m/s².
+        checked: number of periods checked.
+
+    """
+
+    limits: JointLimits
+    period_s: float
+    wrist_acceleration: float
+    checked: int = 0
+    _before: Period | None = None
+
+    def check(self, period: Period) -> list[str]:
+        """
+        Check one period.
+
+        Args:
+            period: the next one.
+
+        Returns:
+            What is broken, a line each.
+
+        """
+        before, self._before = self._before, period
+        self.checked += 1
+        broken = [*self._of_the_arm(period), *self._of_the_command(period)]
+        if before is not None:
+            broken += self._since(before, period)
+        return [f'at {period.time_ns * 1e-9:.3f} s: {line}' for line in broken]
+
+    def _of_the_arm(self, period: Period) -> list[str]:
+        limits, broken = self.limits, []
+        q, v = period.joint_positions, period.joint_velocities
+        if not (np.isfinite(q).all() and np.isfinite(v).all()):
+            broken.append('joint states are not finite')
+        if np.any(q < limits.lower - POSITION_TOLERANCE) or np.any(
+            q > limits.upper + POSITION_TOLERANCE
+        ):
+            broken.append('a joint is beyond its position limits')
+        if np.any(np.abs(v) > limits.velocity * (1.0 + VELOCITY_TOLERANCE)):
+            broken.append('a joint is faster than its limit')
+        return broken
+
+    def _of_the_command(self, period: Period) -> list[str]:
+        broken = []
+        command, velocities = period.command, period.answer.velocities
+        if not np.isfinite([*command.position, *command.velocity]).all():
+            broken.append('the wrist command is not finite')
+        if velocities is not None:
+            if not np.isfinite(velocities).all():
+                broken.append('the joint command is not finite')
+            elif np.any(np.abs(velocities) > self.limits.velocity * (1.0 + ROUNDING)):
+                broken.append('a joint command is over the velocity limit')
+        return broken
+
+    def _since(self, before: Period, period: Period) -> list[str]:
+        broken = []
+        if period.time_ns <= before.time_ns:
+            broken.append('time does not go on')
+        was, now = before.command.state, period.command.state
+        if now is not was and now not in NEXT_STATES[was]:
+            broken.append(f'state went from {was.value} to {now.value}')
+        change = (
+            a - b for a, b in zip(period.command.velocity, before.command.velocity, strict=True)
+        )
+        if hypot(*change) > self.wrist_acceleration * self.period_s * (1.0 + ROUNDING) + 1e-9:
+            broken.append('the wrist command accelerates beyond its limit')
+        told, tells = before.answer.velocities, period.answer.velocities
+        if told is not None and tells is not None:
+            most = self.limits.acceleration * self.period_s * (1.0 + ROUNDING) + 1e-9
+            if np.any(np.abs(tells - told) > most):
+                broken.append('a joint command accelerates beyond its limit')
+        return broken

@@ -1,0 +1,58 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""YAML of plain values from anywhere: nothing in it runs, and nothing in it unfolds."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from handover_dmp.common.errors import DataError
+import yaml
+
+# What the constructors of the library raise at tags and numbers that do not fit their text.
+MISFIT = (
+    yaml.YAMLError, RecursionError, ValueError, OverflowError, LookupError, AttributeError,
+    TypeError,
+)  # fmt: skip
+
+
+def load_plain(text: str) -> Any:
+    """
+    Read YAML of plain values, without aliases, of which a small text can unfold into a huge one.
+
+    Args:
+        text: the YAML text.
+
+    Returns:
+        What it says.
+
+    Raises:
+        DataError: not YAML, or with aliases.
+
+    """
+    try:
+        return yaml.load(text, Loader=_PlainLoader)
+    except MISFIT as error:
+        reason = ' '.join(str(error).split())[:200] or type(error).__name__
+        raise DataError(f'not proper YAML: {reason}') from error
+
+
+class _PlainLoader(yaml.SafeLoader):
+    """Reads no aliases."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.AliasEvent):
+            raise yaml.YAMLError('aliases are not understood')
+        return super().compose_node(parent, index)

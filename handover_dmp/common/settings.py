@@ -1,0 +1,65 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The defaults of everything that a user may want to change; they stand once, in `config/`."""
+
+from __future__ import annotations
+
+from dataclasses import field
+from functools import cache
+from typing import Any
+
+from handover_dmp.common.resources import share_path
+import yaml
+
+
+@cache
+def defaults(node: str) -> dict[str, Any]:
+    """
+    Read the parameters of one node from `config/handover.yaml`, with those of every node.
+
+    Args:
+        node: name of the node, e.g. `dmp`.
+
+    Returns:
+        Parameter name to value; names of nested parameters are joined by dots, as ROS 2 does.
+
+    """
+    tree = yaml.safe_load(share_path('config/handover.yaml').read_text(encoding='utf-8'))
+    return dict(_flatten(tree['/**']['ros__parameters']) + _flatten(tree[node]['ros__parameters']))
+
+
+def setting(node: str, name: str) -> Any:
+    """
+    Make a dataclass field whose default is a parameter of `config/handover.yaml`.
+
+    Args:
+        node: name of the node.
+        name: name of its parameter, nested ones joined by dots.
+
+    Returns:
+        The dataclass field.
+
+    """
+    return field(default_factory=lambda: defaults(node)[name])
+
+
+def _flatten(tree: dict[str, Any], prefix: str = '') -> list[tuple[str, Any]]:
+    pairs: list[tuple[str, Any]] = []
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            pairs += _flatten(value, f'{prefix}{key}.')
+        else:
+            pairs.append((prefix + key, value))
+    return pairs

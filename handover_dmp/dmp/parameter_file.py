@@ -1,0 +1,104 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The ROS parameter file that `tune` writes, and `learn`, `evaluate` and the `dmp` node read."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field, fields, replace
+import math
+from pathlib import Path
+
+from handover_dmp.common.errors import DataError
+from handover_dmp.common.files import write_text
+from handover_dmp.common.plain_yaml import load_plain
+from handover_dmp.dmp import DmpParameters
+import yaml
+
+NODE = 'dmp'
+DURATION_SCALE = 'duration_scale'
+LARGEST_FILE_BYTES = 200_000
+
+
+@dataclass(frozen=True)
+class TunedParameters:
+    """
+    What a parameter file says about the movement primitive.
+
+    Attributes:
+        primitive: parameters of the equations.
+        duration_scale: factor on the duration that is learnt. It ends up in the model, so the
+            node has no such parameter and passes it by.
+
+    """
+
+    primitive: DmpParameters = field(default_factory=DmpParameters)
+    duration_scale: float = 1.0
+
+
+def write_parameters(parameters: TunedParameters, path: Path, comment: str = '') -> None:
+    """
+    Write the parameters of the primitive for `--params-file` and `--parameters`.
+
+    Args:
+        parameters: what to write.
+        path: the file.
+        comment: lines to put above, without the sign of a comment.
+
+    """
+    section = {**asdict(parameters.primitive), DURATION_SCALE: parameters.duration_scale}
+    head = ''.join(f'# {line}'.rstrip() + '\n' for line in comment.splitlines())
+    tree = {NODE: {'ros__parameters': section}}
+    write_text(path, head + yaml.safe_dump(tree, sort_keys=False))
+
+
+def read_parameters(path: Path) -> TunedParameters:
+    """
+    Read the parameters of the primitive from a ROS parameter file.
+
+    Args:
+        path: the file; parameters of the node that do not belong to the primitive are passed by,
+            those that are not named have their defaults.
+
+    Returns:
+        The parameters.
+
+    Raises:
+        DataError: the file is missing, is no ROS parameter file with a section `dmp`, or a
+            parameter is out of its range.
+
+    """
+    try:
+        if path.stat().st_size > LARGEST_FILE_BYTES:
+            raise DataError(f'{path}: larger than {LARGEST_FILE_BYTES // 1000} kB')
+        text = path.read_text(encoding='utf-8')
+    except (OSError, UnicodeDecodeError) as error:
+        raise DataError(f'{path}: cannot be read: {error}') from error
+    try:
+        tree = load_plain(text)
+    except DataError as error:
+        raise DataError(f'{path}: {error}') from error
+    try:
+        section = dict(tree[NODE]['ros__parameters'])
+    except (KeyError, TypeError, ValueError) as error:
+        raise DataError(f'{path}: no section {NODE}: ros__parameters:') from error
+    known = {each.name for each in fields(DmpParameters)}
+    given = {name: value for name, value in section.items() if name in known}
+    scale = section.get(DURATION_SCALE, 1.0)
+    if not isinstance(scale, (int, float)) or not 0.0 < scale < math.inf:
+        raise DataError(f'{path}: {DURATION_SCALE} is not a number above 0')
+    try:
+        return TunedParameters(replace(DmpParameters(), **given), float(scale))
+    except (DataError, OverflowError) as error:
+        raise DataError(f'{path}: {error}') from error

@@ -1,0 +1,417 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The handover as the wrist sees it: idle, reaching, exchange, done, aborted.
+
+One `HandoverController` turns stamped poses of the partner's hand into a wrist command, period by
+period. It owns the movement primitive's state, the goal estimator and the rules for what happens
+when the hand is late, wrong or gone. It knows neither the arm nor ROS, so the lockstep run and the
+`dmp` node run the very same object.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from math import dist, hypot, isfinite, nan
+from typing import NamedTuple
+
+from handover_dmp.common.settings import setting
+from handover_dmp.dmp import DecoupledDmp, DmpState
+from handover_dmp.tracking import GoalEstimator, HandEstimate
+
+Vector = tuple[float, ...]
+
+
+class HandoverState(str, Enum):
+    """Where a handover stands; the values are what `/handover/state` says."""
+
+    IDLE = 'idle'
+    REACHING = 'reaching'
+    EXCHANGE = 'exchange'
+    DONE = 'done'
+    ABORTED = 'aborted'
+
+
+MOVING = (HandoverState.REACHING, HandoverState.EXCHANGE)
+
+
+@dataclass(frozen=True)
+class HandoverOptions:
+    """
+    The rules of a handover.
+
+    Attributes:
+        start: what starts it besides `start()`: `signal` (the partner's signal), `motion` (the
+            hand moves) or `service` (nothing else).
+        motion_threshold: speed of the hand that counts as its start to move, m/s.
+        hand_timeout_s: age of the hand, by arrival, beyond which the wrist brakes, s.
+        stamp_tolerance_s: by how much the stamps of the hand may differ from the time, s.
+        exchange_distance_m: wrist to goal, below which the exchange may begin, m.
+        exchange_speed: speed of the wrist relative to the goal for the same, m/s.
+        exchange_hold_s: how long the exchange lasts, s.
+        acceleration_limit: bound on the acceleration of the wrist command, m/s².
+        tracking_error_limit_m: how far the command may run ahead of the measured wrist, m.
+        phase_stopping: whether an arm that cannot keep up slows the phase.
+
+    """
+
+    start: str = setting('dmp', 'start')
+    motion_threshold: float = setting('dmp', 'motion_threshold')
+    hand_timeout_s: float = setting('dmp', 'hand_timeout_s')
+    stamp_tolerance_s: float = setting('dmp', 'stamp_tolerance_s')
+    exchange_distance_m: float = setting('dmp', 'exchange_distance_m')
+    exchange_speed: float = setting('dmp', 'exchange_speed')
+    exchange_hold_s: float = setting('dmp', 'exchange_hold_s')
+    acceleration_limit: float = setting('dmp', 'acceleration_limit')
+    tracking_error_limit_m: float = setting('dmp', 'tracking_error_limit_m')
+    phase_stopping: bool = setting('dmp', 'phase_stopping')
+
+
+class WristCommand(NamedTuple):
+    """
+    What the wrist is to do in one period.
+
+    Attributes:
+        position: m, in `world`.
+        velocity: m/s.
+        state: of the handover.
+        phase: s of (4), 1 at the start, towards 0.
+        goal_weight: w_g of (7).
+        hand_age_s: time since the last accepted pose of the hand arrived; infinite before any.
+
+    """
+
+    position: Vector
+    velocity: Vector
+    state: HandoverState
+    phase: float
+    goal_weight: float
+    hand_age_s: float
+
+    def numbers(self, time_s: float) -> dict[str, float]:
+        """
+        Name the values of `/handover/phase`.
+
+        Args:
+            time_s: of the period, s.
+
+        Returns:
+            Name to value.
+
+        """
+        return {
+            'time_s': time_s,
+            'phase': self.phase,
+            'goal_weight': self.goal_weight,
+            'hand_age_s': self.hand_age_s,
+        }
+
+
+class HandoverController:
+    """
+    Moves the wrist towards a hand that is still moving, by (8), and says when to hand over.
+
+    Times are those of one clock, in s, whichever the caller keeps; arrival times and not stamps
+    decide whether the hand is too old.
+
+    Attributes:
+        hand_stamp_s: when the newest accepted pose of the hand was measured, s; NaN before one.
+
+    """
+
+    def __init__(
+        self,
+        model: DecoupledDmp,
+        options: HandoverOptions | None = None,
+        estimator: GoalEstimator | None = None,
+    ) -> None:
+        """
+        Take the learnt movement and the rules.
+
+        Args:
+            model: the primitive, with the goal offset of its reference.
+            options: the rules; the defaults of `config/` if left out.
+            estimator: of the hand's position and velocity.
+
+        """
+        self.model = model
+        self.options = options or HandoverOptions()
+        self._estimator = estimator or GoalEstimator()
+        self._wrist: Vector | None = None
+        self._primitive: DmpState | None = None
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the handover and the hand; brake if need be, hold where the wrist is."""
+        self.state = HandoverState.IDLE
+        self._hand: Vector | None = None
+        self.hand_stamp_s = nan
+        self._hand_arrival_s: float | None = None
+        self.exchange: Vector | None = None
+        self._estimator.reset()
+        self._signal_s: float | None = None
+        self._exchange_since_s: float | None = None
+        if self._primitive is not None and hypot(*self._primitive.velocity) == 0.0:
+            self._primitive = None
+
+    @property
+    def hand(self) -> Vector | None:
+        """Newest accepted position of the hand, m."""
+        return self._hand
+
+    @property
+    def wrist(self) -> Vector | None:
+        """Measured position of the wrist, m."""
+        return self._wrist
+
+    def hand_age_s(self, arrival_s: float) -> float:
+        """
+        Tell how long ago the last accepted pose of the hand arrived.
+
+        Args:
+            arrival_s: the time now, s, on the clock of the arrivals.
+
+        Returns:
+            Its age, s; infinite before any.
+
+        """
+        if self._hand_arrival_s is None:
+            return float('inf')
+        return max(0.0, arrival_s - self._hand_arrival_s)
+
+    def estimate(self, now_s: float) -> HandEstimate | None:
+        """
+        Tell where the hand is and how fast it moves.
+
+        Args:
+            now_s: the time, s, on the clock of the stamps.
+
+        Returns:
+            The estimate; None before the first pose.
+
+        """
+        return self._estimator.estimate(now_s)
+
+    def forget_hand(self) -> None:
+        """Start anew with the hand, e.g. after time has jumped; the wrist brakes until then."""
+        self._estimator.reset()
+        self._hand = None
+        self.hand_stamp_s = nan
+        self._hand_arrival_s = None
+
+    def set_hand(self, stamp_s: float, position: Vector, now_s: float, arrival_s: float) -> str:
+        """
+        Take a pose of the partner's hand.
+
+        Args:
+            stamp_s: when it was measured, s.
+            position: (3,), m, in `world`.
+            now_s: the time, s, on the clock of the stamps.
+            arrival_s: the time, s, on the clock of the arrivals.
+
+        Returns:
+            Why it was not used; empty if it was.
+
+        """
+        if abs(stamp_s - now_s) > self.options.stamp_tolerance_s:
+            return 'stamp of the hand is not of this time'
+        if not self._estimator.update(stamp_s, position, now_s):
+            return 'pose of the hand is an outlier, old or not finite'
+        self._hand = position
+        self.hand_stamp_s = stamp_s
+        self._hand_arrival_s = arrival_s
+        return ''
+
+    def set_wrist(self, position: Vector) -> None:
+        """
+        Take the measured position of the robot's wrist.
+
+        Args:
+            position: (3,), m, in `world`.
+
+        """
+        if all(map(isfinite, position)):
+            self._wrist = position
+
+    def signal(self, at_s: float) -> None:
+        """
+        Take the partner's signal: the handover starts at a given time.
+
+        Args:
+            at_s: when, s; in the past means now.
+
+        """
+        if self.options.start == 'signal':
+            self._signal_s = at_s
+
+    def start(self) -> bool:
+        """
+        Start reaching from where the wrist is.
+
+        Returns:
+            Whether it started; it does not while a handover is on or before the wrist is known.
+
+        """
+        if self.state in MOVING or self._wrist is None:
+            return False
+        if self._primitive is None:
+            self._primitive = self.model.initial_state(self._wrist)
+        else:
+            held = self._anchored(self._primitive)
+            self._primitive = self.model.initial_state(held.position, held.velocity)
+        self._exchange_since_s = None
+        self.exchange = None
+        self._signal_s = None
+        self.state = HandoverState.REACHING
+        return True
+
+    def abort(self) -> None:
+        """Brake and hold; nothing but `start` or `reset` leads on from there."""
+        self.state = HandoverState.ABORTED
+
+    def hold(self) -> None:
+        """Abort where the wrist is: for commands that stayed away so long that the arm stands."""
+        self.abort()
+        self._primitive = None
+
+    def step(
+        self, now_s: float, dt: float, phase_rate: float = 1.0, arrival_s: float | None = None
+    ) -> WristCommand | None:
+        """
+        Move one period on.
+
+        Args:
+            now_s: the time at the start of the period, s, on the clock of the stamps.
+            dt: its length, s.
+            phase_rate: how fast the phase may run, 0 to 1; below 1 if the arm cannot keep up.
+            arrival_s: the same time on the clock of the arrivals, where that is another.
+
+        Returns:
+            The command for the end of the period; None until the wrist is known.
+
+        """
+        if self._wrist is None:
+            return None
+        if self._primitive is None:
+            self._primitive = self.model.initial_state(self._wrist)
+        hand = self.estimate(now_s)
+        age = self.hand_age_s(now_s if arrival_s is None else arrival_s)
+        self._start_if_signalled(now_s, hand)
+        fresh = hand is not None and age <= self.options.hand_timeout_s
+        if self.state in MOVING and hand is not None and fresh:
+            rate = phase_rate if self.options.phase_stopping else 1.0
+            self._primitive = self._follow(self._primitive, hand, dt, rate)
+            self._judge_exchange(now_s, hand)
+        else:
+            self._primitive = self._brake(self._primitive, dt)
+        return self._command(self._primitive, age)
+
+    def _start_if_signalled(self, now_s: float, hand: HandEstimate | None) -> None:
+        if self.state is not HandoverState.IDLE or hand is None:
+            return
+        signalled = self._signal_s is not None and now_s >= self._signal_s
+        moving = (
+            self.options.start == 'motion'
+            and hypot(*hand.velocity) > self.options.motion_threshold
+        )
+        if signalled or moving:
+            self.start()
+
+    def _goal(self, hand: HandEstimate) -> Vector:
+        # plain floats, as the primitive's step takes several times as long with NumPy's
+        offset = self.model.goal_offset.tolist()
+        return tuple(p + o for p, o in zip(hand.position, offset, strict=True))
+
+    def _follow(
+        self, primitive: DmpState, hand: HandEstimate, dt: float, phase_rate: float
+    ) -> DmpState:
+        goal_velocity = tuple(map(float, hand.velocity))
+        ahead = self.model.step(
+            self._anchored(primitive), self._goal(hand), goal_velocity, dt, phase_rate
+        )
+        return self._accelerated(primitive, ahead, dt)
+
+    def _anchored(self, primitive: DmpState) -> DmpState:
+        """Keep the command near the measured wrist, so that it cannot wind up against a stop."""
+        assert self._wrist is not None
+        distance = dist(primitive.position, self._wrist)
+        if distance <= self.options.tracking_error_limit_m:
+            return primitive
+        share = self.options.tracking_error_limit_m / distance
+        position = tuple(
+            w + (c - w) * share for w, c in zip(self._wrist, primitive.position, strict=True)
+        )
+        return primitive._replace(position=position)
+
+    def _accelerated(self, before: DmpState, after: DmpState, dt: float) -> DmpState:
+        """Bound the change of velocity, whatever the goal does."""
+        most = self.options.acceleration_limit * dt
+        size = dist(after.velocity, before.velocity)
+        if size <= most:
+            return after
+        velocity = tuple(
+            b + (a - b) * most / size for a, b in zip(after.velocity, before.velocity, strict=True)
+        )
+        position = tuple(
+            x + 0.5 * (b + v) * dt
+            for x, b, v in zip(before.position, before.velocity, velocity, strict=True)
+        )
+        return after._replace(position=position, velocity=velocity)
+
+    def _brake(self, primitive: DmpState, dt: float) -> DmpState:
+        """Come to rest along the way, within the acceleration limit; the phase stands still."""
+        speed = hypot(*primitive.velocity)
+        if speed == 0.0:
+            return self._held(primitive)
+        slower = max(0.0, speed - self.options.acceleration_limit * dt) / speed
+        velocity = tuple(v * slower for v in primitive.velocity)
+        position = tuple(
+            x + 0.5 * (b + v) * dt
+            for x, b, v in zip(primitive.position, primitive.velocity, velocity, strict=True)
+        )
+        return primitive._replace(position=position, velocity=velocity)
+
+    def _held(self, primitive: DmpState) -> DmpState:
+        """Hold the place, or where the wrist is by now if something has moved it from there."""
+        assert self._wrist is not None
+        if dist(primitive.position, self._wrist) > self.options.tracking_error_limit_m:
+            return primitive._replace(position=self._wrist)
+        return primitive
+
+    def _judge_exchange(self, now_s: float, hand: HandEstimate) -> None:
+        assert self._wrist is not None and self._primitive is not None
+        if self.state is HandoverState.EXCHANGE:
+            assert self._exchange_since_s is not None
+            if now_s - self._exchange_since_s >= self.options.exchange_hold_s:
+                self.state = HandoverState.DONE
+            return
+        gap = dist(self._wrist, self._goal(hand))
+        relative = dist(self._primitive.velocity, hand.velocity)
+        arrived = gap < self.options.exchange_distance_m and relative < self.options.exchange_speed
+        if arrived and self.model.goal_weight(self._primitive.phase) > 0.5:
+            self.state = HandoverState.EXCHANGE
+            self.exchange = self._wrist
+            self._exchange_since_s = now_s
+
+    def _command(self, primitive: DmpState, age: float) -> WristCommand:
+        return WristCommand(
+            position=primitive.position,
+            velocity=primitive.velocity,
+            state=self.state,
+            phase=primitive.phase,
+            goal_weight=float(self.model.goal_weight(primitive.phase)),
+            hand_age_s=age,
+        )

@@ -1,0 +1,194 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+One handover in one process: the objects of the graph wired in lockstep, without ROS.
+
+The same objects in the same order as the five nodes on simulated time, so that both give the same
+motion; and the same result every time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from handover_dmp.handover.controller import (
+    HandoverController,
+    HandoverOptions,
+    HandoverState,
+    WristCommand,
+)
+from handover_dmp.handover.scenario import Scenario
+from handover_dmp.robot.priority_ik import PriorityIk, WristTarget
+from handover_dmp.robot.separation import Partner
+from handover_dmp.robot.wrist_controller import JointCommand, WristController
+from handover_dmp.simulation.arm import SimulatedArm
+from handover_dmp.tracking.playback import HandSample, Replay, TrackedHand
+from handover_dmp.tracking.sensor_model import SensorModel
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+NANOSECONDS = 1_000_000_000
+REPLAY_AT_S = 0.5
+AFTERWARDS_S = 0.2
+LONGEST_EXTRA_S = 5.0
+STILL = np.zeros(3)
+
+
+class Period(NamedTuple):
+    """
+    Everything that one period saw and said.
+
+    Attributes:
+        time_ns: its start, ns.
+        joint_positions: (n,), rad, measured.
+        joint_velocities: (n,), rad/s, measured.
+        wrist_position: (3,), m, measured.
+        wrist_rotation: (3, 3), measured.
+        hand: poses of the partner's hand that arrived.
+        command: of the wrist.
+        answer: of the inverse kinematics.
+
+    """
+
+    time_ns: int
+    joint_positions: Array
+    joint_velocities: Array
+    wrist_position: Array
+    wrist_rotation: Array
+    hand: list[HandSample]
+    command: WristCommand
+    answer: JointCommand
+
+
+class Handover:
+    """A handover that is stepped period by period."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        *,
+        options: HandoverOptions | None = None,
+        sensor: SensorModel | None = None,
+        rate_hz: float = 200.0,
+    ) -> None:
+        """
+        Wire the objects.
+
+        Args:
+            scenario: trial, movement and arm.
+            options: the rules of the handover.
+            sensor: how the tracker sees the hand.
+            rate_hz: of the periods, Hz.
+
+        """
+        trial = scenario.trial
+        self.scenario = scenario
+        self.period_s = 1.0 / rate_hz
+        self.controller = HandoverController(scenario.model, options)
+        self.wrist_controller = WristController(scenario.robot, PriorityIk(scenario.robot))
+        self.arm = SimulatedArm(scenario.robot)
+        self.arm.reset(scenario.start_posture)
+        self.hand = TrackedHand(Replay.from_trial(trial), sensor)
+        self._time_ns = 0
+        self._phase_rate = 1.0
+        self._rotation: Array | None = None
+
+    @property
+    def time_s(self) -> float:
+        """Return the simulated time, s."""
+        return self._time_ns / NANOSECONDS
+
+    @property
+    def longest_s(self) -> float:
+        """Return the simulated time after which a handover that is not done will not be, s."""
+        return self.hand.start_s + self.scenario.trial.duration_s + LONGEST_EXTRA_S
+
+    def begin(self, replay_at_s: float = REPLAY_AT_S) -> None:
+        """
+        Let the partner signal and move.
+
+        Args:
+            replay_at_s: when the recording starts, s.
+
+        """
+        self.hand.start(replay_at_s)
+        self.controller.signal(replay_at_s)
+
+    def step(self) -> Period:
+        """
+        Go through one period: every message of it, then the arm's motion.
+
+        Returns:
+            What it saw and said.
+
+        """
+        now_s, robot = self.time_s, self.scenario.robot
+        positions, velocities = self.arm.joint_positions, self.arm.joint_velocities
+        self.wrist_controller.set_joint_state(robot.joint_names, positions, velocities, now_s)
+        wrist, rotation = robot.wrist_pose(positions)
+        if self._rotation is None:
+            self._rotation = rotation
+        samples = self.hand.due(now_s)
+        seen = False
+        for sample in samples:
+            hand = tuple(sample.position.tolist())
+            seen |= not self.controller.set_hand(sample.stamp_s, hand, now_s, now_s)
+        self.controller.set_wrist(tuple(wrist.tolist()))
+        command = self.controller.step(now_s, self.period_s, self._phase_rate)
+        assert command is not None
+        place, velocity = np.array(command.position), np.array(command.velocity)
+        target = WristTarget(place, velocity, self._rotation, STILL)
+        self.wrist_controller.set_target(target, now_s)
+        estimate = self.controller.estimate(now_s)
+        if seen and estimate is not None:
+            known = Partner(np.array(estimate.position), np.array(estimate.velocity))
+            self.wrist_controller.set_hand(known, now_s)
+        answer = self.wrist_controller.update(now_s, self.period_s)
+        self._phase_rate = answer.speed_scale
+        if answer.velocities is not None:
+            self.arm.command(answer.velocities)
+        period = Period(
+            self._time_ns, positions, velocities, wrist, rotation, samples, command,
+            answer,
+        )  # fmt: skip
+        self.arm.advance(self.period_s)
+        self._time_ns += round(self.period_s * NANOSECONDS)
+        return period
+
+    def run(self, progress: Callable[[float], None] = lambda _share: None) -> list[Period]:
+        """
+        Go on until the handover is done, or will not be.
+
+        Args:
+            progress: is told the share of the longest time that has passed.
+
+        Returns:
+            All periods; the state of the last command tells whether the object changed hands.
+
+        """
+        self.begin()
+        periods: list[Period] = []
+        while self.controller.state is not HandoverState.DONE and self.time_s < self.longest_s:
+            periods.append(self.step())
+            progress(self.time_s / self.longest_s)
+        periods += [self.step() for _ in range(round(AFTERWARDS_S / self.period_s))]
+        return periods
+
+    def close(self) -> None:
+        """Let go of the simulated world."""
+        self.arm.close()

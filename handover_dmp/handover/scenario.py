@@ -1,0 +1,235 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a run needs, put together: the recorded handover, the learnt movement, the placed arm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from handover_dmp.common.errors import DataError
+from handover_dmp.common.settings import defaults
+from handover_dmp.dmp import DecoupledDmp, load_model
+from handover_dmp.handover.teaching import learn_from_trials, rollout_against
+from handover_dmp.mocap import condition, HandoverTrial, read_trial, synthesize
+from handover_dmp.robot.model import BasePlacement, RobotModel
+from handover_dmp.robot.placement import place_base
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+EXAMPLE = ('engine_bay', 'give')
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """
+    One handover to be run.
+
+    Attributes:
+        trial: the recorded handover, at 200 Hz; its P1 is the partner, its P2 for comparison.
+        model: the learnt movement.
+        robot: the arm, placed.
+        start_posture: (n,), rad, with the wrist where P2's was at the start.
+        taught_by: what the movement was learnt from.
+        seed: of all that is drawn at random.
+
+    """
+
+    trial: HandoverTrial
+    model: DecoupledDmp
+    robot: RobotModel
+    start_posture: Array
+    seed: int
+
+
+def example_trials(seed: int = 0) -> tuple[HandoverTrial, HandoverTrial]:
+    """
+    Make the handovers of the example: an assistant gives to a mechanic at an engine bay.
+
+    Args:
+        seed: of the synthetic data set.
+
+    Returns:
+        One to learn from, and of the others the one whose partner moves farthest to run against.
+
+    """
+    trials = [t for t in synthesize(seed) if (t.configuration, t.exchange) == EXAMPLE]
+    taught, *others = trials
+    return taught, max(others, key=lambda t: float(np.linalg.norm(t.p1[-1] - t.p1[0])))
+
+
+def example_model(seed: int = 0) -> DecoupledDmp:
+    """
+    Learn the movement of the example.
+
+    Args:
+        seed: of the synthetic data set.
+
+    Returns:
+        The learnt movement.
+
+    """
+    learnt: DecoupledDmp = learn_from_trials([example_trials(seed)[0]])
+    return learnt
+
+
+def read_model(path: Path) -> DecoupledDmp:
+    """
+    Read a learnt movement that can hand over.
+
+    Args:
+        path: model file.
+
+    Returns:
+        The movement.
+
+    Raises:
+        DataError: the file cannot be used, or holds another kind of primitive or dimension.
+
+    """
+    model = load_model(path)
+    if not isinstance(model, DecoupledDmp) or len(model.start) != 3:
+        raise DataError(f'{path}: not a decoupled movement primitive of three dimensions')
+    return model
+
+
+def recorded_trial(path: str | Path, *, cutoff_hz: float | None = None) -> HandoverTrial:
+    """
+    Read a handover that is to be replayed.
+
+    Args:
+        path: CSV file or bag; empty: the one of the example.
+        cutoff_hz: low-pass, zero phase; 0 leaves it as it is; that of `config/` if left out.
+
+    Returns:
+        The handover at 200 Hz, filtered.
+
+    Raises:
+        DataError: the file cannot be used.
+
+    """
+    if cutoff_hz is None:
+        cutoff_hz = defaults('hand_tracker')['cutoff_hz']
+    if not str(path):
+        trial = example_trials()[1]
+    elif Path(path).is_dir() or Path(path).suffix == '.mcap':
+        trial = _trial_of_bag(Path(path))
+    else:
+        trial = read_trial(Path(path))
+    return condition(trial, cutoff_hz=cutoff_hz) if cutoff_hz else trial
+
+
+def _trial_of_bag(path: Path) -> HandoverTrial:
+    from handover_dmp.mocap.bag import describe_bag, read_bag_wrists
+
+    wrists = read_bag_wrists(path)
+    configuration, exchange, number = describe_bag(path)
+    return HandoverTrial(
+        wrists.times,
+        wrists.p1,
+        wrists.p2,
+        configuration=configuration,
+        exchange=exchange,
+        number=number,
+        source=str(path),
+    )
+
+
+def scaled(trial: HandoverTrial, factor: float) -> HandoverTrial:
+    """
+    Make a handover larger or smaller about the place where P2's hand ends.
+
+    Args:
+        trial: the handover.
+        factor: of all distances; 1 leaves it as it is.
+
+    Returns:
+        The scaled handover.
+
+    """
+    centre = trial.p2[-1]
+    return replace(
+        trial,
+        p1=centre + factor * (trial.p1 - centre),
+        p2=centre + factor * (trial.p2 - centre),
+    )
+
+
+def make_scenario(
+    trial: Path | None = None,
+    *,
+    model: Path | None = None,
+    robot: str = 'lwr4',
+    base: BasePlacement | None = None,
+    scale: float = 1.0,
+    seed: int = 0,
+) -> Scenario:
+    """
+    Put together what a run needs.
+
+    The movement is learnt from the very trial that is replayed, unless a model is given; the
+    example is learnt from another trial than the one it is run against. The arm is placed so that
+    the way of its wrist lies well inside its reach.
+
+    Args:
+        trial: CSV file or bag; none: the example.
+        model: file of a learnt movement.
+        robot: name or URDF of the arm.
+        base: where it stands; found if left out.
+        scale: of the recorded motion.
+        seed: of the synthetic data.
+
+    Returns:
+        The scenario.
+
+    Raises:
+        DataError: a file cannot be used.
+        UnreachableError: the arm reaches the way from nowhere.
+
+    """
+    if trial is None:
+        taught, replayed = (scaled(example, scale) for example in example_trials(seed))
+    else:
+        taught = replayed = scaled(recorded_trial(trial, cutoff_hz=0.0), scale)
+    learnt = learn_from_trials([taught]) if model is None else read_model(model)
+    replayed = condition(replayed, cutoff_hz=defaults('hand_tracker')['cutoff_hz'])
+    way = expected_way(learnt, replayed)
+    arm = RobotModel.load(robot)
+    arm = arm.placed(base if base is not None else place_base(way, arm, partner=replayed.p1[-1]))
+    return Scenario(
+        trial=replayed,
+        model=learnt,
+        robot=arm,
+        start_posture=arm.inverse(way[0]),
+        seed=seed,
+    )
+
+
+def expected_way(model: DecoupledDmp, trial: HandoverTrial) -> Array:
+    """
+    Foretell the way of the wrist against a recorded hand.
+
+    Args:
+        model: the learnt movement.
+        trial: the handover.
+
+    Returns:
+        (n, 3), m, from where P2 started to where the movement comes to rest.
+
+    """
+    way: Array = rollout_against(model, trial).positions
+    return np.vstack([way, trial.p1[-1] + model.goal_offset])

@@ -1,0 +1,161 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Learning a movement primitive from recorded handovers, and what a recorded hand tells it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from handover_dmp.common.errors import DataError
+from handover_dmp.dmp.decoupled import DecoupledDmp
+from handover_dmp.dmp.learning import DEFAULT_BASIS, learn_jointly, learn_mean
+from handover_dmp.dmp.parameters import DmpParameters
+from handover_dmp.dmp.primitive import Primitive
+from handover_dmp.dmp.state import Rollout
+from handover_dmp.mocap.filtering import condition, RATE_HZ, smooth
+from handover_dmp.mocap.trial import HandoverTrial
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def learn_from_trials(
+    trials: Sequence[HandoverTrial],
+    parameters: DmpParameters | None = None,
+    *,
+    regression: str = 'rvm',
+    basis: int = DEFAULT_BASIS,
+    jointly: bool = False,
+    primitive: type[Any] = DecoupledDmp,
+) -> Any:
+    """
+    Learn the motion of P2 from one recorded handover, or from several.
+
+    The recordings are resampled and low-passed without phase first.
+
+    Args:
+        trials: one or more; of several, their time-normalised mean is learnt (*learn mean*).
+        parameters: of the primitive; the defaults of `config/handover.yaml` if left out.
+        regression: `rvm` or `ridge`.
+        basis: number of basis functions.
+        jointly: learn from all rows of all trials at once instead of from their mean.
+        primitive: `DecoupledDmp` or `ClassicalDmp`.
+
+    Returns:
+        The learnt movement. Its goal offset is P2(end) − P1(end), the mean of it over the trials.
+
+    Raises:
+        DataError: no trial, or one that cannot be used.
+        UsageError: an unknown regression, or a number of basis functions out of range.
+
+    """
+    if not trials:
+        raise DataError('no trial to learn from')
+    smoothed = [condition(trial) for trial in trials]
+    teach = learn_jointly if jointly else learn_mean
+    motions = [(trial.times, trial.p2) for trial in smoothed]
+    model: Primitive = (learn_jointly if len(trials) == 1 else teach)(
+        motions,
+        parameters,
+        regression=regression,
+        basis=basis,
+        source=_source(trials, jointly),
+        primitive=primitive,
+    )
+    offset = np.mean([trial.p2[-1] - trial.p1[-1] for trial in smoothed], axis=0)
+    return model.with_goal_offset(offset)
+
+
+def hand_goal(
+    trial: HandoverTrial, model: Primitive, times: ArrayLike | None = None
+) -> tuple[Array, Array]:
+    """
+    Turn the recorded hand of P1 into the goal of a primitive: g = P1 + goal offset.
+
+    Args:
+        trial: recorded handover.
+        model: learnt movement.
+        times: when to give it, s, (n,); the stamps of the trial if left out.
+
+    Returns:
+        Goals, m, and their velocities, m/s, (n, 3) each, of the low-passed hand.
+
+    Raises:
+        DataError: the trial cannot be low-passed.
+
+    """
+    at = trial.times if times is None else np.asarray(times, dtype=float)
+    stamps, positions, velocities = smooth(trial.times, trial.p1)
+    goals = np.column_stack([np.interp(at, stamps, column) for column in positions.T])
+    rates = np.column_stack([np.interp(at, stamps, column) for column in velocities.T])
+    return goals + model.goal_offset, rates
+
+
+def rollout_against(
+    model: Primitive, trial: HandoverTrial, rate_hz: float = RATE_HZ, *, deviation: bool = False
+) -> Rollout:
+    """
+    Run a primitive against the recorded hand of P1, from where P2 stood, at rest.
+
+    Args:
+        model: learnt movement of three dimensions.
+        trial: recorded handover; the rollout takes as long.
+        rate_hz: samples a second.
+        deviation: whether to work out the standard deviation that the posterior implies.
+
+    Returns:
+        The motion, at the first stamp of the trial and every 1/rate_hz after it.
+
+    Raises:
+        DataError: a model of other than three dimensions, or a trial that cannot be low-passed.
+
+    """
+    if model.dimensions != 3:
+        raise DataError(f'the model has {model.dimensions} dimensions; a hand has 3')
+    count = int(trial.duration_s * rate_hz + 1e-6) + 1
+    times = trial.times[0] + np.arange(count) / rate_hz
+    goals, _ = hand_goal(trial, model, times)
+    return model.rollout(times, goals, start=trial.p2[0], deviation=deviation)
+
+
+def reproduction_error(model: Primitive, trial: HandoverTrial) -> float:
+    """
+    Measure how far a primitive, sent to P2's own goal at its own pace, strays from P2.
+
+    Args:
+        model: learnt movement.
+        trial: recorded handover, such as the one it was learnt from.
+
+    Returns:
+        Largest distance between the motion and the low-passed recording, m.
+
+    """
+    smoothed = condition(trial)
+    motion = model.with_duration(smoothed.duration_s).rollout(
+        smoothed.times,
+        smoothed.p2[-1],
+        start=smoothed.p2[0],
+        velocity=model.start_velocity * (model.duration_s / smoothed.duration_s),
+    )
+    return float(np.linalg.norm(motion.positions - smoothed.p2, axis=1).max())
+
+
+def _source(trials: Sequence[HandoverTrial], jointly: bool) -> str:
+    names = ', '.join(trial.source or trial.label for trial in trials)
+    if len(trials) == 1:
+        return names
+    return f'{"all" if jointly else "mean"} of {len(trials)} trials: {names}'

@@ -1,0 +1,60 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Recorded handovers: trials, data sets, the readers of every format, filters, synthetic data.
+
+The public names are imported when they are first used, so that `handover_dmp --help` stays fast.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any, TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from handover_dmp.mocap.data_set import read_data_set, write_data_set
+    from handover_dmp.mocap.filtering import condition, smooth, velocities
+    from handover_dmp.mocap.synthetic import synthesize
+    from handover_dmp.mocap.trial import HandoverTrial, read_trial, write_trial
+
+_HOMES = {
+    'HandoverTrial': 'trial',
+    'condition': 'filtering',
+    'read_data_set': 'data_set',
+    'read_trial': 'trial',
+    'smooth': 'filtering',
+    'synthesize': 'synthetic',
+    'velocities': 'filtering',
+    'write_data_set': 'data_set',
+    'write_trial': 'trial',
+}
+
+__all__ = [
+    'HandoverTrial',
+    'condition',
+    'read_data_set',
+    'read_trial',
+    'smooth',
+    'synthesize',
+    'velocities',
+    'write_data_set',
+    'write_trial',
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    return getattr(import_module(f'{__name__}.{_HOMES[name]}'), name)

@@ -1,0 +1,315 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Finding the handovers in a long recording of two wrists, by distance and speed.
+
+An exchange is where the wrists have come near each other and have stopped relative to each other
+(where they never do, where they are nearest). From there the search goes back to where P2's hand,
+and P1's if it moves too, left its rest. Between two exchanges the wrists must have parted.
+
+Who gives cannot be seen from wrists for certain. As a rule the giver starts: whose hand leaves its
+rest first is taken for the giver, and a P1 who waits with his hand out for the receiver. Where the
+order is known (the object goes to and fro, or always one way), say so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+from typing import NamedTuple
+
+from handover_dmp.common.errors import UsageError
+from handover_dmp.mocap.filtering import RATE_HZ, smooth
+from handover_dmp.mocap.markers import WristMotion
+from handover_dmp.mocap.trial import HandoverTrial
+import numpy as np
+from numpy.typing import NDArray
+
+GIVERS = ('first_mover', 'p2', 'p1', 'p2_then_p1', 'p1_then_p2')
+# The wrists are about to meet when they are this near to their least distance and slow; they have
+# met when they are this near to the least distance of the moments that follow.
+_ABOUT_TO_MEET_M = 0.02
+_MET_M = 0.002
+_MOMENTS_S = 0.4
+# A hand has started when it has this share of the greatest speed of its reach.
+_STARTED = 0.15
+
+
+@dataclass(frozen=True)
+class Segmentation:
+    """
+    Thresholds of the segmentation.
+
+    Attributes:
+        near_m: wrists nearer than this, m, may exchange something.
+        apart_m: wrists must part to this, m, before they can exchange again.
+        moving_speed: a hand slower than this rests, m/s.
+        reach_speed: a hand that reaches gets faster than this, m/s.
+        least_reach_m: P2's wrist goes at least this far, m.
+        margin_s: rest to keep before the first hand starts, s.
+        shortest_s: shorter ones are no handovers, s.
+        longest_s: longer ones are no single handovers, s.
+        giver: `first_mover`, `p2` (all are gives), `p1` (all are takes), `p2_then_p1` or
+            `p1_then_p2` (to and fro).
+
+    Raises:
+        UsageError: a threshold makes no sense.
+
+    """
+
+    near_m: float = 0.55
+    apart_m: float = 0.65
+    moving_speed: float = 0.05
+    reach_speed: float = 0.2
+    least_reach_m: float = 0.15
+    margin_s: float = 0.1
+    shortest_s: float = 0.4
+    longest_s: float = 6.0
+    giver: str = 'first_mover'
+
+    def __post_init__(self) -> None:
+        if self.giver not in GIVERS:
+            raise UsageError(f'giver {self.giver!r} is not one of {", ".join(GIVERS)}')
+        rising = (
+            ('near_m', self.near_m, 'apart_m', self.apart_m),
+            ('moving_speed', self.moving_speed, 'reach_speed', self.reach_speed),
+            ('shortest_s', self.shortest_s, 'longest_s', self.longest_s),
+        )
+        for low_name, low, high_name, high in rising:
+            if not 0.0 < low <= high < math.inf:
+                raise UsageError(f'{low_name} {low} and {high_name} {high} are not in order')
+        if not (0.0 <= self.margin_s < math.inf and 0.0 < self.least_reach_m < math.inf):
+            raise UsageError('margin_s or least_reach_m is out of range')
+
+
+class Segment(NamedTuple):
+    """
+    One handover in a recording.
+
+    Attributes:
+        start_s: its beginning on the clock of the recording, s.
+        exchange_s: when the wrists have met, s.
+        exchange: `give` or `take`.
+
+    """
+
+    start_s: float
+    exchange_s: float
+    exchange: str
+
+
+class Passage(NamedTuple):
+    """
+    Wrists that met without a handover that could be used.
+
+    Attributes:
+        at_s: when they met, s.
+        reason: why it is left out.
+
+    """
+
+    at_s: float
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentedMotion:
+    """
+    A recording and the handovers found in it.
+
+    Attributes:
+        motion: the recording.
+        thresholds: by which they were found.
+        segments: the handovers, in order.
+        passages: what was left out, and why.
+
+    """
+
+    motion: WristMotion
+    thresholds: Segmentation
+    segments: list[Segment]
+    passages: list[Passage]
+
+    def trials(self, configuration: str) -> list[HandoverTrial]:
+        """
+        Cut the handovers out of the recording, as it was recorded.
+
+        Args:
+            configuration: where they took place.
+
+        Returns:
+            A trial a handover, gives and takes numbered from 1 each, times from 0.
+
+        """
+        trials: list[HandoverTrial] = []
+        for start_s, exchange_s, exchange in self.segments:
+            first, end = np.searchsorted(self.motion.times, [start_s - 1e-9, exchange_s + 1e-9])
+            number = 1 + sum(trial.exchange == exchange for trial in trials)
+            trials.append(
+                self.motion.trial(
+                    int(first),
+                    int(end),
+                    configuration=configuration,
+                    exchange=exchange,
+                    number=number,
+                )
+            )
+        return trials
+
+
+def segment(motion: WristMotion, thresholds: Segmentation | None = None) -> SegmentedMotion:
+    """
+    Find the handovers in a recording.
+
+    Args:
+        motion: both wrists.
+        thresholds: what counts as one.
+
+    Returns:
+        The handovers, and what was left out.
+
+    """
+    thresholds = thresholds or Segmentation()
+    segments: list[Segment] = []
+    passages: list[Passage] = []
+    for first, end in motion.spans():
+        times = motion.times[first:end]
+        if len(times) < 4 or times[-1] - times[0] < thresholds.shortest_s:
+            continue
+        stretch = _Stretch.of(motion, first, end)
+        free_from = 0
+        for near, apart in stretch.meetings(thresholds):
+            found = stretch.handover(free_from, near, apart, thresholds)
+            free_from = apart
+            if isinstance(found, Passage):
+                passages.append(found)
+            else:
+                segments.append(found)
+    known = {'p2': ('give', 'give'), 'p1': ('take', 'take')}
+    known |= {'p2_then_p1': ('give', 'take'), 'p1_then_p2': ('take', 'give')}
+    if thresholds.giver in known:
+        order = known[thresholds.giver]
+        segments = [
+            found._replace(exchange=order[number % 2]) for number, found in enumerate(segments)
+        ]
+    return SegmentedMotion(motion, thresholds, segments, passages)
+
+
+@dataclass(frozen=True, eq=False)
+class _Stretch:
+    """
+    A stretch of the recording without gaps, smoothed, at an even rate.
+
+    Attributes:
+        times: (m,) s.
+        p2: (m, 3) m.
+        distance: (m,) m, from wrist to wrist.
+        speeds: (m,) m/s each, of P1 and of P2.
+        closing: (m,) m/s, speed of the wrists relative to each other.
+
+    """
+
+    times: NDArray[np.float64]
+    p2: NDArray[np.float64]
+    distance: NDArray[np.float64]
+    speeds: tuple[NDArray[np.float64], NDArray[np.float64]]
+    closing: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, motion: WristMotion, first: int, end: int) -> _Stretch:
+        both = np.hstack([motion.p1[first:end], motion.p2[first:end]])
+        times, positions, velocities = smooth(motion.times[first:end], both, RATE_HZ)
+        return cls(
+            times=times,
+            p2=positions[:, 3:],
+            distance=np.linalg.norm(positions[:, 3:] - positions[:, :3], axis=1),
+            speeds=(
+                np.linalg.norm(velocities[:, :3], axis=1),
+                np.linalg.norm(velocities[:, 3:], axis=1),
+            ),
+            closing=np.linalg.norm(velocities[:, 3:] - velocities[:, :3], axis=1),
+        )
+
+    def meetings(self, thresholds: Segmentation) -> list[tuple[int, int]]:
+        """Return where the wrists come near and where they have parted again, as indices."""
+        found: list[tuple[int, int]] = []
+        at = 0
+        while True:
+            near = _first(self.distance[at:] < thresholds.near_m)
+            if near is None:
+                return found
+            near += at
+            parted = _first(self.distance[near:] > thresholds.apart_m)
+            at = len(self.times) if parted is None else near + parted
+            found.append((near, at))
+
+    def handover(
+        self, free_from: int, near: int, apart: int, thresholds: Segmentation
+    ) -> Segment | Passage:
+        """Find exchange and start of the handover in which the wrists meet from near to apart."""
+        exchange = self._exchange(near, apart, thresholds)
+        at_s = float(self.times[exchange])
+
+        p1_speed, p2_speed = self.speeds
+        onset = _onset(p2_speed, free_from, exchange, thresholds)
+        if onset is None:
+            return Passage(at_s, 'P2 does not reach')
+        way = float(np.linalg.norm(self.p2[exchange] - self.p2[onset]))
+        if way < thresholds.least_reach_m:
+            return Passage(at_s, f'P2 reaches only {way:.2f} m')
+        start, p1_first = onset, False
+        p1_onset = _onset(p1_speed, free_from, exchange, thresholds)
+        reaching = slice(onset, exchange + 1)
+        if p1_onset is not None and (p1_speed[reaching] > thresholds.reach_speed).any():
+            start = min(onset, p1_onset)
+            p1_first = _started(p1_speed, p1_onset, exchange) < _started(p2_speed, onset, exchange)
+        start = max(start - round(thresholds.margin_s * RATE_HZ), free_from)
+        start_s = float(self.times[start])
+        if not thresholds.shortest_s <= at_s - start_s <= thresholds.longest_s:
+            return Passage(at_s, f'lasts {at_s - start_s:.2f} s')
+        return Segment(start_s, at_s, 'take' if p1_first else 'give')
+
+    def _exchange(self, near: int, apart: int, thresholds: Segmentation) -> int:
+        together = self.distance[near:apart]
+        close = together <= together.min() + _ABOUT_TO_MEET_M
+        slow = _first(close & (self.closing[near:apart] < thresholds.moving_speed))
+        if slow is None:
+            return near + int(np.argmin(together))
+        moments = together[slow: slow + round(_MOMENTS_S * RATE_HZ)]  # fmt: skip
+        return near + slow + int(np.argmax(moments <= moments.min() + _MET_M))
+
+
+def _onset(
+    speed: NDArray[np.float64], free_from: int, exchange: int, thresholds: Segmentation
+) -> int | None:
+    """Return where the last reach before the exchange left its rest."""
+    fast = np.flatnonzero(speed[free_from: exchange + 1] > thresholds.reach_speed)  # fmt: skip
+    if len(fast) == 0:
+        return None
+    last_fast = free_from + int(fast[-1])
+    rests = np.flatnonzero(speed[free_from:last_fast] < thresholds.moving_speed)
+    return free_from + int(rests[-1]) if len(rests) else free_from
+
+
+def _started(speed: NDArray[np.float64], onset: int, exchange: int) -> int:
+    """Return where a hand has started to reach, in proportion to how fast it gets."""
+    reach = speed[onset: exchange + 1]  # fmt: skip
+    return onset + int(np.argmax(reach > _STARTED * reach.max()))
+
+
+def _first(true: NDArray[np.bool_]) -> int | None:
+    """Return the index of the first that is true."""
+    index = int(np.argmax(true)) if len(true) else 0
+    return index if len(true) and true[index] else None

@@ -1,0 +1,267 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Reading text files of numbers from anywhere: a value or one line that says what is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+import csv
+import io
+import math
+from pathlib import Path
+import re
+
+from handover_dmp.common.errors import DataError
+from handover_dmp.common.files import write_text
+import numpy as np
+from numpy.typing import NDArray
+
+LARGEST_TEXT_BYTES = 16_000_000
+MOST_ROWS = 200_000
+LARGEST_RECORDING_BYTES = 150_000_000
+MOST_RECORDING_LINES = 500_000
+_LONGEST_LINE_BYTES = 1_000_000
+_LONGEST_QUOTE = 40
+# What float() takes beyond this (underscores, digits of other scripts) is no number in a file.
+_NUMBER = re.compile(r'[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?', re.ASCII)
+_NOT_FINITE = re.compile(r'[-+]?(nan|inf|infinity)', re.ASCII | re.IGNORECASE)
+
+
+def read_bytes(path: Path, largest: int = LARGEST_TEXT_BYTES) -> bytes:
+    """
+    Read a regular file of a bounded size.
+
+    Args:
+        path: the file.
+        largest: bytes that it may have at most.
+
+    Returns:
+        Its content.
+
+    Raises:
+        DataError: it is missing, no regular file, not readable, empty or too large.
+
+    """
+    try:
+        if not path.exists():
+            raise DataError(f'{path}: no such file')
+        if not path.is_file():
+            raise DataError(f'{path}: not a regular file')
+        with path.open('rb') as file:
+            content = file.read(largest + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, 'strerror', None) or error
+        raise DataError(f'{str(path)[:200]!r}: cannot be read: {reason}') from error
+    if len(content) > largest:
+        raise DataError(f'{path}: more than {largest / 1e6:g} MB')
+    if not content:
+        raise DataError(f'{path}: is empty')
+    return content
+
+
+def read_lines(path: Path, largest: int = LARGEST_TEXT_BYTES) -> list[str]:
+    """
+    Read the lines of a UTF-8 text, without empty ones at its end.
+
+    Args:
+        path: the file.
+        largest: bytes that it may have at most.
+
+    Returns:
+        At least one line, without line ends.
+
+    Raises:
+        DataError: as `read_bytes`, or it is no text.
+
+    """
+    content = read_bytes(path, largest)
+    try:
+        text = content.decode('utf-8-sig')
+    except UnicodeDecodeError as error:
+        line = content.count(b'\n', 0, error.start) + 1
+        raise DataError(f'{path}: line {line}: not a text in UTF-8') from error
+    lines = text.replace('\r\n', '\n').replace('\r', '\n').rstrip('\n ').split('\n')
+    if lines == ['']:
+        raise DataError(f'{path}: is empty')
+    return lines
+
+
+def iterate_lines(path: Path) -> Iterator[tuple[int, str]]:
+    """
+    Read a long recording line by line, UTF-8 or, as older programs write it, Windows-1252.
+
+    Args:
+        path: the file.
+
+    Yields:
+        Number of the line, from 1, and its text without the line end.
+
+    Raises:
+        DataError: as `read_bytes`, or a line is absurdly long, or there are too many.
+
+    """
+    for number, raw in enumerate(io.BytesIO(read_bytes(path, LARGEST_RECORDING_BYTES)), start=1):
+        if len(raw) > _LONGEST_LINE_BYTES:
+            raise DataError(f'{path}: line {number}: longer than {_LONGEST_LINE_BYTES} bytes')
+        if number > MOST_RECORDING_LINES:
+            raise DataError(f'{path}: more than {MOST_RECORDING_LINES} lines')
+        try:
+            line = raw.decode('utf-8-sig' if number == 1 else 'utf-8')
+        except UnicodeDecodeError:
+            line = raw.decode('cp1252', errors='replace')
+        yield number, line.rstrip('\r\n')
+
+
+def read_table(path: Path, header: Sequence[str]) -> NDArray[np.float64]:
+    """
+    Read a CSV file of finite numbers under a given header.
+
+    Args:
+        path: the file.
+        header: the names that its first line must hold.
+
+    Returns:
+        (rows, len(header)) numbers; rows may be 0.
+
+    Raises:
+        DataError: names file, line and fault.
+
+    """
+    lines = read_lines(path)
+    names = [name.strip() for name in lines[0].split(',')]
+    if names != list(header):
+        raise DataError(
+            f'{path}: line 1: header {quote(lines[0])} instead of {",".join(header)!r}'
+        )
+    if len(lines) > MOST_ROWS:
+        raise DataError(f'{path}: more than {MOST_ROWS} lines')
+    values = np.empty((len(lines) - 1, len(header)))
+    for number, line in enumerate(lines[1:], start=2):
+        values[number - 2] = parse_numbers(line.split(','), header, f'{path}: line {number}')
+    return values
+
+
+def read_records(path: Path, columns: Sequence[str]) -> list[tuple[int, dict[str, str]]]:
+    """
+    Read a CSV file of texts that has at least the given columns.
+
+    Args:
+        path: the file.
+        columns: names that its first line must hold, in any order, with others or without.
+
+    Returns:
+        Number of the line and column name to text, for every row.
+
+    Raises:
+        DataError: names file, line and fault.
+
+    """
+    lines = read_lines(path)
+    if len(lines) > MOST_ROWS:
+        raise DataError(f'{path}: more than {MOST_ROWS} lines')
+    rows = csv.reader(lines, strict=True)
+    records = []
+    try:
+        names = [name.strip() for name in next(rows)]
+        missing = [name for name in columns if name not in names]
+        if missing:
+            raise DataError(f'{path}: line 1: no column {missing[0]!r} in {quote(lines[0])}')
+        for row in rows:
+            where = f'{path}: line {rows.line_num}'
+            if len(row) != len(names):
+                raise DataError(f'{where}: {len(row)} values instead of {len(names)}')
+            cells = [cell.strip() for cell in row]
+            records.append((rows.line_num, dict(zip(names, cells, strict=True))))
+    except csv.Error as error:
+        raise DataError(f'{path}: line {rows.line_num}: {error}') from error
+    return records
+
+
+def save(path: Path, text: str) -> None:
+    """
+    Write a text file whole or not at all.
+
+    Args:
+        path: the file; its folder is made if need be.
+        text: its content.
+
+    Raises:
+        DataError: it cannot be written there.
+
+    """
+    try:
+        write_text(path, text)
+    except OSError as error:
+        raise DataError(f'{path}: cannot be written: {error.strerror or error}') from error
+
+
+def parse_numbers(cells: Sequence[str], names: Sequence[str], where: str) -> list[float]:
+    """
+    Turn the cells of a row into finite numbers.
+
+    Args:
+        cells: the texts.
+        names: name of each column, as many as the cells have to be.
+        where: file and line, for the error.
+
+    Returns:
+        The numbers.
+
+    Raises:
+        DataError: the row has too few or too many cells, or one that is no finite number.
+
+    """
+    if len(cells) != len(names):
+        raise DataError(f'{where}: {len(cells)} values instead of {len(names)}')
+    text = ''.join(cells)
+    if text.isascii() and '_' not in text:
+        with suppress(ValueError):
+            values = [float(cell) for cell in cells]
+            if all(map(math.isfinite, values)):
+                return values
+    # Something is wrong, or at least odd: find out what.
+    return [parse_number(cell, name, where) for cell, name in zip(cells, names, strict=True)]
+
+
+def parse_number(cell: str, name: str, where: str) -> float:
+    """
+    Turn one cell into a finite number.
+
+    Args:
+        cell: the text.
+        name: what it is, for the error.
+        where: file and line, for the error.
+
+    Returns:
+        The number.
+
+    Raises:
+        DataError: it is no finite number.
+
+    """
+    text = cell.strip(' \t')
+    if _NUMBER.fullmatch(text):
+        value = float(text)
+        if math.isfinite(value):
+            return value
+    elif not _NOT_FINITE.fullmatch(text):
+        raise DataError(f'{where}: {name} is {quote(text)}, not a number')
+    raise DataError(f'{where}: {name} is {quote(text)}, not a finite number')
+
+
+def quote(text: str) -> str:
+    """Return a text for an error message: on one line, and not longer than one."""
+    return repr(text if len(text) <= _LONGEST_QUOTE else text[:_LONGEST_QUOTE] + '…')

@@ -1,0 +1,294 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""One recorded handover: the wrists of both partners over time, and its CSV file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+import re
+
+from handover_dmp.common.errors import DataError
+from handover_dmp.mocap.tables import read_records, read_table, save
+import numpy as np
+from numpy.typing import NDArray
+
+HEADER = ('t', 'p1_x', 'p1_y', 'p1_z', 'p2_x', 'p2_y', 'p2_z')
+EXCHANGES = ('give', 'take')
+INDEX_NAME = 'trials.csv'
+INDEX_COLUMNS = ('file', 'configuration', 'exchange', 'trial')
+
+LEAST_SAMPLES = 10
+LARGEST_COORDINATE_M = 100.0
+LARGEST_STAMP_S = 1e12
+SHORTEST_PERIOD_S = 1e-5
+LONGEST_GAP_S = 2.0
+LONGEST_DURATION_S = 600.0
+# A hand is neither this fast nor does a dropped sample hide such a way: the frame has changed.
+JUMP_M = 0.3
+JUMP_SPEED = 15.0
+
+_NAME = re.compile(r'(?P<configuration>.+)_(?P<exchange>give|take)_(?P<number>[0-9]{1,9})')
+
+
+@dataclass(frozen=True, eq=False)
+class HandoverTrial:
+    """
+    One handover between two people.
+
+    P1 is the partner who stays human (the mechanic), P2 the one whose place the robot takes (the
+    assistant). Positions in the room's frame, z up. The arrays are copied and cannot be written
+    to.
+
+    Attributes:
+        times: (n,) seconds, strictly increasing, n >= 10.
+        p1: (n, 3) metres, wrist of P1.
+        p2: (n, 3) metres, wrist of P2.
+        configuration: where it took place, e.g. `engine_bay`.
+        exchange: `give` (P2 gives to P1) or `take` (P2 takes from P1).
+        number: number of the trial within its configuration and exchange.
+        source: where it comes from, in words.
+
+    Raises:
+        DataError: the samples cannot be those of one handover.
+
+    """
+
+    times: NDArray[np.float64]
+    p1: NDArray[np.float64]
+    p2: NDArray[np.float64]
+    configuration: str = 'unnamed'
+    exchange: str = 'give'
+    number: int = 1
+    source: str = ''
+
+    def __post_init__(self) -> None:
+        for name in ('times', 'p1', 'p2'):
+            array = np.array(getattr(self, name), dtype=np.float64)
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        shapes = (self.times.shape, self.p1.shape, self.p2.shape)
+        count = len(self.times) if self.times.ndim else 0
+        if shapes != ((count,), (count, 3), (count, 3)):
+            raise DataError(f'{self.label}: shapes {shapes} instead of (n,), (n, 3), (n, 3)')
+        if self.exchange not in EXCHANGES:
+            raise DataError(
+                f"{self.label}: exchange {self.exchange!r} instead of 'give' or 'take'"
+            )
+        if fault := find_fault(self.times, np.hstack([self.p1, self.p2])):
+            where = '' if fault.row is None else f'sample {fault.row}: '
+            raise DataError(f'{self.label}: {where}{fault.what}')
+
+    @property
+    def label(self) -> str:
+        """Name for people: configuration, exchange and number."""
+        return f'{self.configuration} {self.exchange} {self.number}'
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first sample to the last, s."""
+        return float(self.times[-1] - self.times[0])
+
+    @property
+    def rate_hz(self) -> float:
+        """Return the sampling rate by the median period, Hz."""
+        return float(1.0 / np.median(np.diff(self.times)))
+
+
+@dataclass(frozen=True)
+class Fault:
+    """
+    What is wrong with a set of samples.
+
+    Attributes:
+        row: index of the sample; None where it is the whole.
+        what: the fault in words.
+
+    """
+
+    row: int | None
+    what: str
+
+
+def find_fault(
+    times: NDArray[np.float64],
+    positions: NDArray[np.float64],
+    *,
+    least: int = LEAST_SAMPLES,
+    longest_s: float = LONGEST_DURATION_S,
+) -> Fault | None:
+    """
+    Find the first reason why samples cannot be those of one handover.
+
+    Args:
+        times: (n,) s.
+        positions: (n, 3 k) m, the coordinates of k points side by side.
+        least: samples that there must be.
+        longest_s: time from the first to the last that there may be, s.
+
+    Returns:
+        The fault, or None.
+
+    """
+    if len(times) < least:
+        return Fault(None, f'{len(times)} samples, at least {least} are needed')
+    finite = np.isfinite(times) & np.isfinite(positions).all(axis=1)
+    if not finite.all():
+        return Fault(int(np.argmin(finite)), 'a value is not a finite number')
+    checks = (
+        _time_fault(times, longest_s),
+        _place_fault(positions),
+        _jump_fault(times, positions),
+    )
+    faults = [fault for fault in checks if fault is not None]
+    return min(faults, key=lambda fault: -1 if fault.row is None else fault.row, default=None)
+
+
+def read_trial(
+    path: str | Path,
+    *,
+    configuration: str | None = None,
+    exchange: str | None = None,
+    number: int | None = None,
+) -> HandoverTrial:
+    """
+    Read a trial from its CSV file.
+
+    The file has the header `t,p1_x,p1_y,p1_z,p2_x,p2_y,p2_z` and one line a sample, in seconds
+    and metres. What it is a trial of is told by the arguments, else by the line of a `trials.csv`
+    beside it, else by its name `<configuration>_<exchange>_<number>.csv`; a file of another name
+    is taken for a give (a take where its name says so), number 1, of a configuration of its name.
+
+    Args:
+        path: the file.
+        configuration: what the trial is a trial of, where it is known.
+        exchange: `give` or `take`, where it is known.
+        number: number of the trial, where it is known.
+
+    Returns:
+        The trial.
+
+    Raises:
+        DataError: the file is missing or cannot be a trial; names the file, the line, the fault.
+
+    """
+    path = Path(path)
+    values = read_table(path, HEADER)
+    if fault := find_fault(values[:, 0], values[:, 1:]):
+        where = '' if fault.row is None else f'line {fault.row + 2}: '
+        raise DataError(f'{path}: {where}{fault.what}')
+    if None in (configuration, exchange, number):
+        known = _from_index(path) or describe(path)
+        configuration = known[0] if configuration is None else configuration
+        exchange = known[1] if exchange is None else exchange
+        number = known[2] if number is None else number
+    if exchange not in EXCHANGES:
+        raise DataError(f"{path}: exchange {exchange!r} instead of 'give' or 'take'")
+    return HandoverTrial(
+        times=values[:, 0],
+        p1=values[:, 1:4],
+        p2=values[:, 4:7],
+        configuration=str(configuration),
+        exchange=exchange,
+        number=int(number or 0),
+        source=path.name,
+    )
+
+
+def describe(path: Path) -> tuple[str, str, int]:
+    """
+    Tell by the name of a file what it is a trial of.
+
+    Args:
+        path: the file; only its name matters.
+
+    Returns:
+        Configuration, exchange and number, by `<configuration>_<exchange>_<number>.*`; for a file
+        of another name, its name, a give (a take where its name says so), and 1.
+
+    """
+    match = _NAME.fullmatch(path.stem)
+    if match:
+        return match['configuration'], match['exchange'], int(match['number'])
+    words = re.split(r'[^a-z]+', path.stem.lower())
+    return path.stem, 'take' if 'take' in words else 'give', 1
+
+
+def write_trial(trial: HandoverTrial, path: str | Path) -> None:
+    """
+    Write a trial as CSV, whole or not at all; what is read back is equal to the last bit.
+
+    Args:
+        trial: what to write.
+        path: the file; its folder is made if need be.
+
+    Raises:
+        DataError: it cannot be written there.
+
+    """
+    rows = np.column_stack([trial.times, trial.p1, trial.p2]).tolist()
+    lines = [','.join(HEADER), *(','.join(map(repr, row)) for row in rows)]
+    save(Path(path), '\n'.join(lines) + '\n')
+
+
+def _time_fault(times: NDArray[np.float64], longest_s: float) -> Fault | None:
+    if abs(times[0]) > LARGEST_STAMP_S:
+        return Fault(0, f'time {times[0]:g} s is absurd')
+    periods = np.diff(times)
+    wrong = (periods < SHORTEST_PERIOD_S) | (periods > LONGEST_GAP_S)
+    if not wrong.any():
+        if times[-1] - times[0] > longest_s:
+            return Fault(None, f'{times[-1] - times[0]:.0f} s are too long for one handover')
+        return None
+    row = int(np.argmax(wrong)) + 1
+    before, now = times[row - 1], times[row]
+    if now < before:
+        return Fault(row, f'time runs backwards, from {before:g} to {now:g} s')
+    if now == before:
+        return Fault(row, f'time {now:g} s is repeated')
+    if now - before > LONGEST_GAP_S:
+        return Fault(row, f'no sample for {now - before:.3g} s before this one')
+    return Fault(row, f'only {now - before:.3g} s after the sample before')
+
+
+def _place_fault(positions: NDArray[np.float64]) -> Fault | None:
+    far = np.abs(positions).max(axis=1) > LARGEST_COORDINATE_M
+    if not far.any():
+        return None
+    row = int(np.argmax(far))
+    value = positions[row][np.argmax(np.abs(positions[row]))]
+    return Fault(row, f'a position of {value:g} m; are these millimetres?')
+
+
+def _jump_fault(times: NDArray[np.float64], positions: NDArray[np.float64]) -> Fault | None:
+    with np.errstate(over='ignore', invalid='ignore', divide='ignore'):
+        steps = np.diff(positions, axis=0).reshape(len(times) - 1, -1, 3)
+        lengths = np.sqrt(np.square(steps).sum(axis=2)).max(axis=1)
+        jumps = (lengths > JUMP_M) & (lengths > JUMP_SPEED * np.abs(np.diff(times)))
+    if not jumps.any():
+        return None
+    row = int(np.argmax(jumps)) + 1
+    return Fault(row, f'a jump of {lengths[row - 1]:.2g} m from one sample to the next')
+
+
+def _from_index(path: Path) -> tuple[str, str, int] | None:
+    try:
+        for _, row in read_records(path.parent / INDEX_NAME, INDEX_COLUMNS):
+            if row['file'] == path.name:
+                return row['configuration'], row['exchange'], int(row['trial'])
+    except (DataError, ValueError):
+        # One trial can be read beside an index that cannot; read_data_set reports on indices.
+        return None
+    return None

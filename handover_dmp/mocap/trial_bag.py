@@ -1,0 +1,131 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Trials as bags, which `ros2 bag play` or any other player sends in place of a tracker."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from handover_dmp.common.errors import DataError
+from handover_dmp.recording.bag_writer import BagWriter
+from handover_dmp.recording.message_definitions import message_definition
+from handover_dmp.recording.messages import header, Message, pose_stamped
+from handover_dmp.recording.qos import LATCHED, SENSOR
+from handover_dmp.topics import FRAME, HAND_POSE, HUMAN_POSE, SIGNAL, Topic
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from handover_dmp.mocap import HandoverTrial
+
+# a stamp of zero means in ROS that there is none
+START_NS = 10**9
+REST_BEFORE_S = 0.5
+REST_AFTER_S = 5.0
+"""As long as a handover may take from where its recording ends."""
+Row = tuple[int, str, Message]
+
+
+def write_trial_bag(trial: HandoverTrial, folder: Path | str, compression: str = 'zstd') -> None:
+    """
+    Write one trial as a bag: P1's wrist on `/hand/pose`, P2's on `/human/pose`, and the signal.
+
+    The trial begins at 1 s, and there the signal on `/handover/signal` starts the handover. As
+    the node `hand_tracker` shows it, the hand rests before and after: for 0.5 s, so that listeners
+    know it when the signal comes, and for 5 s, so that the handover has a hand to end at. P2 is
+    there during the trial alone, which tells a reader what of the bag is the trial. Stamps are log
+    times; positions are in frame `world`, m; orientations are none, (0, 0, 0, 1), for a trial has
+    none.
+
+    Args:
+        trial: what to write.
+        folder: of the bag; must not exist.
+        compression: of its chunks, `zstd`, `lz4` or `none`.
+
+    Raises:
+        DataError: the folder exists or cannot be written, or no package on this machine defines
+            the messages.
+
+    """
+    about = {
+        'configuration': trial.configuration,
+        'exchange': trial.exchange,
+        'trial': str(trial.number),
+        'source': trial.source,
+    }
+    topics = ((HAND_POSE, SENSOR), (HUMAN_POSE, SENSOR), (SIGNAL, LATCHED))
+    for topic, _ in topics:
+        message_definition(topic.type_name)  # where one is missing, no empty bag is left
+    with BagWriter(folder, compression=compression, custom_data=about) as bag:
+        for topic, quality in topics:
+            bag.add_topic(topic.name, topic.type_name, quality)
+        for time_ns, name, message in _rows(trial):
+            bag.write_message(name, message, time_ns)
+
+
+def _rows(trial: HandoverTrial) -> Iterator[Row]:
+    """Give time, topic and message of everything that is to be seen, in order."""
+    times_ns = [START_NS + round(time * 1e9) for time in trial.times - trial.times[0]]
+    step_ns = round(float(np.median(np.diff(trial.times))) * 1e9)
+    before = range(-round(REST_BEFORE_S * 1e9 / step_ns), 0)
+    after = range(1, round(REST_AFTER_S * 1e9 / step_ns) + 1)
+    for count in before:
+        yield _pose(HAND_POSE, times_ns[0] + count * step_ns, trial.p1[0])
+    yield START_NS, SIGNAL.name, header(START_NS, FRAME)
+    for time_ns, p1, p2 in zip(times_ns, trial.p1, trial.p2, strict=True):
+        yield _pose(HAND_POSE, time_ns, p1)
+        yield _pose(HUMAN_POSE, time_ns, p2)
+    for count in after:
+        yield _pose(HAND_POSE, times_ns[-1] + count * step_ns, trial.p1[-1])
+
+
+def _pose(topic: Topic, time_ns: int, position: NDArray[np.float64]) -> Row:
+    return time_ns, topic.name, pose_stamped(time_ns, position.tolist(), frame=FRAME)
+
+
+def write_trial_bags(
+    trials: Sequence[HandoverTrial],
+    folder: Path | str,
+    compression: str = 'zstd',
+    progress: Callable[[int], None] = lambda done: None,
+) -> list[Path]:
+    """
+    Write trials as bags `<configuration>_<exchange>_<number>` within one folder.
+
+    Args:
+        trials: what to write.
+        folder: where to; made if need be.
+        compression: of the chunks, `zstd`, `lz4` or `none`.
+        progress: called with the number of bags done.
+
+    Returns:
+        The folders of the bags.
+
+    Raises:
+        DataError: one of the bags exists already, and then none is written; or the disk is full.
+
+    """
+    from handover_dmp.mocap.data_set import file_name
+
+    bags = [Path(folder) / Path(file_name(trial)).stem for trial in trials]
+    for bag in bags:
+        if bag.exists():
+            raise DataError(f'{bag}: exists already; a bag is never overwritten')
+    for done, (trial, bag) in enumerate(zip(trials, bags, strict=True), 1):
+        write_trial_bag(trial, bag, compression)
+        progress(done)
+    return bags

@@ -1,0 +1,525 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A recorded run as arrays, from its bag alone; it may have been recorded by rosbag2 itself."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+import json
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+from handover_dmp.common.errors import DataError
+from handover_dmp.recording import bag_files, read_bag
+from handover_dmp.topics import (
+    CLOCK,
+    DIAGNOSTICS,
+    HAND_POSE,
+    HUMAN_POSE,
+    IK_STATUS,
+    INFO,
+    JOINT_COMMAND,
+    JOINT_STATES,
+    names_of_values,
+    PHASE,
+    POSE_COMMAND,
+    ROBOT_DESCRIPTION,
+    STATE,
+    TWIST_COMMAND,
+    WRIST_POSE,
+)
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+NEEDED = (HAND_POSE, WRIST_POSE, JOINT_STATES)
+OPTIONAL = (
+    CLOCK, HUMAN_POSE, POSE_COMMAND, TWIST_COMMAND, JOINT_COMMAND, STATE, PHASE, IK_STATUS,
+    DIAGNOSTICS, ROBOT_DESCRIPTION, INFO,
+)  # fmt: skip
+# the log time of a message and the clock of its graph are the same up to delays of this size,
+# or the recorder used another clock
+SAME_CLOCK_NS = 10**9
+LEAST_SAMPLES = 5
+MOST_JOINTS = 64
+
+
+@dataclass(frozen=True)
+class JointLimits:
+    """
+    Limits of the joints, in the order of the joints of the run.
+
+    Attributes:
+        lower: (n,) rad; NaN for a joint that turns for ever.
+        upper: (n,) rad; the same.
+        velocity: (n,) rad/s.
+        acceleration: (n,) rad/s²; None where the run does not tell.
+
+    """
+
+    lower: Array
+    upper: Array
+    velocity: Array
+    acceleration: Array | None
+
+
+@dataclass(frozen=True)
+class NodeStatus:
+    """
+    What a node said of itself on `/diagnostics`.
+
+    Attributes:
+        time_s: when.
+        node: its name.
+        level: 0 for all well.
+        message: in words.
+        values: its figures, as text.
+
+    """
+
+    time_s: float
+    node: str
+    level: int
+    message: str
+    values: dict[str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class RunRecord:
+    """
+    A recorded run.
+
+    Times are seconds from the first message on, by the stamps of the messages (by the time of
+    arrival where a message has none), on the clock of the graph. Positions in frame `world`, m.
+    What was not recorded is empty.
+
+    Attributes:
+        source: the bag or run folder that was read.
+        info: what the run says of itself, `/handover/info`.
+        robot_description: URDF of the arm.
+        simulated_clock: whether the graph ran on `/clock`.
+        start_ns: time of zero, ns.
+        hand_times: (a,) s, and
+        hand_positions: (a, 3) m, the partner's wrist as tracked.
+        human_times: (b,) s, and
+        human_positions: (b, 3) m, where the person was whose place the robot takes.
+        wrist_times: (c,) s, and
+        wrist_positions: (c, 3) m, the robot's wrist as measured.
+        command_times: (d,) s, and
+        command_positions: (d, 3) m, where the wrist was to be.
+        twist_times: (e,) s, and
+        twist_velocities: (e, 3) m/s, how it was to move.
+        joint_names: n names.
+        joint_times: (f,) s.
+        joint_positions: (f, n) rad.
+        joint_velocities: (f, n) rad/s.
+        joint_command_times: (g,) s, and
+        joint_commands: (g, n) rad/s.
+        joint_limits: of the joints; None where neither the run nor its URDF tells.
+        phase_times: (h,) s.
+        phase: name to (h,), the values of `/handover/phase`.
+        ik_times: (k,) s.
+        ik: name to (k,), the values of `/wrist/ik_status`.
+        states: time in s and name of every state of the handover, in order.
+        diagnostics: what the nodes said of themselves.
+        arrivals: topic to (m,) s, when its messages were recorded, in order.
+        stamps: topic to (m,) s, the times that they carry, in order.
+
+    """
+
+    source: Path
+    info: dict[str, Any]
+    robot_description: str
+    simulated_clock: bool
+    start_ns: int
+    hand_times: Array
+    hand_positions: Array
+    human_times: Array
+    human_positions: Array
+    wrist_times: Array
+    wrist_positions: Array
+    command_times: Array
+    command_positions: Array
+    twist_times: Array
+    twist_velocities: Array
+    joint_names: tuple[str, ...]
+    joint_times: Array
+    joint_positions: Array
+    joint_velocities: Array
+    joint_command_times: Array
+    joint_commands: Array
+    joint_limits: JointLimits | None
+    phase_times: Array
+    phase: dict[str, Array]
+    ik_times: Array
+    ik: dict[str, Array]
+    states: tuple[tuple[float, str], ...]
+    diagnostics: tuple[NodeStatus, ...]
+    arrivals: dict[str, Array]
+    stamps: dict[str, Array]
+
+    def time_of(self, state: str) -> float | None:
+        """Return when a state was first entered, s; None if it never was."""
+        return next((time_s for time_s, name in self.states if name == state), None)
+
+    @property
+    def reaching_time_s(self) -> float | None:
+        """When the arm began to reach, s."""
+        return self.time_of('reaching')
+
+    @property
+    def exchange_time_s(self) -> float | None:
+        """When the exchange began, s."""
+        return self.time_of('exchange')
+
+    @property
+    def end_time_s(self) -> float:
+        """When the arm and the hand were last heard of, s."""
+        return float(max(self.wrist_times[-1], self.joint_times[-1], self.hand_times[-1]))
+
+    @property
+    def exchange_span_s(self) -> tuple[float, float] | None:
+        """Begin and end of the exchange, s; None where there was none."""
+        begin = self.exchange_time_s
+        if begin is None:
+            return None
+        after = [time_s for time_s, name in self.states if time_s > begin and name != 'exchange']
+        return begin, min([*after, self.end_time_s])
+
+    @property
+    def handed_over(self) -> bool:
+        """Whether the object changed hands."""
+        return any(name == 'done' for _, name in self.states)
+
+    @property
+    def goal_offset(self) -> Array:
+        """(3,) m: goal of the wrist minus hand, as the learnt model has it; zeros if not told."""
+        return _vector(self.info.get('goal_offset_m'), 3, self.source)
+
+
+def load_run(path: Path | str) -> RunRecord:
+    """
+    Read a recorded run.
+
+    Args:
+        path: the folder of a run, the folder of its bag, or its MCAP file.
+
+    Returns:
+        The run as arrays.
+
+    Raises:
+        DataError: there is no such bag, it is damaged, or it is not that of a run.
+
+    """
+    path = Path(path)
+    bag_files(path)
+    samples = _collect(path)
+    for topic in NEEDED:
+        if len(samples.values[topic.name]) < LEAST_SAMPLES:
+            count = len(samples.values[topic.name])
+            raise DataError(f'{path}: not a recorded run: {count} messages on {topic.name}')
+    return _assemble(path, samples)
+
+
+class _Samples:
+    """Messages of a bag, taken apart as far as is needed."""
+
+    def __init__(self) -> None:
+        self.values: dict[str, list[Any]] = defaultdict(list)
+        self.stamps_ns: dict[str, list[int]] = defaultdict(list)
+        self.logs_ns: dict[str, list[int]] = defaultdict(list)
+        self.labels: dict[str, tuple[str, ...]] = {}
+
+    def graph_time(self) -> Callable[[Sequence[int]], NDArray[np.int64]]:
+        """Give the function from the recorder's clock to that of the graph, ns."""
+        log_ns = np.array(self.logs_ns[CLOCK.name], dtype=np.int64)
+        clock_ns = np.array(self.values[CLOCK.name], dtype=np.int64)
+        shift = np.abs(log_ns - clock_ns)
+        if len(log_ns) < 2 or np.median(shift) < SAME_CLOCK_NS:
+            return lambda times_ns: np.array(times_ns, dtype=np.int64)
+        order = np.argsort(log_ns, kind='stable')
+        log_ns, clock_ns = log_ns[order], clock_ns[order]
+
+        def convert(times_ns: Sequence[int]) -> NDArray[np.int64]:
+            # differences, for a double does not hold the nanoseconds since 1970
+            elapsed = np.array(times_ns, dtype=np.int64) - log_ns[0]
+            known = np.interp(elapsed, log_ns - log_ns[0], clock_ns - clock_ns[0])
+            converted: NDArray[np.int64] = clock_ns[0] + np.rint(known).astype(np.int64)
+            return converted
+
+        return convert
+
+
+def _collect(path: Path) -> _Samples:
+    samples = _Samples()
+    readers: dict[str, Callable[[Any], Any]] = {
+        CLOCK.name: lambda message: _nanoseconds(message.clock),
+        HAND_POSE.name: _position,
+        HUMAN_POSE.name: _position,
+        WRIST_POSE.name: _position,
+        POSE_COMMAND.name: _position,
+        TWIST_COMMAND.name: lambda message: _xyz(message.twist.linear),
+        JOINT_STATES.name: lambda message: (
+            tuple(message.name), tuple(message.position), tuple(message.velocity),
+        ),
+        JOINT_COMMAND.name: lambda message: list(message.data),
+        STATE.name: lambda message: str(message.data),
+        PHASE.name: lambda message: list(message.data),
+        IK_STATUS.name: lambda message: list(message.data),
+        DIAGNOSTICS.name: lambda message: list(message.status),
+        ROBOT_DESCRIPTION.name: lambda message: str(message.data),
+        INFO.name: lambda message: str(message.data),
+    }  # fmt: skip
+    for topic, message, log_ns in read_bag(path, readers):
+        try:
+            value = readers[topic](message)
+            header = getattr(message, 'header', None)
+            stamp_ns = 0 if header is None else _nanoseconds(header.stamp)
+            if topic in (PHASE.name, IK_STATUS.name):
+                labels = names_of_values(message)
+                if samples.labels.setdefault(topic, labels) != labels or len(labels) != len(value):
+                    raise DataError(f'{path}: {topic}: values without their names')
+        except AttributeError as error:
+            raise DataError(f'{path}: {topic}: messages of another type: {error}') from error
+        samples.values[topic].append(value)
+        samples.stamps_ns[topic].append(stamp_ns)
+        samples.logs_ns[topic].append(log_ns)
+    return samples
+
+
+def _assemble(path: Path, samples: _Samples) -> RunRecord:
+    graph_time = samples.graph_time()
+    arrivals_ns = {topic: graph_time(times) for topic, times in samples.logs_ns.items()}
+    stamps_ns = {
+        # a stamp of zero means that there is none
+        topic: np.where(np.array(stamps) > 0, np.array(stamps, dtype=np.int64), arrivals_ns[topic])
+        for topic, stamps in samples.stamps_ns.items()
+    }
+    for topic in (PHASE.name, IK_STATUS.name):
+        if 'time_s' in samples.labels.get(topic, ()):
+            column = samples.labels[topic].index('time_s')
+            seconds = np.array([row[column] for row in samples.values[topic]])
+            stamps_ns[topic] = np.rint(seconds * 1e9).astype(np.int64)
+    start_ns = int(min(stamps_ns[topic.name].min() for topic in NEEDED))
+    stamps = _seconds(stamps_ns, start_ns)
+    arrivals = _seconds(arrivals_ns, start_ns)
+    none = np.zeros(0)
+
+    def track(name: str, width: int, *, partly: bool = False) -> tuple[Array, Array]:
+        if not samples.values.get(name):
+            return np.zeros(0), np.zeros((0, width))
+        try:
+            values = np.array(samples.values[name], dtype=np.float64).reshape(-1, width)
+        except ValueError as error:
+            raise DataError(f'{path}: {name}: messages of different lengths') from error
+        return _in_order(stamps[name], values, partly=partly)
+
+    info = _info(path, samples.values[INFO.name])
+    names, joint_rows, told_velocities = _joints(path, samples.values[JOINT_STATES.name], info)
+    count = len(names)
+    joint_times, joints = _in_order(stamps[JOINT_STATES.name], joint_rows)
+    if not told_velocities and len(joint_times) > 1:
+        joints[:, count:] = np.gradient(joints[:, :count], joint_times, axis=0)
+    description = next(iter(samples.values[ROBOT_DESCRIPTION.name]), '')
+    commands = [row for row in samples.values[JOINT_COMMAND.name] if len(row) == count]
+    if len(commands) == len(samples.values[JOINT_COMMAND.name]):
+        joint_command_times, joint_commands = track(JOINT_COMMAND.name, count)
+    else:
+        joint_command_times, joint_commands = none, np.zeros((0, count))
+    hand_times, hand = track(HAND_POSE.name, 3)
+    human_times, human = track(HUMAN_POSE.name, 3)
+    wrist_times, wrist = track(WRIST_POSE.name, 3)
+    command_times, command = track(POSE_COMMAND.name, 3)
+    twist_times, twist = track(TWIST_COMMAND.name, 3)
+    phase_labels = samples.labels.get(PHASE.name, ())
+    ik_labels = samples.labels.get(IK_STATUS.name, ())
+    phase_times, phase = track(PHASE.name, len(phase_labels) or 1)
+    # an arm whose joints are not known still says that it is not commanded
+    ik_times, ik = track(IK_STATUS.name, len(ik_labels) or 1, partly=True)
+    for needed, times in zip(NEEDED, (hand_times, wrist_times, joint_times), strict=True):
+        if len(times) < LEAST_SAMPLES:
+            raise DataError(f'{path}: not a recorded run: {needed.name} has no proper positions')
+    return RunRecord(
+        source=path,
+        info=info,
+        robot_description=description,
+        simulated_clock=bool(samples.values[CLOCK.name]),
+        start_ns=start_ns,
+        hand_times=hand_times,
+        hand_positions=hand,
+        human_times=human_times,
+        human_positions=human,
+        wrist_times=wrist_times,
+        wrist_positions=wrist,
+        command_times=command_times,
+        command_positions=command,
+        twist_times=twist_times,
+        twist_velocities=twist,
+        joint_names=names,
+        joint_times=joint_times,
+        joint_positions=joints[:, :count],
+        joint_velocities=joints[:, count:],
+        joint_command_times=joint_command_times,
+        joint_commands=joint_commands,
+        joint_limits=_limits(path, info, description, names),
+        phase_times=phase_times,
+        phase={label: phase[:, column] for column, label in enumerate(phase_labels)},
+        ik_times=ik_times,
+        ik={label: ik[:, column] for column, label in enumerate(ik_labels)},
+        states=tuple(
+            (float(time_s), state)
+            for time_s, state in zip(
+                arrivals.get(STATE.name, none), samples.values[STATE.name], strict=True
+            )
+        ),
+        diagnostics=tuple(_diagnostics(samples, stamps)),
+        arrivals=arrivals,
+        stamps=stamps,
+    )
+
+
+def _seconds(times_ns: dict[str, NDArray[np.int64]], start_ns: int) -> dict[str, Array]:
+    return {topic: np.array((times - start_ns) * 1e-9) for topic, times in times_ns.items()}
+
+
+def _in_order(times: Array, values: Array, *, partly: bool = False) -> tuple[Array, Array]:
+    """
+    Sort by time, leave out what is no number, and of equal times all but the first.
+
+    Args:
+        times: s, (k,).
+        values: (k, n).
+        partly: whether rows are kept of which some values are numbers.
+
+    Returns:
+        Times and values that are left.
+
+    """
+    numbers = np.isfinite(values)
+    sound = (numbers.any(axis=1) if partly else numbers.all(axis=1)) & np.isfinite(times)
+    times, values = times[sound], values[sound]
+    times, index = np.unique(times, return_index=True)
+    return times, values[index]
+
+
+def _joints(
+    path: Path, rows: list[Any], info: dict[str, Any]
+) -> tuple[tuple[str, ...], NDArray[np.float64], bool]:
+    """Bring every joint state into one order: that of the run, else that of the first."""
+    told = info.get('joint_names')
+    names: tuple[str, ...] = rows[0][0]
+    if isinstance(told, list) and set(told) == set(names):
+        names = tuple(told)
+    if not 0 < len(names) <= MOST_JOINTS or len(set(names)) != len(names):
+        raise DataError(f'{path}: {JOINT_STATES.name}: {len(names)} joints of {len(set(names))}')
+    # velocities are optional in a joint state
+    told_velocities = all(len(row[2]) == len(row[0]) for row in rows)
+    ordered = []
+    for own_names, positions, velocities in rows:
+        if set(own_names) != set(names) or len(positions) != len(own_names):
+            raise DataError(f'{path}: {JOINT_STATES.name}: not always of the same joints')
+        place = {name: index for index, name in enumerate(own_names)}
+        if not told_velocities:
+            velocities = (0.0,) * len(own_names)
+        ordered.append(
+            [positions[place[name]] for name in names]
+            + [velocities[place[name]] for name in names]
+        )
+    return names, np.array(ordered, dtype=np.float64), told_velocities
+
+
+def _info(path: Path, texts: list[str]) -> dict[str, Any]:
+    if not texts:
+        return {}
+    try:
+        info = json.loads(texts[0])
+    except (ValueError, RecursionError) as error:
+        raise DataError(f'{path}: {INFO.name}: not JSON: {error}') from error
+    if not isinstance(info, dict):
+        raise DataError(f'{path}: {INFO.name}: not a JSON object')
+    return info
+
+
+def _limits(
+    path: Path, info: dict[str, Any], description: str, names: tuple[str, ...]
+) -> JointLimits | None:
+    told = info.get('joint_limits')
+    if isinstance(told, dict):
+        lower, upper, velocity, acceleration = (
+            _vector(told.get(key), len(names), path)
+            for key in ('lower', 'upper', 'velocity', 'acceleration')
+        )
+        return JointLimits(lower, upper, velocity, acceleration)
+    return _limits_of_urdf(description, names)
+
+
+def _limits_of_urdf(description: str, names: tuple[str, ...]) -> JointLimits | None:
+    try:
+        joints = {
+            joint.get('name'): joint for joint in ElementTree.fromstring(description).iter('joint')
+        }
+        rows = []
+        for name in names:
+            limit = joints[name].find('limit')
+            if limit is None:
+                return None
+            rows.append([float(limit.get(key, 'nan')) for key in ('lower', 'upper', 'velocity')])
+    except (ElementTree.ParseError, KeyError, ValueError):
+        return None
+    lower, upper, velocity = np.array(rows).T
+    return JointLimits(lower, upper, velocity, None)
+
+
+def _vector(value: Any, count: int, path: Path) -> Array:
+    if value is None:
+        return np.zeros(count)
+    try:
+        vector = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise DataError(f'{path}: {INFO.name}: {value!r} is not a vector'[:300]) from error
+    if vector.shape != (count,):
+        raise DataError(f'{path}: {INFO.name}: {vector.shape} numbers instead of {count}')
+    return vector
+
+
+def _diagnostics(samples: _Samples, stamps: dict[str, Array]) -> list[NodeStatus]:
+    found = []
+    for time_s, statuses in zip(
+        stamps.get(DIAGNOSTICS.name, ()), samples.values[DIAGNOSTICS.name], strict=True
+    ):
+        for status in statuses:
+            values = {str(pair.key): str(pair.value) for pair in status.values}
+            found.append(
+                NodeStatus(
+                    float(time_s), str(status.name), int(status.level), str(status.message), values
+                )
+            )
+    return found
+
+
+def _nanoseconds(stamp: Any) -> int:
+    return int(stamp.sec) * 10**9 + int(stamp.nanosec)
+
+
+def _xyz(vector: Any) -> tuple[float, float, float]:
+    return (vector.x, vector.y, vector.z)
+
+
+def _position(message: Any) -> tuple[float, float, float]:
+    return _xyz(message.pose.position)

@@ -1,0 +1,137 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The bag of a lockstep run: the messages that the graph would have sent, on the same topics."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+import json
+from pathlib import Path
+from typing import Any
+
+from handover_dmp.handover.lockstep import NANOSECONDS, Period, REPLAY_AT_S
+from handover_dmp.handover.scenario import Scenario
+from handover_dmp.mocap.filtering import interpolate
+from handover_dmp.recording import BagWriter, Qos
+from handover_dmp.recording.messages import (
+    clock,
+    float_array,
+    joint_state,
+    Message,
+    pose_stamped,
+    string,
+    twist_stamped,
+)
+from handover_dmp.topics import (
+    CLOCK,
+    HAND_POSE,
+    HUMAN_POSE,
+    IK_STATUS,
+    INFO,
+    JOINT_COMMAND,
+    JOINT_STATES,
+    PHASE,
+    POSE_COMMAND,
+    ROBOT_DESCRIPTION,
+    STATE,
+    Topic,
+    TWIST_COMMAND,
+    WRIST_POSE,
+)
+import numpy as np
+import pinocchio
+
+
+def write_run_bag(
+    folder: Path, scenario: Scenario, periods: Sequence[Period], info: dict[str, Any]
+) -> None:
+    """
+    Write the bag of a run.
+
+    Args:
+        folder: of the bag, which must not exist.
+        scenario: what was run.
+        periods: what every period saw and said.
+        info: what `/handover/info` says.
+
+    Raises:
+        DataError: the folder exists or cannot be written.
+
+    """
+    with BagWriter(folder) as bag:
+        start_ns = periods[0].time_ns
+        _write(bag, ROBOT_DESCRIPTION, string(scenario.robot.urdf_text), start_ns)
+        _write(bag, INFO, string(json.dumps(info)), start_ns)
+        state = None
+        rotation = periods[0].wrist_rotation
+        for period, human in zip(periods, _human_path(scenario, periods), strict=True):
+            _write(bag, HUMAN_POSE, pose_stamped(period.time_ns, human), period.time_ns)
+            for topic, message in _messages(period, scenario.robot.joint_names, rotation):
+                _write(bag, topic, message, period.time_ns)
+            if period.command.state is not state:
+                state = period.command.state
+                _write(bag, STATE, string(state.value), period.time_ns)
+
+
+def _human_path(scenario: Scenario, periods: Sequence[Period]) -> list[list[float]]:
+    """Where P2 was in the recording at each period, at rest before and after."""
+    trial = scenario.trial
+    since = np.array([period.time_ns for period in periods]) / NANOSECONDS - REPLAY_AT_S
+    times = trial.times[0] + np.clip(since, 0.0, trial.duration_s)
+    path: list[list[float]] = interpolate(trial.times, trial.p2)(times).tolist()
+    return path
+
+
+def _messages(
+    period: Period, joint_names: Sequence[str], commanded_rotation: Any
+) -> Iterable[tuple[Topic, Message]]:
+    time_ns, command, answer = period.time_ns, period.command, period.answer
+    yield CLOCK, clock(time_ns)
+    yield (
+        JOINT_STATES,
+        joint_state(
+            time_ns,
+            joint_names,
+            period.joint_positions.tolist(),
+            period.joint_velocities.tolist(),
+        ),
+    )
+    yield WRIST_POSE, _pose(time_ns, period.wrist_position.tolist(), period.wrist_rotation)
+    for sample in period.hand:
+        yield (
+            HAND_POSE,
+            pose_stamped(round(sample.stamp_s * NANOSECONDS), sample.position.tolist()),
+        )
+    yield POSE_COMMAND, _pose(time_ns, command.position, commanded_rotation)
+    yield TWIST_COMMAND, twist_stamped(time_ns, command.velocity)
+    yield PHASE, _labelled(command.numbers(time_ns / NANOSECONDS))
+    if answer.velocities is not None:
+        yield JOINT_COMMAND, float_array(answer.velocities.tolist(), [str(time_ns)])
+    yield IK_STATUS, _labelled(answer.numbers(time_ns / NANOSECONDS))
+
+
+def _write(bag: BagWriter, topic: Topic, message: Message, time_ns: int) -> None:
+    reliability, durability, depth = topic.quality.value
+    qos = Qos(reliability, durability, history='keep_last', depth=depth)
+    bag.add_topic(topic.name, topic.type_name, qos)
+    bag.write_message(topic.name, message, time_ns)
+
+
+def _pose(time_ns: int, position: Sequence[float], rotation: Any) -> Message:
+    return pose_stamped(time_ns, position, pinocchio.Quaternion(rotation).coeffs())
+
+
+def _labelled(values: dict[str, float]) -> Message:
+    return float_array(list(values.values()), list(values))

@@ -1,0 +1,523 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The human partner as a kinematic figure: it stands upright and its right hand is where P1's was.
+
+The figure is the `human_description` of the package example-robot-data (36 joints, axes as the
+International Society of Biomechanics has them: x forward, y up, z to the right). It takes no part
+in the physics: the recorded hand moves as it moved, whatever the robot does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from handover_dmp.common.quiet_pybullet import pybullet, silenced
+from handover_dmp.common.settings import setting
+from handover_dmp.robot.descriptions import example_robot_data_folder
+import numpy as np
+from numpy.typing import NDArray
+import pinocchio as pin
+
+Array = NDArray[np.float64]
+
+ARM_JOINTS = (
+    'right_clavicle_joint_X',
+    'right_shoulder_Z',
+    'right_shoulder_X',
+    'right_shoulder_Y',
+    'right_elbow_Z',
+    'right_elbow_Y',
+    'right_wrist_Z',
+    'right_wrist_X',
+)
+# Standing at ease, rad: the arm that does not act a little off the body, eyes down to the hands.
+STANDING = {
+    'left_shoulder_X': 0.10,
+    'left_elbow_Z': 0.25,
+    'left_hip_X': 0.05,
+    'left_ankle_X': 0.05,
+    'right_hip_X': 0.05,
+    'right_ankle_X': 0.05,
+    'middle_cervical_Z': 0.25,
+}
+# Where the acting arm would rather be, rad, and how much it minds to leave it.
+ARM_AT_EASE = np.array([0.0, 0.55, 0.22, 0.0, 1.15, 0.0, 0.0, 0.0])
+ARM_STIFFNESS = np.array([3.0, 0.25, 0.35, 0.25, 0.25, 0.6, 0.8, 0.8])
+# The same for the wrist's position, in 1/m, and for the fingers, that point ahead and a little up.
+WRIST_WEIGHT = 1e3
+FINGER_WEIGHT = 0.3
+FINGERS_AHEAD = np.array([1.0, 0.15, 0.0]) / np.hypot(1.0, 0.15)
+
+Colour = tuple[float, float, float, float]
+SKIN: Colour = (0.86, 0.66, 0.53, 1.0)
+SHIRT: Colour = (0.23, 0.44, 0.58, 1.0)
+TROUSERS: Colour = (0.25, 0.27, 0.33, 1.0)
+SHOES: Colour = (0.14, 0.13, 0.13, 1.0)
+CLOTHES: Mapping[str, Colour] = {
+    'pelvis': TROUSERS,
+    'upperleg': TROUSERS,
+    'lowerleg': TROUSERS,
+    'foot': SHOES,
+    'abdomen': SHIRT,
+    'thorax': SHIRT,
+    'upperarm': SHIRT,
+    'lowerarm': SKIN,
+    'hand': SKIN,
+    'head': SKIN,
+}
+# The description's trunk is narrower than its shoulders are apart; these widen it to meet them:
+# factors on the scale of its meshes, forward, up and to the right.
+FIT: Mapping[str, tuple[float, float, float]] = {
+    'thorax': (1.0, 1.0, 1.55),
+    'abdomen': (1.0, 1.0, 1.35),
+    'pelvis': (1.0, 1.0, 1.15),
+    'upperarm_0': (1.45, 1.45, 1.45),
+}
+
+
+@dataclass(frozen=True)
+class HumanOptions:
+    """
+    How the figure stands.
+
+    Attributes:
+        hand_below_shoulder_m: height of the shoulder over the hand at the exchange where the
+            height of the floor is not known, m.
+        reach_at_exchange_m: horizontal distance that the arm would rather have from shoulder to
+            wrist at the exchange, m.
+        update_rate_hz: how often a running simulation moves the figure, Hz.
+
+    """
+
+    hand_below_shoulder_m: float = setting('robot_sim', 'human.hand_below_shoulder_m')
+    reach_at_exchange_m: float = setting('robot_sim', 'human.reach_at_exchange_m')
+    update_rate_hz: float = setting('robot_sim', 'human.update_rate_hz')
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """
+    One rigid piece of the figure's surface.
+
+    Attributes:
+        path: its file.
+        scale: (3,), metres a file unit.
+        position: (3,), m, in the frame of the body part.
+        orientation: (4,), quaternion x, y, z, w, in the same frame.
+
+    """
+
+    path: str
+    scale: tuple[float, ...]
+    position: tuple[float, ...]
+    orientation: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class BodyPart:
+    """
+    Pieces of one colour that move as one.
+
+    Attributes:
+        joint: index of the arm's Pinocchio joint that carries them; 0: what stands still.
+        colour: red, green, blue, opacity, 0 to 1.
+        meshes: the pieces.
+
+    """
+
+    joint: int
+    colour: Colour
+    meshes: tuple[Mesh, ...]
+
+
+@dataclass(frozen=True)
+class HumanPosture:
+    """
+    What the figure does at one moment.
+
+    Attributes:
+        joints: (8,), rad, of `ARM_JOINTS`.
+        shift: (3,), m, how far it has stepped from its place because the hand is out of reach.
+        hand_position: (3,), m, of the wrist, in `world`.
+        hand_rotation: (3, 3), of the hand, in `world`; -y points along the fingers.
+
+    """
+
+    joints: Array
+    shift: Array
+    hand_position: Array
+    hand_rotation: Array
+
+
+@dataclass(frozen=True)
+class _Anatomy:
+    """The figure before it is placed: arm model, surface, and lengths in its own axes."""
+
+    arm: Any
+    parts: tuple[BodyPart, ...]
+    sole_m: float  # depth of the soles below the pelvis
+    shoulder: Array  # (3,), of the right shoulder, relative to the pelvis
+    reach_m: float  # shoulder to wrist, stretched
+
+
+@cache
+def _anatomy() -> _Anatomy:
+    share = example_robot_data_folder()
+    urdf = share / 'robots' / 'human_description' / 'robots' / 'human.urdf'
+    with silenced():
+        whole = pin.buildModelFromUrdf(str(urdf))
+        surface = pin.buildGeomFromUrdf(
+            whole, str(urdf), pin.VISUAL, package_dirs=[str(share.parent)]
+        )
+    standing = pin.neutral(whole)
+    for name, angle in STANDING.items():
+        standing[whole.joints[whole.getJointId(name)].idx_q] = angle
+    locked = [i for i in range(1, whole.njoints) if whole.names[i] not in ARM_JOINTS]
+    arm, (arm_surface,) = pin.buildReducedModel(whole, [surface], locked, standing)
+    data = arm.createData()
+    pin.forwardKinematics(arm, data, np.zeros(arm.nq))
+    joint = {name: data.oMi[arm.getJointId(name)].translation for name in ARM_JOINTS}
+    return _Anatomy(
+        arm=arm,
+        parts=_body_parts(arm_surface),
+        sole_m=_sole_depth(arm_surface),
+        shoulder=joint['right_shoulder_Z'].copy(),
+        reach_m=float(np.linalg.norm(joint['right_wrist_Z'] - joint['right_shoulder_Z'])),
+    )
+
+
+def _body_parts(surface: Any) -> tuple[BodyPart, ...]:
+    pieces: dict[tuple[int, Colour], list[Mesh]] = {}
+    for piece in surface.geometryObjects:
+        colour = next(colour for word, colour in CLOTHES.items() if word in piece.name)
+        fit = next((fit for word, fit in FIT.items() if word in piece.name), (1.0, 1.0, 1.0))
+        mesh = Mesh(
+            path=piece.meshPath,
+            scale=tuple(np.asarray(piece.meshScale) * fit),
+            position=tuple(piece.placement.translation),
+            orientation=tuple(pin.Quaternion(piece.placement.rotation).coeffs()),
+        )
+        pieces.setdefault((piece.parentJoint, colour), []).append(mesh)
+    return tuple(BodyPart(joint, colour, tuple(m)) for (joint, colour), m in pieces.items())
+
+
+def _sole_depth(surface: Any) -> float:
+    lowest = 0.0
+    for piece in surface.geometryObjects:
+        if 'foot' in piece.name:
+            corners = piece.placement.translation + (
+                piece.geometry.vertices() @ piece.placement.rotation.T
+            )
+            lowest = min(lowest, float(corners[:, 1].min()))
+    return -lowest
+
+
+class HumanFigure:
+    """
+    A person who stands upright, faces the partner and holds the right wrist where it is put.
+
+    The place is chosen once, from the path that the wrist will take, so that every point of it is
+    in reach and in front of the body. Should a wrist come that is out of reach all the same, the
+    whole figure steps after it.
+    """
+
+    def __init__(
+        self,
+        hand_path: Array,
+        partner: Array,
+        *,
+        floor_height_m: float | None = None,
+        options: HumanOptions | None = None,
+    ) -> None:
+        """
+        Place the figure.
+
+        Args:
+            hand_path: (n, 3), m, positions of the right wrist in `world`; the last one is near the
+                exchange. One point is enough.
+            partner: (3,), m, where the partner stands or reaches to, in `world`.
+            floor_height_m: z of the floor; None: 0 if a person could stand there, else below the
+                exchange as `options` says.
+            options: how it stands.
+
+        Raises:
+            RobotDescriptionError: example-robot-data is not installed.
+
+        """
+        self.options = options or HumanOptions()
+        self._anatomy = _anatomy()
+        self._model = self._anatomy.arm
+        self._data = self._model.createData()
+        self._hand_frame = self._model.getFrameId('right_hand')
+        self._lower = self._model.lowerPositionLimit.copy()
+        self._upper = self._model.upperPositionLimit.copy()
+        self._rows = np.vstack([np.zeros((6, self._model.nv)), np.diag(ARM_STIFFNESS)])
+        self._wanted = np.zeros(len(self._rows))
+        path = np.atleast_2d(np.asarray(hand_path, dtype=float))
+        self.floor_height_m = (
+            self._likely_floor(path[-1]) if floor_height_m is None else floor_height_m
+        )
+        self.heading, self._pelvis = self._place(path, np.asarray(partner, dtype=float))
+        upright = pin.rpy.rpyToMatrix(np.pi / 2, 0.0, self.heading)
+        self._root = pin.SE3(upright, self._pelvis)
+        self._ahead = np.array([np.cos(self.heading), np.sin(self.heading), 0.0])
+        self.shoulder = self._root.act(self._anatomy.shoulder)
+        self._joints = ARM_AT_EASE.copy()
+
+    @property
+    def parts(self) -> tuple[BodyPart, ...]:
+        """Return the surface, in pieces that move as one."""
+        return self._anatomy.parts
+
+    @property
+    def pelvis(self) -> Array:
+        """Where it stands: position of the pelvis, (3,), m, in `world`."""
+        return self._pelvis
+
+    @property
+    def height_m(self) -> float:
+        """From the floor to the crown, m, of the figure as example-robot-data has it."""
+        return self._anatomy.sole_m + 0.73
+
+    def _likely_floor(self, exchange: Array) -> float:
+        """Tell a room frame, with its floor at z = 0, from a frame between two chests."""
+        shoulder = self._anatomy.sole_m + self._anatomy.shoulder[1]
+        below_shoulder = shoulder - exchange[2]
+        if -0.1 < below_shoulder < 0.55:
+            return 0.0
+        return float(exchange[2] + self.options.hand_below_shoulder_m - shoulder)
+
+    def _place(self, path: Array, partner: Array) -> tuple[float, Array]:
+        """
+        Try places around the natural one and take the one that suits the whole path best.
+
+        Natural is: facing the partner, the wrist of the exchange ahead of the shoulder, by
+        `reach_at_exchange_m` and a little to the inside.
+        """
+        ahead = partner[:2] - path[-1, :2]
+        if np.linalg.norm(ahead) < 1e-3:
+            ahead = path[-1, :2] - path[0, :2]
+        facing = float(np.arctan2(ahead[1], ahead[0])) if np.linalg.norm(ahead) > 1e-3 else 0.0
+        samples = path[np.linspace(0, len(path) - 1, min(len(path), 40)).astype(int)]
+        turn, forward, inward = (
+            grid.ravel()
+            for grid in np.meshgrid(
+                np.radians(np.linspace(-40, 40, 9)),
+                np.linspace(0.12, 0.54, 15),
+                np.linspace(-0.12, 0.30, 15),
+                indexing='ij',
+            )
+        )
+        heading = facing + turn
+        front = np.stack([np.cos(heading), np.sin(heading)], axis=1)
+        right = np.stack([front[:, 1], -front[:, 0]], axis=1)
+        shoulder = path[-1, :2] - forward[:, None] * front + inward[:, None] * right
+        from_habit = (
+            (forward - self.options.reach_at_exchange_m) ** 2
+            + (inward - 0.08) ** 2
+            + 0.15 * turn**2
+        )
+        cost = from_habit + self._discomfort(samples, shoulder, front, right)
+        best = int(np.argmin(cost))
+        shoulder_forward, _, shoulder_right = self._anatomy.shoulder
+        pelvis = shoulder[best] - shoulder_forward * front[best] - shoulder_right * right[best]
+        height = self.floor_height_m + self._anatomy.sole_m
+        return float(heading[best]), np.array([pelvis[0], pelvis[1], height])
+
+    def _discomfort(self, path: Array, shoulder: Array, front: Array, right: Array) -> Array:
+        """
+        Judge places by how awkwardly the arm would follow a path from there.
+
+        Args:
+            path: (n, 3), m.
+            shoulder: (places, 2), m, where the shoulder would be.
+            front: (places, 2), unit vectors, where the figure would face.
+            right: (places, 2), unit vectors, to its right.
+
+        Returns:
+            (places,), mean squares of metres by which the wrist is too far, too near, too far
+            behind or inside the body.
+
+        """
+        shoulder_forward, shoulder_up, shoulder_right = self._anatomy.shoulder
+        away = path[None, :, :2] - shoulder[:, None, :]
+        up = path[:, 2] - (self.floor_height_m + self._anatomy.sole_m + shoulder_up)
+        distance = np.sqrt((away**2).sum(axis=2) + up**2)
+        ahead = np.einsum('psk,pk->ps', away, front)
+        aside = np.einsum('psk,pk->ps', away, right)
+        from_spine = np.hypot(ahead + shoulder_forward, aside + shoulder_right)
+        reach = self._anatomy.reach_m
+        excesses = (
+            (400.0, distance - 0.90 * reach),
+            (400.0, 0.40 * reach - distance),
+            (400.0, 0.27 - from_spine),  # the trunk fills the first 0.2 m
+            (100.0, -0.05 - ahead),
+        )
+        return np.asarray(
+            sum(weight * (np.maximum(0.0, e) ** 2).mean(axis=1) for weight, e in excesses)
+        )
+
+    def posture(self, hand: Array, start: Array | None = None) -> HumanPosture:
+        """
+        Put the right wrist on a point.
+
+        Damped Gauss-Newton steps on wrist position, direction of the fingers and the arm's ease,
+        the first so much heavier that it holds to a micrometre.
+
+        Args:
+            hand: (3,), m, of the wrist, in `world`.
+            start: (8,), rad, joints to start from; None: those of the last posture.
+
+        Returns:
+            The posture.
+
+        """
+        hand = np.asarray(hand, dtype=float)
+        shift = self._step_after(hand)
+        to_figure = self._root.rotation.T
+        target = to_figure @ (hand - shift - self._root.translation)
+        joints = self._joints if start is None else start
+        for _ in range(60):
+            change = self._improvement(joints, target)
+            joints = np.minimum(np.maximum(joints + change, self._lower), self._upper)
+            # The next one would move the wrist by less than a micrometre.
+            if np.abs(change).max() < 1e-3:
+                break
+        self._joints = joints
+        pin.framesForwardKinematics(self._model, self._data, joints)
+        placement = self._root * self._data.oMf[self._hand_frame]
+        return HumanPosture(joints, shift, placement.translation + shift, placement.rotation)
+
+    def _improvement(self, joints: Array, target: Array) -> Array:
+        """Return the next Gauss-Newton step; the rows of the least squares are kept between."""
+        model, data, frame = self._model, self._data, self._hand_frame
+        pin.computeJointJacobians(model, data, joints)
+        placement = pin.updateFramePlacement(model, data, frame)
+        jacobian = pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
+        pointing = -placement.rotation[:, 1]
+        rows, wanted = self._rows, self._wanted
+        rows[:3] = WRIST_WEIGHT * jacobian[:3]
+        rows[3:6] = (-FINGER_WEIGHT * pin.skew(pointing)) @ jacobian[3:]
+        wanted[:3] = WRIST_WEIGHT * (target - placement.translation)
+        wanted[3:6] = FINGER_WEIGHT * (FINGERS_AHEAD - pointing)
+        wanted[6:] = ARM_STIFFNESS * (ARM_AT_EASE - joints)
+        # A joint at its bound would otherwise take up motion that it cannot make.
+        stuck = (joints <= self._lower) | (joints >= self._upper)
+        if stuck.any():
+            rows[:6, stuck] = 0.0
+        change: Array = np.linalg.solve(rows.T @ rows, rows.T @ wanted)
+        return change * min(1.0, 0.5 / max(1e-12, float(np.abs(change).max())))
+
+    def _step_after(self, hand: Array) -> Array:
+        """Move the whole figure by what the hand is out of reach, without a kink."""
+        away = hand - self.shoulder
+        distance = float(np.linalg.norm(away))
+        width = 0.01
+        beyond = (distance - 0.96 * self._anatomy.reach_m) / width
+        step = width * float(np.logaddexp(0.0, beyond))
+        return np.asarray(away * (step / max(distance, 1e-9)))
+
+    def postures(self, hand_path: Array) -> list[HumanPosture]:
+        """
+        Follow a path from its start.
+
+        Args:
+            hand_path: (n, 3), m.
+
+        Returns:
+            One posture a point.
+
+        """
+        self._joints = ARM_AT_EASE.copy()
+        return [self.posture(point) for point in np.asarray(hand_path, dtype=float)]
+
+    def part_pose(self, part: BodyPart, posture: HumanPosture) -> tuple[Array, Array]:
+        """
+        Say where a part is; the posture must be the one that was asked for last.
+
+        Args:
+            part: one of `parts`.
+            posture: what `posture` returned last.
+
+        Returns:
+            Position (3,), m, and quaternion x, y, z, w, in `world`.
+
+        """
+        placement = self._root * self._data.oMi[part.joint]
+        rotation = pin.Quaternion(placement.rotation).coeffs()
+        return placement.translation + posture.shift, rotation
+
+
+class FigureBodies:
+    """A figure in a PyBullet world: massless bodies without collision shapes, moved by hand."""
+
+    def __init__(self, figure: HumanFigure, client: int) -> None:
+        """
+        Put the figure into a world.
+
+        Args:
+            figure: the figure.
+            client: PyBullet's number of the world.
+
+        """
+        self.figure = figure
+        self._client = client
+        with silenced():
+            self._bodies = [self._body(part) for part in figure.parts]
+        self._shift: Array | None = None
+
+    def _body(self, part: BodyPart) -> int:
+        shape = pybullet.createVisualShapeArray(
+            shapeTypes=[pybullet.GEOM_MESH] * len(part.meshes),
+            fileNames=[mesh.path for mesh in part.meshes],
+            meshScales=[mesh.scale for mesh in part.meshes],
+            visualFramePositions=[mesh.position for mesh in part.meshes],
+            visualFrameOrientations=[mesh.orientation for mesh in part.meshes],
+            physicsClientId=self._client,
+        )
+        body = pybullet.createMultiBody(
+            baseMass=0, baseVisualShapeIndex=shape, physicsClientId=self._client
+        )
+        pybullet.changeVisualShape(body, -1, rgbaColor=part.colour, physicsClientId=self._client)
+        return int(body)
+
+    def show(self, hand: Array, start: Array | None = None) -> HumanPosture:
+        """
+        Move the figure so that its right wrist is on a point.
+
+        Args:
+            hand: (3,), m, in `world`.
+            start: (8,), rad, joints to look for the posture from; None: those that it has.
+
+        Returns:
+            The posture that it has taken.
+
+        """
+        posture = self.figure.posture(hand, start)
+        # What stands still is moved only if the figure has stepped.
+        stepped = self._shift is None or not np.allclose(self._shift, posture.shift, atol=1e-5)
+        for part, body in zip(self.figure.parts, self._bodies, strict=True):
+            if stepped or part.joint:
+                position, orientation = self.figure.part_pose(part, posture)
+                pybullet.resetBasePositionAndOrientation(
+                    body, position, orientation, physicsClientId=self._client
+                )
+        if stepped:
+            self._shift = posture.shift
+        return posture

@@ -1,0 +1,56 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The hand now: recordings played back, the model of a sensor, the estimator of the moving goal.
+
+The public names are imported when they are first used, so that a node that needs the goal
+estimator alone does not load scipy.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any, TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from handover_dmp.tracking.goal_estimator import GoalEstimator, HandEstimate, HandFilter
+    from handover_dmp.tracking.playback import HandSample, Replay
+    from handover_dmp.tracking.sensor_model import Observation, SensorModel
+
+_HOMES = {
+    'GoalEstimator': 'goal_estimator',
+    'HandEstimate': 'goal_estimator',
+    'HandFilter': 'goal_estimator',
+    'HandSample': 'playback',
+    'Observation': 'sensor_model',
+    'Replay': 'playback',
+    'SensorModel': 'sensor_model',
+}
+
+__all__ = [
+    'GoalEstimator',
+    'HandEstimate',
+    'HandFilter',
+    'HandSample',
+    'Observation',
+    'Replay',
+    'SensorModel',
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    return getattr(import_module(f'{__name__}.{_HOMES[name]}'), name)

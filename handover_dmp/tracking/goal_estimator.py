@@ -1,0 +1,362 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Where the partner's hand is now and how fast it moves, from poses that come as they come.
+
+A Kalman filter of constant velocity, driven by white acceleration noise. The three axes share one
+covariance, since they share the model and the noise, so a step is some forty products on plain
+floats. Around it is what a real stream of poses needs: late poses are put in their place and the
+later ones filtered again, repeated ones are dropped, far-off ones are not believed until they
+last, and the answer is predicted to the time it is asked for.
+
+Measured with the default parameters (the tests hold them):
+
+    rate of the poses, Hz                            200     120      60      24
+    noise of the position / noise of a pose         0.63    0.73    0.85    0.96
+    noise of the speed, m/s for 1 mm on a pose     0.037   0.039   0.041   0.036
+    lag at constant speed, mm                          0       0       0       0
+    lag at 1 m/s², mm                              0.085   0.094   0.096   0.070
+    lag of the speed, ms                              13      14      15      17
+    reaches of the synthetic takes, 0.5 mm noise, poses 30 ms old, asked for at 200 Hz:
+    error of the position, mm rms                    2.0     2.4     2.9     4.4
+    error of the newest pose itself, mm rms         12.6    14.0    15.8    21.5
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+import math
+from typing import NamedTuple, TypeAlias
+
+from handover_dmp.common.errors import UsageError
+from handover_dmp.common.settings import setting
+
+Vector: TypeAlias = tuple[float, float, float]
+
+_SAME_STAMP_S = 1e-7
+_FUTURE_S = 0.005
+_LARGEST_COORDINATE_M = 100.0
+_FIRST_SPEED_DEVIATION = 0.5
+# Bounds the work of one update, whatever the stream.
+_MOST_POSES_KEPT = 32
+_LEAST_POSES_TO_REACQUIRE = 3
+_MOST_CANDIDATES = 4
+# However long ago the last pose, the gate is at most so many times as wide as at first.
+_WIDEST_GATE = 3.0
+
+
+@dataclass(frozen=True)
+class HandFilter:
+    """
+    Parameters of the goal estimator; the defaults stand in `config/handover.yaml`.
+
+    Attributes:
+        acceleration_noise: root of the spectral density of the hand's acceleration, m/s²/√Hz.
+            Larger: less lag, more noise.
+        measurement_noise_m: standard deviation of a pose's position, m. Its ratio to
+            `acceleration_noise` sets the smoothing.
+        outlier_distance_m: a pose further than this from where the hand is expected, m, is not
+            believed.
+        hand_acceleration: what a hand may do between two poses, m/s²; widens the gate by half of
+            it times the square of the time between them, to three times its width at most.
+        reacquire_s: poses that were not believed but agree with each other for this long, s, are
+            believed, so that the filter can never lock itself out.
+        lost_s: without a pose for this long, s, the old ones no longer tell where the hand is.
+        late_limit_s: poses up to this much older than the newest, s, are still worked in.
+        prediction_limit_s: how far ahead of the newest pose the hand is taken to move on at its
+            speed, s; the speed then falls to zero within the same time again.
+        delay_s: how much later than the truth the poses are stamped, s.
+
+    Raises:
+        UsageError: a value is out of range.
+
+    """
+
+    acceleration_noise: float = setting('dmp', 'hand_filter.acceleration_noise')
+    measurement_noise_m: float = setting('dmp', 'hand_filter.measurement_noise_m')
+    outlier_distance_m: float = setting('dmp', 'hand_filter.outlier_distance_m')
+    hand_acceleration: float = setting('dmp', 'hand_filter.hand_acceleration')
+    reacquire_s: float = setting('dmp', 'hand_filter.reacquire_s')
+    lost_s: float = setting('dmp', 'hand_filter.lost_s')
+    late_limit_s: float = setting('dmp', 'hand_filter.late_limit_s')
+    prediction_limit_s: float = setting('dmp', 'hand_filter.prediction_limit_s')
+    delay_s: float = setting('dmp', 'hand_filter.delay_s')
+
+    def __post_init__(self) -> None:
+        may_be_zero = {'hand_acceleration', 'late_limit_s', 'prediction_limit_s', 'delay_s'}
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise UsageError(f'hand_filter.{item.name}: {value} is not 0 or more')
+            if value == 0.0 and item.name not in may_be_zero:
+                raise UsageError(f'hand_filter.{item.name}: must be more than 0')
+
+
+class HandEstimate(NamedTuple):
+    """
+    The hand at the time asked for.
+
+    Attributes:
+        position: x, y, z in m.
+        velocity: x, y, z in m/s.
+        stamp_s: time of the newest pose that it rests on, s; `delay_s` already taken off.
+
+    """
+
+    position: Vector
+    velocity: Vector
+    stamp_s: float
+
+
+class GoalEstimator:
+    """
+    Position and velocity of the hand, from stamped poses at 24 to 200 Hz.
+
+    Nothing that a stream can hold stops it: numbers that are not finite, poses twice, late, out
+    of order, far off, from the future or from another clock are left out, and counted.
+
+    Attributes:
+        parameters: of the filter.
+        accepted: how many poses were worked in.
+        rejected: how many were not, by reason: `not_finite`, `future`, `repeated`, `late`,
+            `outlier`, `gap`.
+
+    """
+
+    def __init__(self, parameters: HandFilter | None = None) -> None:
+        """
+        Make an estimator that knows of no hand yet.
+
+        Args:
+            parameters: of the filter; those of `config/handover.yaml` if left out.
+
+        """
+        self.parameters = parameters or HandFilter()
+        self.accepted = 0
+        self.rejected: Counter[str] = Counter()
+        self._track = _Track(self.parameters)
+        self._candidates: list[_Track] = []
+
+    def reset(self) -> None:
+        """Forget the hand, and the counts."""
+        self.accepted = 0
+        self.rejected.clear()
+        self._track = _Track(self.parameters)
+        self._candidates.clear()
+
+    def update(
+        self, stamp_s: float, position: Sequence[float], now_s: float | None = None
+    ) -> bool:
+        """
+        Work in a pose.
+
+        Args:
+            stamp_s: when it was measured, s.
+            position: x, y, z in m.
+            now_s: the time now on the clock of the stamps, s, where it is known; poses that are
+                stamped later are then left out.
+
+        Returns:
+            Whether it changed the estimate.
+
+        """
+        x, y, z = position
+        place = (float(x), float(y), float(z))
+        stamp = float(stamp_s) - self.parameters.delay_s
+        reason = self._refuse(stamp, place, now_s)
+        if not reason:
+            reason = self._track.add(stamp, place)
+            if not reason:
+                self.accepted += 1
+                self._candidates.clear()
+                return True
+            if reason != 'repeated' and self._consider(stamp, place):
+                self.accepted += 1
+                return True
+        self.rejected[reason] += 1
+        return False
+
+    def estimate(self, at_s: float) -> HandEstimate | None:
+        """
+        Tell where the hand is.
+
+        Args:
+            at_s: the time asked for, s; now, as a rule, so that the delay of the newest pose is
+                made up for.
+
+        Returns:
+            The hand at that time, or None if there was no pose yet.
+
+        """
+        if not self._track.poses:
+            return None
+        stamp, _, state = self._track.poses[-1]
+        x, y, z, vx, vy, vz = state[:6]
+        limit = self.parameters.prediction_limit_s
+        ahead = max(at_s - stamp, -limit)
+        way, share = ahead, 1.0
+        if ahead > limit:
+            # Uniformly braked from full speed at `limit` to a stand at twice that.
+            braking = min(ahead - limit, limit)
+            share = 1.0 - braking / limit if limit else 0.0
+            way = limit + 0.5 * braking * (1.0 + share)
+        return HandEstimate(
+            (x + vx * way, y + vy * way, z + vz * way),
+            (vx * share, vy * share, vz * share),
+            stamp,
+        )
+
+    def _refuse(self, stamp: float, place: Vector, now_s: float | None) -> str:
+        reach = max(abs(place[0]), abs(place[1]), abs(place[2]))
+        # A comparison with NaN is false, but max() may pass it over.
+        if not (math.isfinite(stamp) and math.isfinite(sum(place))):
+            return 'not_finite'
+        if reach > _LARGEST_COORDINATE_M:
+            return 'outlier'
+        if now_s is not None and stamp > now_s + _FUTURE_S:
+            return 'future'
+        return ''
+
+    def _consider(self, stamp: float, place: Vector) -> bool:
+        """Follow what was not believed, a few hands at a time; believe what has lasted."""
+        candidates = self._candidates
+        for index, candidate in enumerate(candidates):
+            outcome = candidate.add(stamp, place)
+            if outcome == 'repeated':
+                return False
+            if not outcome:
+                # The one followed last is the last to be given up.
+                candidates.append(candidates.pop(index))
+                break
+        else:
+            candidates.append(_Track(self.parameters))
+            candidates[-1].add(stamp, place)
+            if len(candidates) > _MOST_CANDIDATES:
+                del candidates[0]
+        best = candidates[-1]
+        lasted = stamp - best.first_stamp >= self.parameters.reacquire_s
+        if not (lasted and best.count >= _LEAST_POSES_TO_REACQUIRE):
+            return False
+        self._track = best
+        candidates.clear()
+        return True
+
+
+# x, y, z, vx, vy, vz and the covariance of one axis: position, position-velocity, velocity.
+_State: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
+_Pose: TypeAlias = tuple[float, Vector, _State]
+
+
+class _Track:
+    """
+    The newest poses that belong together, in order, with the filter's state after each.
+
+    Attributes:
+        poses: stamp (s), position (m) and state, oldest first.
+        count: how many poses it took in all.
+        first_stamp: of the first of them, s.
+
+    """
+
+    def __init__(self, parameters: HandFilter) -> None:
+        self.parameters = parameters
+        self.poses: list[_Pose] = []
+        self.count = 0
+        self.first_stamp = 0.0
+        self._density = parameters.acceleration_noise**2
+        self._variance = parameters.measurement_noise_m**2
+
+    def add(self, stamp: float, place: Vector) -> str:
+        """
+        Work in a pose.
+
+        Args:
+            stamp: s.
+            place: m.
+
+        Returns:
+            Why it was left out; empty if it was not.
+
+        """
+        poses = self.poses
+        if not poses:
+            speed_variance = _FIRST_SPEED_DEVIATION**2
+            poses.append(
+                (stamp, place, (*place, 0.0, 0.0, 0.0, self._variance, 0.0, speed_variance))
+            )
+            self.first_stamp = stamp
+            self.count = 1
+            return ''
+        index = len(poses) if stamp > poses[-1][0] else bisect_left(poses, (stamp,))
+        for near in poses[max(index - 1, 0): index + 1]:  # fmt: skip
+            if abs(near[0] - stamp) <= _SAME_STAMP_S:
+                return 'repeated'
+        if index == 0 or poses[-1][0] - stamp > self.parameters.late_limit_s:
+            return 'late'
+        before = poses[index - 1]
+        elapsed = stamp - before[0]
+        if elapsed > self.parameters.lost_s:
+            return 'gap'
+        if self._is_outlier(before[2], elapsed, place):
+            return 'outlier'
+        poses.insert(index, (stamp, place, self._step(before[2], elapsed, place)))
+        for later in range(index + 1, len(poses)):
+            previous, pose = poses[later - 1], poses[later]
+            state = self._step(previous[2], pose[0] - previous[0], pose[1])
+            poses[later] = (pose[0], pose[1], state)
+        self.count += 1
+        oldest = poses[-1][0] - self.parameters.late_limit_s
+        while len(poses) > _MOST_POSES_KEPT or (len(poses) > 2 and poses[1][0] < oldest):
+            del poses[0]
+        return ''
+
+    def _is_outlier(self, state: _State, elapsed: float, place: Vector) -> bool:
+        parameters = self.parameters
+        gate = parameters.outlier_distance_m
+        gate = min(
+            gate + 0.5 * parameters.hand_acceleration * elapsed * elapsed, _WIDEST_GATE * gate
+        )
+        dx = place[0] - state[0] - elapsed * state[3]
+        dy = place[1] - state[1] - elapsed * state[4]
+        dz = place[2] - state[2] - elapsed * state[5]
+        return dx * dx + dy * dy + dz * dz > gate * gate
+
+    def _step(self, state: _State, dt: float, place: Vector) -> _State:
+        """Predict over dt (s), then correct by the measured place (m)."""
+        x, y, z, vx, vy, vz, p, c, s = state
+        noise = self._density * dt
+        p += dt * (2.0 * c + dt * (s + noise / 3.0))
+        c += dt * (s + noise / 2.0)
+        s += noise
+        x += dt * vx
+        y += dt * vy
+        z += dt * vz
+        gain = p / (p + self._variance)
+        speed_gain = c / (p + self._variance)
+        dx, dy, dz = place[0] - x, place[1] - y, place[2] - z
+        return (
+            x + gain * dx,
+            y + gain * dy,
+            z + gain * dz,
+            vx + speed_gain * dx,
+            vy + speed_gain * dy,
+            vz + speed_gain * dz,
+            (1.0 - gain) * p,
+            (1.0 - gain) * c,
+            s - speed_gain * c,
+        )

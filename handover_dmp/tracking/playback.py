@@ -1,0 +1,429 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A recorded partner played back: what a tracker would have to say now.
+
+`Replay` is the recording on a clock that starts at 0, `TrackedHand` the same as a tracker sees it,
+before, during and after. `PlayedTrial` and `PlayedBag` are the partner of a trial and of a bag.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+from handover_dmp.common.errors import DataError
+from handover_dmp.mocap.filtering import interpolate
+from handover_dmp.mocap.trial import HandoverTrial
+from handover_dmp.topics import FRAME, HAND_POSE, HUMAN_POSE, SIGNAL
+from handover_dmp.tracking.sensor_model import SensorModel
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+CATCH_UP_S = 0.25
+ROUNDING = 1e-6
+MOST_POSES = 2_000_000
+NANOSECONDS = 1_000_000_000
+ROUNDING_S = 1e-6
+
+
+class HandSample(NamedTuple):
+    """
+    A pose to publish.
+
+    Attributes:
+        stamp_s: when it was measured, s on the clock of the replay.
+        position: (3,) m.
+
+    """
+
+    stamp_s: float
+    position: NDArray[np.float64]
+
+
+class Replay:
+    """
+    A recorded hand on a clock that starts at 0.
+
+    Made from a trial, it answers for any time, between the samples too; before its start the hand
+    rests where it was first seen, after its end where it was last seen. Made from stamped poses,
+    it gives those poses and no others, the newest that has arrived.
+
+    Attributes:
+        duration_s: from the first sample to the last arrival, s.
+
+    """
+
+    def __init__(
+        self,
+        duration_s: float,
+        *,
+        path: Callable[[float], NDArray[np.float64]] | None = None,
+        arrivals: Sequence[float] = (),
+        samples: Sequence[HandSample] = (),
+    ) -> None:
+        """
+        Make a replay; `from_trial` and `from_poses` are easier to use.
+
+        Args:
+            duration_s: from the first sample to the last arrival, s.
+            path: (3,) m at any time of the replay; else recorded samples are played back.
+            arrivals: when each sample arrives, s, in order.
+            samples: what arrives.
+
+        """
+        self.duration_s = duration_s
+        self._path = path
+        self._arrivals = list(arrivals)
+        self._samples = list(samples)
+
+    @classmethod
+    def from_trial(cls, trial: HandoverTrial) -> Replay:
+        """
+        Play back the hand of P1.
+
+        Args:
+            trial: the handover, conditioned where it is noisy.
+
+        Returns:
+            Its replay; 0 is the first sample.
+
+        """
+        return cls.from_motion(trial.times, trial.p1)
+
+    @classmethod
+    def from_motion(cls, times: NDArray[np.float64], positions: NDArray[np.float64]) -> Replay:
+        """
+        Play back any motion.
+
+        Args:
+            times: (n,) s, strictly increasing.
+            positions: (n, 3) m.
+
+        Returns:
+            Its replay; 0 is the first sample.
+
+        """
+        start, duration = float(times[0]), float(times[-1] - times[0])
+        spline = interpolate(times, positions)
+
+        first, last = np.array(positions[0], dtype=float), np.array(positions[-1], dtype=float)
+
+        def path(time_s: float) -> NDArray[np.float64]:
+            if time_s <= 0.0:
+                return first
+            if time_s >= duration:
+                return last
+            place: NDArray[np.float64] = spline(start + time_s)
+            return place
+
+        return cls(duration, path=path)
+
+    @classmethod
+    def from_poses(
+        cls,
+        poses: Sequence[tuple[float, ArrayLike]] | Sequence[tuple[float, float, ArrayLike]],
+    ) -> Replay:
+        """
+        Play back poses as they were recorded.
+
+        Args:
+            poses: (stamp in s, position (3,) in m) each, or (arrival in s, stamp in s, position)
+                each, as `SensorModel.observe` gives them. Where no arrival is told a pose arrives
+                when it was measured. Any clock; the replay's 0 is the earliest stamp.
+
+        Returns:
+            Their replay.
+
+        Raises:
+            DataError: there are none, or a number is not finite.
+
+        """
+        rows = [
+            (float(pose[0]), float(pose[-2]), np.array(pose[-1], dtype=float)) for pose in poses
+        ]
+        if not rows:
+            raise DataError('no poses to play back')
+        for number, (arrival, stamp, position) in enumerate(rows):
+            if position.shape != (3,) or not np.isfinite([arrival, stamp, *position]).all():
+                raise DataError(f'pose {number} to play back is not three finite numbers')
+        rows.sort(key=lambda row: row[:2])
+        zero = min(stamp for _, stamp, _ in rows)
+        arrivals = [arrival - zero for arrival, _, _ in rows]
+        samples = [HandSample(stamp - zero, position) for _, stamp, position in rows]
+        return cls(arrivals[-1], arrivals=arrivals, samples=samples)
+
+    def newest(self, time_s: float) -> HandSample | None:
+        """
+        Tell what is to be published now.
+
+        Args:
+            time_s: time since the start of the replay, s.
+
+        Returns:
+            The newest sample; its stamp tells whether it is a new one. None before the first.
+
+        """
+        if self._path is not None:
+            return HandSample(time_s, self._path(time_s))
+        arrived = bisect_right(self._arrivals, time_s)
+        return self._samples[arrived - 1] if arrived else None
+
+    def between(self, after_s: float, until_s: float) -> list[HandSample]:
+        """
+        Tell everything that arrived in a span of time, late and repeated poses included.
+
+        Args:
+            after_s: beginning of the span, s, not itself part of it.
+            until_s: end of the span, s.
+
+        Returns:
+            The samples in order of arrival; of a replay that has one for any time, the last.
+
+        """
+        if self._path is not None:
+            return [HandSample(until_s, self._path(until_s))] if until_s > after_s else []
+        first, end = (bisect_right(self._arrivals, time) for time in (after_s, until_s))
+        return self._samples[first:end]
+
+    def is_over(self, time_s: float) -> bool:
+        """Tell whether nothing new comes after a time of the replay, s."""
+        return time_s >= self.duration_s
+
+
+class TrackedHand:
+    """
+    The poses that a tracker publishes while a recording is played back.
+
+    The tracker measures at whole multiples of its period, so that the same times give the same
+    poses whoever asks and however often. Before the start of the replay the hand rests where it
+    was first seen, after the end where it was last seen.
+    """
+
+    def __init__(self, replay: Replay, sensor: SensorModel | None = None) -> None:
+        """
+        Take the recording and the tracker.
+
+        Args:
+            replay: the hand, for any time.
+            sensor: rate, noise, delay, drop-outs and outliers; jitter and duplicates are for
+                `SensorModel.observe` alone.
+
+        """
+        self._replay = replay
+        self._sensor = sensor or SensorModel()
+        self._start_s = math.inf
+        self._next: int | None = None
+
+    @property
+    def start_s(self) -> float:
+        """When the replay starts, s; infinite until it is told."""
+        return self._start_s
+
+    def start(self, at_s: float) -> None:
+        """
+        Play the recording back.
+
+        Args:
+            at_s: when its first sample is, s.
+
+        """
+        self._start_s = at_s
+
+    def due(self, now_s: float) -> list[HandSample]:
+        """
+        Tell what arrives now.
+
+        Args:
+            now_s: the time, s; where it went back or far ahead, the tracker goes on from there.
+
+        Returns:
+            The poses that arrived since the last call, in order.
+
+        """
+        sensor = self._sensor
+        newest = math.floor((now_s - sensor.delay_s) * sensor.rate_hz + ROUNDING)
+        oldest = newest - math.floor(CATCH_UP_S * sensor.rate_hz)
+        if self._next is None or not oldest <= self._next <= newest + 1:
+            self._next = newest
+        numbers = range(self._next, newest + 1)
+        self._next = newest + 1
+        seen = (self._measure(number) for number in numbers if number >= 0)
+        return [sample for sample in seen if sample is not None]
+
+    def _measure(self, number: int) -> HandSample | None:
+        sensor = self._sensor
+        stamp_s = number / sensor.rate_hz
+        sample = self._replay.newest(max(0.0, stamp_s - self._start_s))
+        if sample is None:
+            return None
+        position = sample.position
+        if sensor.noise_m or sensor.dropout or sensor.outliers:
+            random = np.random.default_rng((sensor.seed, number))
+            if random.uniform() < sensor.dropout:
+                return None
+            position = position + sensor.noise_m * random.standard_normal(3)
+            if random.uniform() < sensor.outliers:
+                direction = random.standard_normal(3)
+                position = position + (
+                    sensor.outlier_distance_m * direction / np.linalg.norm(direction)
+                )
+        return HandSample(stamp_s, position)
+
+
+class PlayedTrial:
+    """A trial as a tracker sees it: at rest before, in motion, at rest after."""
+
+    def __init__(self, trial: HandoverTrial, sensor: SensorModel) -> None:
+        """
+        Take the recording and the tracker.
+
+        Args:
+            trial: the recording.
+            sensor: how the tracker sees the hand.
+
+        """
+        self._hand = TrackedHand(Replay.from_trial(trial), sensor)
+        self._human = Replay.from_motion(trial.times, trial.p2)
+
+    @property
+    def start_s(self) -> float:
+        """When the trial starts, s; infinite until it is told."""
+        return self._hand.start_s
+
+    @property
+    def signal_s(self) -> float:
+        """When the handover is to start, s."""
+        return self._hand.start_s
+
+    def start(self, at_s: float) -> None:
+        """Start the trial at a time, s."""
+        self._hand.start(at_s)
+
+    def hand(self, now_s: float) -> list[HandSample]:
+        """Give the poses of the hand that arrived since the last call, at a time, s."""
+        return self._hand.due(now_s)
+
+    def human(self, now_s: float) -> list[HandSample]:
+        """Give where the person is whose place the robot takes, at a time, s."""
+        sample = self._human.newest(max(0.0, now_s - self.start_s))
+        return [] if sample is None else [HandSample(now_s, sample.position)]
+
+
+class PlayedBag:
+    """
+    The poses of a bag, each stamped with the time at which it is due, and no others between them.
+
+    Before its first pose, so that listeners know of it, the hand rests there.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        """
+        Read the bag.
+
+        Args:
+            path: a rosbag2 folder, an MCAP file or the folder of a run. Of its poses the stamps
+                count or, where these are zero, when they were recorded.
+
+        Raises:
+            DataError: there is no such bag, it is damaged, or no poses of a hand in the frame
+                `world` are in it.
+
+        """
+        seen, signals = _read(path)
+        if not seen[HAND_POSE.name]:
+            raise DataError(f'{path}: 0 poses on {HAND_POSE.name}')
+        zero_s = min(stamp_s for stamp_s, _ in seen[HAND_POSE.name])
+        try:
+            self._hand, self._human = (_PlayedPoses(poses, zero_s) for poses in seen.values())
+        except DataError as error:
+            raise DataError(f'{path}: {error}') from error
+        self._signal_s = signals[0] - zero_s if signals else 0.0
+        self.start_s = math.inf
+
+    @property
+    def signal_s(self) -> float:
+        """When the handover is to start, s: at the first signal, without one at the start."""
+        return self.start_s + self._signal_s
+
+    def start(self, at_s: float) -> None:
+        """Start the bag with its first pose of the hand at a time, s."""
+        self.start_s = at_s
+
+    def hand(self, now_s: float) -> list[HandSample]:
+        """Give the poses of the hand that became due since the last call, at a time, s."""
+        return self._hand.due(now_s, self.start_s)
+
+    def human(self, now_s: float) -> list[HandSample]:
+        """Give the same of the person whose place the robot takes."""
+        return self._human.due(now_s, self.start_s)
+
+
+_Pose = tuple[float, tuple[float, float, float]]
+
+
+class _PlayedPoses:
+    """The poses of one topic; `zero_s` is the start on the clock of their stamps."""
+
+    def __init__(self, poses: Sequence[_Pose], zero_s: float) -> None:
+        self._replay = Replay.from_poses(poses) if poses else None
+        first_s, first = min(poses, default=(zero_s, ()))
+        self._first_s, self._first = first_s - zero_s, np.array(first)
+        self._asked_s = -math.inf
+
+    def due(self, now_s: float, start_s: float) -> list[HandSample]:
+        begin_s = start_s + self._first_s - ROUNDING_S
+        # nobody is served with what is long past, be it after a stall or a late start
+        after_s, self._asked_s = max(self._asked_s, now_s - CATCH_UP_S), now_s
+        if self._replay is None:
+            return []
+        if now_s < begin_s:
+            return [HandSample(now_s, self._first)]
+        return [
+            HandSample(start_s + self._first_s + sample.stamp_s, sample.position)
+            for sample in self._replay.between(after_s - begin_s, now_s - begin_s)
+        ]
+
+
+def _read(path: Path | str) -> tuple[dict[str, list[_Pose]], list[float]]:
+    """Return the poses of both topics and the times of the signals, s, all on one clock."""
+    # not at the top: trials are played without the libraries that bags need
+    from handover_dmp.recording import read_bag
+
+    seen: dict[str, list[_Pose]] = {HAND_POSE.name: [], HUMAN_POSE.name: []}
+    signals: list[float] = []
+    zero_ns: int | None = None
+    for topic, message, log_time_ns in read_bag(path, [*seen, SIGNAL.name]):
+        try:
+            header = message if topic == SIGNAL.name else message.header
+            time_ns = header.stamp.sec * NANOSECONDS + header.stamp.nanosec or log_time_ns
+            # seconds since 1970 leave a double only some tenths of a microsecond
+            zero_ns = time_ns if zero_ns is None else zero_ns
+            time_s = (time_ns - zero_ns) / NANOSECONDS
+            if topic == SIGNAL.name:
+                signals.append(time_s)
+            else:
+                place = message.pose.position
+                seen[topic].append((time_s, (place.x, place.y, place.z)))
+        except AttributeError as error:
+            raise DataError(f'{path}: messages of another type on {topic}') from error
+        if topic != SIGNAL.name and header.frame_id != FRAME:
+            raise DataError(f'{path}: {topic} is in frame {header.frame_id!r}, not {FRAME!r}')
+        if len(seen.get(topic, signals)) > MOST_POSES:
+            raise DataError(f'{path}: more than {MOST_POSES} messages on {topic}')
+    return seen, signals

@@ -1,0 +1,775 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Pictures of a handover after the fact: robot, human figure, object and trails, without a display.
+
+PyBullet's software renderer draws the bodies, several samples a pixel. Floor, soft shadow and
+background are flat and the camera stands still, so they are computed apart and laid behind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import TracebackType
+
+from handover_dmp.common.errors import DataError
+from handover_dmp.common.quiet_pybullet import pybullet, silenced
+from handover_dmp.common.settings import setting
+from handover_dmp.robot.model import RobotModel
+from handover_dmp.simulation.human import FigureBodies, HumanFigure
+from handover_dmp.simulation.world import joint_numbers, load_robot
+from handover_dmp.view.primitives import refine, write_unit_cylinder, write_unit_sphere
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.spatial.transform import Rotation
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+Colour = tuple[float, float, float]
+
+HAND_COLOUR: Colour = (1.00, 0.16, 0.18)
+WRIST_COLOUR: Colour = (0.12, 0.48, 1.00)
+OBJECT_COLOUR: Colour = (0.98, 0.80, 0.15)
+PEDESTAL_COLOUR: Colour = (0.30, 0.31, 0.33)
+FLOOR_COLOUR = np.array([0.87, 0.88, 0.89])
+SKY_TOP = np.array([0.80, 0.86, 0.92])
+SKY_HORIZON = np.array([0.97, 0.98, 0.99])
+
+FIELD_OF_VIEW_DEG = 32.0
+GRID_M = 0.5
+PEDESTAL_RADIUS_M = 0.22
+PALM_M = 0.09  # from the wrist along the fingers
+TRAIL_RADIUS_M = 0.008
+OUT_OF_SIGHT = (0.0, 0.0, -1000.0)
+SHADOW_PIXELS = 256
+SHADOW_BLUR_M = 0.035
+
+
+@dataclass(frozen=True)
+class SceneOptions:
+    """
+    What the pictures look like.
+
+    Attributes:
+        samples: renders each pixel this many times in width and in height.
+        elevation_deg: of the camera over the horizon, deg.
+        object_length_m: shortest and longest of the rod that changes hands, m; between these it
+            spans the gap between the partners at the exchange.
+        object_radius_m: of the same, m.
+
+    """
+
+    samples: int = setting('robot_sim', 'scene.samples')
+    elevation_deg: float = setting('robot_sim', 'scene.elevation_deg')
+    object_length_m: tuple[float, float] = setting('robot_sim', 'scene.object_length_m')
+    object_radius_m: float = setting('robot_sim', 'scene.object_radius_m')
+
+
+@dataclass(frozen=True)
+class Camera:
+    """
+    A camera that looks at a point, upright.
+
+    Attributes:
+        eye: (3,), m, in `world`.
+        target: (3,), m, what is in the middle of the picture.
+        width: of the picture, pixels.
+        height: of the picture, pixels.
+
+    """
+
+    eye: Array
+    target: Array
+    width: int
+    height: int
+
+    @property
+    def view(self) -> list[float]:
+        """View matrix as PyBullet takes it: 16 numbers, column by column."""
+        return list(pybullet.computeViewMatrix(list(self.eye), list(self.target), [0, 0, 1]))
+
+    @property
+    def projection(self) -> list[float]:
+        """Projection matrix as PyBullet takes it."""
+        return list(
+            pybullet.computeProjectionMatrixFOV(
+                FIELD_OF_VIEW_DEG, self.width / self.height, 0.1, 30.0
+            )
+        )
+
+    def project(self, points: Array) -> Array:
+        """
+        Say where points are in the picture.
+
+        Args:
+            points: (n, 3), m, in `world`.
+
+        Returns:
+            (n, 2), -1 to 1 from left to right and from bottom to top; infinite behind the camera.
+
+        """
+        view = np.array(self.view).reshape(4, 4).T
+        projection = np.array(self.projection).reshape(4, 4).T
+        homogeneous = np.column_stack([points, np.ones(len(points))]) @ (projection @ view).T
+        depth = homogeneous[:, 3:]
+        return np.where(depth > 0.1, homogeneous[:, :2] / np.maximum(depth, 0.1), np.inf)
+
+    def rays(self) -> Array:
+        """
+        Say which way each pixel looks.
+
+        Returns:
+            (height, width, 3), directions in `world`, of no particular length, first row on top.
+
+        """
+        ahead = self.target - self.eye
+        ahead = ahead / np.linalg.norm(ahead)
+        right = np.cross(ahead, [0.0, 0.0, 1.0])
+        right /= np.linalg.norm(right)
+        up = np.cross(right, ahead)
+        half = np.tan(np.radians(FIELD_OF_VIEW_DEG) / 2)
+        rows = half * (1.0 - 2.0 * (np.arange(self.height) + 0.5) / self.height)
+        columns = (
+            half
+            * (self.width / self.height)
+            * (2.0 * (np.arange(self.width) + 0.5) / self.width - 1.0)
+        )
+        return np.asarray(
+            ahead
+            + columns[None, :, None] * right[None, None, :]
+            + rows[:, None, None] * up[None, None, :]
+        )
+
+
+class Scene:
+    """
+    A handover that has been, to look at from a camera that sees all of it.
+
+    Use it as a context manager or call `close`; PyBullet keeps a world until it is told.
+    """
+
+    def __init__(
+        self,
+        model: RobotModel,
+        times: Array,
+        joint_positions: Array,
+        hand_path: Array,
+        *,
+        wrist_path: Array | None = None,
+        exchange: str = 'give',
+        exchange_time_s: float | None = None,
+        floor_height_m: float | None = None,
+        options: SceneOptions | None = None,
+    ) -> None:
+        """
+        Set the scene up.
+
+        Args:
+            model: the robot, on its base.
+            times: (n,), s, increasing.
+            joint_positions: (n, dof), rad, of the robot.
+            hand_path: (n, 3), m, of the partner's wrist, in `world`.
+            wrist_path: (n, 3), m, of the robot's wrist; None: where `joint_positions` put it.
+            exchange: `give` (the robot has the object first) or `take` (the partner has it).
+            exchange_time_s: when the object changes hands; None: never.
+            floor_height_m: z of the floor; None: chosen to suit the human figure.
+            options: what the pictures look like.
+
+        Raises:
+            DataError: the arrays do not fit together or hold numbers that are not finite, PyBullet
+                cannot read the robot, or the human figure is not installed.
+
+        """
+        for name, array in (('times', times), ('joints', joint_positions), ('hand', hand_path)):
+            if len(array) != len(times) or not np.all(np.isfinite(array)):
+                raise DataError(f'no scene of it: {name}: not {len(times)} rows of finite numbers')
+        self.options = options or SceneOptions()
+        self.model = model
+        self.times = np.asarray(times, dtype=float)
+        self.exchange_time_s = np.inf if exchange_time_s is None else exchange_time_s
+        self._robot_gives = exchange == 'give'
+        self._joints = np.asarray(joint_positions, dtype=float)
+        self._hand_path = np.asarray(hand_path, dtype=float)
+        poses = [model.wrist_pose(q) for q in self._joints]
+        self._wrist_path = (
+            np.array([position for position, _ in poses])
+            if wrist_path is None
+            else np.asarray(wrist_path, dtype=float)
+        )
+        met = int(np.searchsorted(self.times, self.exchange_time_s).clip(0, len(self.times) - 1))
+        self.figure = HumanFigure(
+            self._hand_path[: met + 1], self._wrist_path[met], floor_height_m=floor_height_m
+        )
+        self.floor_height_m = self.figure.floor_height_m
+        # A picture must not depend on the one before, so the figure's arm starts from these.
+        self._arm = np.array([p.joints for p in self.figure.postures(self._hand_path)])
+        self._client = -1
+        with silenced():
+            self._client = int(pybullet.connect(pybullet.DIRECT))
+            self._bodies = FigureBodies(self.figure, self._client)
+        with TemporaryDirectory() as folder:
+            self._sphere = Path(folder) / 'sphere.obj'
+            self._cylinder = Path(folder) / 'cylinder.obj'
+            write_unit_sphere(self._sphere)
+            write_unit_cylinder(self._cylinder)
+            self._robot = self._load_robot(Path(folder))
+            self._furnish()
+        self._numbers = joint_numbers(model, self._robot, self._client)
+        self._trails = self._lay_trails()
+        self._backdrops: dict[tuple[int, int], _Backdrop] = {}
+
+    def _load_robot(self, folder: Path) -> int:
+        """Load the robot with round surfaces; one with meshes of its own as it is."""
+        if '<mesh' in self.model.urdf_text:
+            return load_robot(self.model, self._client)
+        fine = folder / 'robot.urdf'
+        fine.write_text(
+            refine(self.model.urdf_text, self._sphere, self._cylinder), encoding='utf-8'
+        )
+        return load_robot(self.model, self._client, urdf_path=fine)
+
+    def _furnish(self) -> None:
+        """Put up the pedestal, and the object for now anywhere."""
+        for radius, low, high in self.pedestal:
+            self._pedestal(radius, low, high)
+        self._plan_grasp()
+
+    @property
+    def pedestal(self) -> tuple[tuple[float, float, float], ...]:
+        """Tell what the robot stands on: cylinders by radius, bottom and top over the floor."""
+        rise = self.model.base.position[2] - self.floor_height_m
+        if rise <= 0.02:
+            return ()
+        foot, column, plate = PEDESTAL_RADIUS_M, 0.10, 0.16
+        return (foot, 0.0, 0.02), (column, 0.02, rise - 0.02), (plate, rise - 0.02, rise)
+
+    def _pedestal(self, radius: float, low: float, high: float) -> None:
+        x, y, _ = self.model.base.position
+        body = self._cylinder_body(radius, high - low, PEDESTAL_COLOUR)
+        pybullet.resetBasePositionAndOrientation(
+            body,
+            [x, y, self.floor_height_m + (low + high) / 2],
+            [0, 0, 0, 1],
+            physicsClientId=self._client,
+        )
+
+    def _cylinder_body(self, radius: float, length: float, colour: Colour) -> int:
+        with silenced():
+            shape = pybullet.createVisualShape(
+                pybullet.GEOM_MESH,
+                fileName=str(self._cylinder),
+                meshScale=[radius, radius, length],
+                rgbaColor=(*colour, 1.0),
+                physicsClientId=self._client,
+            )
+        return int(
+            pybullet.createMultiBody(baseVisualShapeIndex=shape, physicsClientId=self._client)
+        )
+
+    def _plan_grasp(self) -> None:
+        """
+        Make the object, a rod, and say how each partner holds it.
+
+        At the exchange it lies between the robot's flange and the palm of the hand, in the hold of
+        both. Before, it moves as one with the giver; after, with the receiver. Without an
+        exchange the giver points it at the other at the end.
+        """
+        hand = self._hand_pose(self.exchange_time_s)
+        flange = self._flange_pose(self.exchange_time_s)
+        palm = hand @ _Pose(np.array([0.0, -PALM_M, 0.0]), np.eye(3))
+        between = palm.position - flange.position
+        gap = float(np.linalg.norm(between))
+        length = float(np.clip(gap, *self.options.object_length_m))
+        along = between / gap if gap > 1e-6 else flange.rotation[:, 2]
+        middle = flange.position + along * (
+            0.5 * length if self._robot_gives else gap - 0.5 * length
+        )
+        turn, _ = Rotation.align_vectors([along], [[0.0, 0.0, 1.0]])
+        met_at = _Pose(middle, turn.as_matrix())
+        self._grasp = _Grasp(flange.inverse() @ met_at, hand.inverse() @ met_at)
+        self._object = self._cylinder_body(self.options.object_radius_m, length, OBJECT_COLOUR)
+        self.object_length_m = length
+
+    def joint_positions(self, time_s: float) -> Array:
+        """
+        Say where the robot's joints were.
+
+        Args:
+            time_s: when, s; before the start and after the end it is at rest.
+
+        Returns:
+            (dof,), rad.
+
+        """
+        return _at(time_s, self.times, self._joints)
+
+    def _hand_pose(self, time_s: float) -> _Pose:
+        hand = _at(time_s, self.times, self._hand_path)
+        posture = self.figure.posture(hand, _at(time_s, self.times, self._arm))
+        return _Pose(posture.hand_position, posture.hand_rotation)
+
+    def _flange_pose(self, time_s: float) -> _Pose:
+        return _Pose(*self.model.wrist_pose(self.joint_positions(time_s)))
+
+    def show(self, time_s: float) -> None:
+        """
+        Move everything to where it was.
+
+        Args:
+            time_s: when, s.
+
+        """
+        joints = self.joint_positions(time_s)
+        for number, position in zip(self._numbers, joints, strict=True):
+            pybullet.resetJointState(
+                self._robot, number, float(position), physicsClientId=self._client
+            )
+        posture = self._bodies.show(
+            _at(time_s, self.times, self._hand_path), _at(time_s, self.times, self._arm)
+        )
+        if (time_s < self.exchange_time_s) == self._robot_gives:
+            pose = self._flange_pose(time_s) @ self._grasp.by_robot
+        else:
+            hand = _Pose(posture.hand_position, posture.hand_rotation)
+            pose = hand @ self._grasp.by_hand
+        pybullet.resetBasePositionAndOrientation(
+            self._object,
+            pose.position,
+            Rotation.from_matrix(pose.rotation).as_quat(),
+            physicsClientId=self._client,
+        )
+        self._draw_trails(time_s)
+
+    @property
+    def object_position(self) -> Array:
+        """Where the middle of the object is shown now, (3,), m, in `world`."""
+        return self.object_pose[0]
+
+    @property
+    def object_pose(self) -> tuple[Array, Array]:
+        """Where the object is shown now: position, (3,), m, and quaternion x, y, z, w."""
+        position, orientation = pybullet.getBasePositionAndOrientation(
+            self._object, physicsClientId=self._client
+        )
+        return np.array(position), np.array(orientation)
+
+    def _lay_trails(self) -> list[_TrailPiece]:
+        """
+        Make both trails at full length, in short pieces, out of sight.
+
+        Pieces come into sight as they are passed. To make the trails anew for each picture would
+        be simpler, but PyBullet's renderer never forgets a mesh.
+        """
+        pieces = []
+        for path, colour in ((self._hand_path, HAND_COLOUR), (self._wrist_path, WRIST_COLOUR)):
+            corners = _spaced(path, TRAIL_RADIUS_M)
+            for first in range(0, len(corners) - 1, 2):
+                piece = corners[first: first + 3]  # fmt: skip
+                body = self._tube_body(path[piece], colour)
+                if body is not None:
+                    pieces.append(_TrailPiece(body, float(self.times[piece[-1]])))
+        return pieces
+
+    def _tube_body(self, path: Array, colour: Colour) -> int | None:
+        surface = tube(path, TRAIL_RADIUS_M)
+        if surface is None:
+            return None
+        vertices, normals, indices = surface
+        shape = pybullet.createVisualShape(
+            pybullet.GEOM_MESH,
+            vertices=vertices.tolist(),
+            normals=normals.tolist(),
+            indices=indices.tolist(),
+            rgbaColor=(*colour, 1.0),
+            physicsClientId=self._client,
+        )
+        return int(
+            pybullet.createMultiBody(
+                baseVisualShapeIndex=shape,
+                basePosition=OUT_OF_SIGHT,
+                physicsClientId=self._client,
+            )
+        )
+
+    def _draw_trails(self, time_s: float) -> None:
+        for piece in self._trails:
+            pybullet.resetBasePositionAndOrientation(
+                piece.body,
+                [0, 0, 0] if piece.until_s <= time_s else OUT_OF_SIGHT,
+                [0, 0, 0, 1],
+                physicsClientId=self._client,
+            )
+
+    def camera(self, width: int, height: int) -> Camera:
+        """
+        Find a camera that sees all of the robot and of the person throughout.
+
+        It stands on the side of the acting arms, at right angles to the line between the two, and
+        as near as it may.
+
+        Args:
+            width: of the picture, pixels.
+            height: of the picture, pixels.
+
+        Returns:
+            The camera.
+
+        """
+        points = self._extent()
+        between = self._wrist_path[-1] - self.figure.pelvis
+        facing = float(np.arctan2(between[1], between[0]))
+        azimuth = facing - np.radians(78.0)  # the person's right hand is on the near side
+        elevation = np.radians(self.options.elevation_deg)
+        back = np.array(
+            [
+                np.cos(azimuth) * np.cos(elevation),
+                np.sin(azimuth) * np.cos(elevation),
+                np.sin(elevation),
+            ]
+        )
+        target = (points.min(axis=0) + points.max(axis=0)) / 2
+        near, far = 0.5, 25.0
+        for _ in range(30):
+            distance = (near + far) / 2
+            camera = Camera(target + distance * back, target, width, height)
+            # Centre what is seen before judging whether all of it is.
+            seen = camera.project(points)
+            if np.all(np.isfinite(seen)) and np.all(np.ptp(seen, axis=0) < 2 * 0.90):
+                far = distance
+            else:
+                near = distance
+        for _ in range(5):
+            camera = Camera(target + far * back, target, width, height)
+            seen = camera.project(points)
+            off = (seen.min(axis=0) + seen.max(axis=0)) / 2
+            half = far * np.tan(np.radians(FIELD_OF_VIEW_DEG) / 2)
+            right = np.cross(-back, [0.0, 0.0, 1.0])
+            right /= np.linalg.norm(right)
+            up = np.cross(right, -back)
+            target = target + half * (off[0] * width / height * right + off[1] * up)
+        return Camera(target + far * back, target, width, height)
+
+    def _extent(self) -> Array:
+        """Points around everything that is ever to be seen, (n, 3)."""
+        clouds = [self._hand_path, self._wrist_path]
+        for index in np.linspace(0, len(self.times) - 1, 12).astype(int):
+            self.show(float(self.times[index]))
+            for number in range(
+                -1, pybullet.getNumJoints(self._robot, physicsClientId=self._client)
+            ):
+                low, high = pybullet.getAABB(self._robot, number, physicsClientId=self._client)
+                clouds.append(np.array([low, high]))
+        person, base, floor = self.figure.pelvis, self.model.base.position, self.floor_height_m
+        clouds += [
+            _ring(person, 0.28, floor),
+            _ring(person, 0.15, floor + self.figure.height_m),
+            _ring(base, PEDESTAL_RADIUS_M, floor),
+        ]
+        return np.vstack(clouds)
+
+    def image(self, time_s: float, width: int = 1280, height: int = 720) -> Image:
+        """
+        Draw the scene.
+
+        Args:
+            time_s: when, s.
+            width: of the picture, pixels.
+            height: of the picture, pixels.
+
+        Returns:
+            (height, width, 3), red, green and blue.
+
+        """
+        backdrop = self._backdrops.get((width, height))
+        if backdrop is None:
+            backdrop = _Backdrop(self.camera(width, height), self._centre(), self.floor_height_m)
+            self._backdrops[width, height] = backdrop
+        self.show(time_s)
+        behind = backdrop.draw(self._shadow(backdrop))
+        colours, cover = self._bodies_seen(backdrop.camera)
+        picture = colours + (1.0 - cover[..., None]) * behind
+        return np.asarray(np.clip(np.rint(255.0 * picture), 0, 255), dtype=np.uint8)
+
+    def three_images(self, width: int = 960, height: int = 720) -> tuple[Image, Image, Image]:
+        """
+        Draw the start, the middle of the reach and the exchange, or the end if there was none.
+
+        Args:
+            width: of each picture, pixels.
+            height: of each picture, pixels.
+
+        Returns:
+            The three pictures.
+
+        """
+        return (
+            self.image(float(self.times[0]), width, height),
+            self.image(self.middle_time_s, width, height),
+            self.image(min(self.exchange_time_s, float(self.times[-1])), width, height),
+        )
+
+    @property
+    def middle_time_s(self) -> float:
+        """When the robot's wrist had made half of its way to the exchange, s."""
+        steps = np.linalg.norm(np.diff(self._wrist_path, axis=0), axis=1)
+        way = np.concatenate([[0.0], np.cumsum(steps)])
+        half = 0.5 * float(np.interp(self.exchange_time_s, self.times, way))
+        return float(self.times[np.searchsorted(way, half)])
+
+    def _centre(self) -> Array:
+        middle = (self.figure.pelvis[:2] + np.array(self.model.base.position[:2])) / 2
+        return np.array([*middle, self.floor_height_m])
+
+    def _bodies_seen(self, camera: Camera) -> tuple[Array, Array]:
+        """Render all bodies: colour times cover, (h, w, 3), and cover, (h, w), both 0 to 1."""
+        k = self.options.samples
+        width, height = k * camera.width, k * camera.height
+        ahead = camera.target - camera.eye
+        right = np.cross(ahead, [0.0, 0.0, 1.0])
+        light = -ahead / np.linalg.norm(ahead) - 0.55 * right / np.linalg.norm(right)
+        _, _, rgba, _, mask = pybullet.getCameraImage(
+            width,
+            height,
+            camera.view,
+            camera.projection,
+            lightDirection=[light[0], light[1], light[2] + 1.2],
+            lightColor=[1.0, 1.0, 1.0],
+            lightAmbientCoeff=0.50,
+            lightDiffuseCoeff=0.48,
+            lightSpecularCoeff=0.12,
+            shadow=0,
+            renderer=pybullet.ER_TINY_RENDERER,
+            physicsClientId=self._client,
+        )
+        covered = (np.reshape(mask, (height, width, 1)) >= 0).astype(np.uint8)
+        samples = np.reshape(rgba, (height, width, 4)) * covered
+        samples[..., 3:] = covered
+        total = np.zeros((camera.height, camera.width, 4), dtype=np.uint16)
+        for row in range(k):
+            for column in range(k):
+                total += samples[row::k, column::k]
+        return total[..., :3] / (255.0 * k * k), total[..., 3] / (k * k)
+
+    def _shadow(self, backdrop: _Backdrop) -> Array:
+        """Look straight down on the bodies: where they keep light from the floor, 0 to 1."""
+        centre, half = backdrop.centre, backdrop.shadow_half_m
+        eye = centre + np.array([0.0, 0.0, 20.0])
+        tangent = half / 20.0
+        _, _, _, _, mask = pybullet.getCameraImage(
+            SHADOW_PIXELS,
+            SHADOW_PIXELS,
+            pybullet.computeViewMatrix(list(eye), list(centre), [0, 1, 0]),
+            pybullet.computeProjectionMatrixFOV(
+                2 * float(np.degrees(np.arctan(tangent))), 1.0, 10.0, 21.0
+            ),
+            shadow=0,
+            renderer=pybullet.ER_TINY_RENDERER,
+            physicsClientId=self._client,
+        )
+        cover = (np.reshape(mask, (SHADOW_PIXELS, SHADOW_PIXELS)) >= 0).astype(float)
+        return np.asarray(gaussian_filter(cover, SHADOW_BLUR_M * SHADOW_PIXELS / (2 * half)))
+
+    def close(self) -> None:
+        """Let PyBullet forget the scene; a second call does nothing."""
+        client, self._client = self._client, -1
+        if client >= 0:
+            pybullet.disconnect(physicsClientId=client)
+
+    def __enter__(self) -> Scene:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+@dataclass(frozen=True)
+class _Pose:
+    position: Array
+    rotation: Array
+
+    def __matmul__(self, inner: _Pose) -> _Pose:
+        return _Pose(
+            self.position + self.rotation @ inner.position, self.rotation @ inner.rotation
+        )
+
+    def inverse(self) -> _Pose:
+        return _Pose(-self.rotation.T @ self.position, self.rotation.T)
+
+
+@dataclass(frozen=True)
+class _TrailPiece:
+    """A body, and when it comes into sight, s."""
+
+    body: int
+    until_s: float
+
+
+@dataclass(frozen=True)
+class _Grasp:
+    """Where the object is in the frame of each that holds it."""
+
+    by_robot: _Pose
+    by_hand: _Pose
+
+
+class _Backdrop:
+    """Floor and sky as one camera sees them."""
+
+    def __init__(self, camera: Camera, centre: Array, floor_height_m: float) -> None:
+        self.camera = camera
+        self.centre = centre
+        self.shadow_half_m = 1.6
+        rays = camera.rays()
+        upward = rays[..., 2] / np.linalg.norm(rays, axis=2)
+        sky = (
+            SKY_HORIZON
+            + (SKY_TOP - SKY_HORIZON)
+            * np.clip(upward / np.sin(np.radians(25.0)), 0.0, 1.0)[..., None]
+        )
+        falling = rays[..., 2] < -1e-6
+        reach = np.where(
+            falling, (floor_height_m - camera.eye[2]) / np.where(falling, rays[..., 2], -1.0), 0.0
+        )
+        x = camera.eye[0] + reach * rays[..., 0]
+        y = camera.eye[1] + reach * rays[..., 1]
+        away = np.hypot(x - centre[0], y - centre[1])
+        fade = np.where(falling, np.exp(-((away / 2.6) ** 2)), 0.0)
+        # Lines fade before they become thinner than a pixel.
+        pixel = np.linalg.norm(
+            np.stack([np.gradient(x, axis=1), np.gradient(y, axis=1)]), axis=0
+        ) + np.linalg.norm(np.stack([np.gradient(x, axis=0), np.gradient(y, axis=0)]), axis=0)
+        line = np.maximum(_line(x - centre[0], pixel), _line(y - centre[1], pixel))
+        floor = FLOOR_COLOUR * (1.0 - 0.09 * line)[..., None]
+        self._plain = sky + (floor - sky) * fade[..., None]
+        scale = SHADOW_PIXELS / (2 * self.shadow_half_m)
+        rows = (self.shadow_half_m - (y - centre[1])) * scale - 0.5
+        columns = (x - centre[0] + self.shadow_half_m) * scale - 0.5
+        inside = (
+            falling
+            & (rows > 0)
+            & (rows < SHADOW_PIXELS)
+            & (columns > 0)
+            & (columns < SHADOW_PIXELS)
+        )
+        self._inside = inside
+        self._coordinates = np.stack([rows[inside], columns[inside]])
+        self._depth = 0.45 * fade[inside]
+
+    def draw(self, shadow: Array) -> Array:
+        """Return floor and sky, (h, w, 3), 0 to 1, with a shadow laid on."""
+        picture: Array = self._plain.copy()
+        dark = map_coordinates(shadow, self._coordinates, order=1, mode='constant')
+        picture[self._inside] *= (1.0 - self._depth * dark)[:, None]
+        return picture
+
+
+def _ring(centre: Sequence[float] | Array, radius: float, height: float) -> Array:
+    """Return points around a vertical axis, (12, 3)."""
+    angle = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    return np.column_stack(
+        [
+            centre[0] + radius * np.cos(angle),
+            centre[1] + radius * np.sin(angle),
+            np.full(12, height),
+        ]
+    )
+
+
+def _line(coordinate: Array, pixel: Array) -> Array:
+    """Cover of a pixel by the lines of the floor's grid, 0 to 1."""
+    distance = np.abs((coordinate + GRID_M / 2) % GRID_M - GRID_M / 2)
+    width = 0.006
+    cover = np.clip((width + pixel / 2 - distance) / np.maximum(pixel, 1e-9), 0.0, 1.0)
+    return np.asarray(cover * np.minimum(1.0, 2 * width / np.maximum(pixel, 1e-9)))
+
+
+def _at(time_s: float, times: Array, values: Array) -> Array:
+    """Interpolate the rows of an array."""
+    index = int(np.searchsorted(times, time_s).clip(1, max(1, len(times) - 1)))
+    if len(times) == 1:
+        return np.asarray(values[0])
+    share = np.clip((time_s - times[index - 1]) / (times[index] - times[index - 1]), 0.0, 1.0)
+    return np.asarray((1.0 - share) * values[index - 1] + share * values[index])
+
+
+def _spaced(path: Array, distance: float) -> list[int]:
+    """Return the numbers of points of a path, in turn, that are at least so far apart."""
+    numbers = [0]
+    for number, point in enumerate(path):
+        if np.linalg.norm(point - path[numbers[-1]]) > distance:
+            numbers.append(number)
+    return numbers
+
+
+def tube(
+    points: Array, radius: float, sides: int = 8
+) -> tuple[Array, Array, NDArray[np.int64]] | None:
+    """
+    Make the surface of a tube around a path.
+
+    Args:
+        points: (n, 3), m.
+        radius: m.
+        sides: of its cross section.
+
+    Returns:
+        Corners, (m, 3), normals, (m, 3), and triangles as a flat row of numbers of corners; None
+        for a path without length.
+
+    """
+    spaced = [points[0]]
+    for point in points[1:]:
+        if np.linalg.norm(point - spaced[-1]) > 0.6 * radius:
+            spaced.append(point)
+    if len(spaced) < 2:
+        return None
+    path = np.array(spaced)
+    ahead = np.gradient(path, axis=0)
+    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
+    across = np.cross(ahead[0], [0.0, 0.0, 1.0] if abs(ahead[0, 2]) < 0.9 else [1.0, 0.0, 0.0])
+    angle = np.linspace(0, 2 * np.pi, sides, endpoint=False)[:, None]
+    outward = []
+    for direction in ahead:
+        across = across - (across @ direction) * direction  # carried along, so it does not twist
+        across /= np.linalg.norm(across)
+        outward.append(np.cos(angle) * across + np.sin(angle) * np.cross(direction, across))
+    normals = np.vstack([*outward, -ahead[:1], ahead[-1:]])
+    rings = np.repeat(path, sides, axis=0) + radius * np.vstack(outward)
+    corners = np.vstack([rings, path[:1], path[-1:]])
+    side = np.arange(sides)
+    turned = (side + 1) % sides
+    ring = sides * np.arange(len(path) - 1)[:, None]
+    a, b = ring + side, ring + turned
+    c, d = a + sides, b + sides
+    first, last = np.full(sides, len(rings)), np.full(sides, len(rings) + 1)
+    end = len(rings) - sides
+    triangles = np.vstack(
+        [
+            np.stack([a, b, d], axis=-1).reshape(-1, 3),
+            np.stack([a, d, c], axis=-1).reshape(-1, 3),
+            np.stack([first, turned, side], axis=-1),
+            np.stack([last, end + side, end + turned], axis=-1),
+        ]
+    )
+    return corners, normals, triangles.ravel()

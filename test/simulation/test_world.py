@@ -1,0 +1,166 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""PyBullet moves the robot that the URDF describes, as it is told, and says nothing."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+from handover_dmp.common.errors import DataError
+from handover_dmp.robot.model import BasePlacement, RobotModel
+from handover_dmp.simulation.human import HumanFigure
+from handover_dmp.simulation.world import World
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+ROBOTS = ('lwr4', 'iiwa14', 'panda', 'ur5')
+
+
+@pytest.mark.parametrize('robot', ROBOTS)
+def test_reads_joints_in_the_order_of_the_model(robot):
+    model = RobotModel.load(robot)
+    posture = model.home + 0.01 * np.arange(1, model.dof + 1)
+    with World(model) as world:
+        world.reset(posture)
+        positions, velocities = world.read()
+    assert positions == pytest.approx(posture, abs=1e-12)
+    assert velocities == [0.0] * model.dof
+
+
+@pytest.mark.parametrize('robot', ROBOTS)
+def test_stands_on_its_base(robot):
+    model = RobotModel.load(robot, base=BasePlacement((0.4, -1.2, 0.7), 2.0))
+    unplaced = RobotModel.load(robot)
+    name = model.joint_names[-1]
+    posture = model.home + 0.1
+    with World(model) as world, World(unplaced) as reference:
+        world.reset(posture)
+        reference.reset(posture)
+        position, rotation = world.joint_pose(name)
+        before, turned = reference.joint_pose(name)
+    turn = np.array([[np.cos(2.0), -np.sin(2.0), 0], [np.sin(2.0), np.cos(2.0), 0], [0, 0, 1]])
+    assert position == pytest.approx(turn @ before + [0.4, -1.2, 0.7], abs=1e-6)
+    assert rotation == pytest.approx(turn @ turned, abs=1e-6)
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.lists(st.floats(-1.0, 1.0), min_size=7, max_size=7))
+def test_motors_make_the_velocity_they_are_told(share):
+    model = RobotModel.load('lwr4')
+    wanted = np.array(share) * model.limits.velocity
+    with World(model) as world:
+        # Effort limits allow no arbitrary jump from rest.
+        for k in range(1, 301):
+            world.drive((wanted * k / 300).tolist())
+            world.step()
+        positions, velocities = world.read()
+    assert velocities == pytest.approx(wanted, abs=1e-9)
+    expected = model.home + wanted * 1e-3 * sum(range(1, 301)) / 300
+    assert positions == pytest.approx(expected, abs=1e-9)
+
+
+def test_worlds_side_by_side_do_not_know_of_each_other():
+    model = RobotModel.load('lwr4')
+    with World(model) as one, World(model) as other:
+        one.drive([0.3] * 7)
+        for _ in range(50):
+            one.step()
+        assert other.read()[0] == pytest.approx(model.home, abs=1e-12)
+        one.close()
+        other.step()
+        one.close()
+    with pytest.raises(Exception, match='physics server'):
+        one.read()
+
+
+def run(world, seed):
+    random = np.random.default_rng(seed)
+    velocity = np.zeros(world.model.dof)
+    seen = []
+    for _ in range(200):
+        velocity += random.uniform(-0.01, 0.01, world.model.dof)
+        world.drive(velocity.tolist())
+        world.step()
+        seen.append(world.read())
+    return np.array(seen)
+
+
+def test_same_commands_give_same_motion_bit_for_bit():
+    model = RobotModel.load('lwr4')
+    path = np.linspace([0.9, 0.1, 0.9], [0.6, 0.0, 1.1], 20)
+    with World(model) as one, World(model, figure=HumanFigure(path, np.zeros(3))) as other:
+        first = run(one, 1)
+        run(one, 2)
+        one.reset(model.home)
+        again = run(one, 1)
+        with_figure = run(other, 1)
+    assert np.array_equal(first, again)
+    assert np.array_equal(first, with_figure)
+
+
+def test_gripper_keeps_still_while_the_arm_moves():
+    from handover_dmp.common.quiet_pybullet import pybullet
+
+    model = RobotModel.load('panda')
+    with World(model) as world:
+        fingers = [
+            number
+            for number in range(pybullet.getNumJoints(world.robot, physicsClientId=world.client))
+            if b'finger'
+            in pybullet.getJointInfo(world.robot, number, physicsClientId=world.client)[1]
+        ]
+        for k in range(300):
+            world.drive([min(1.0, k / 200)] * model.dof)
+            world.step()
+        states = pybullet.getJointStates(world.robot, fingers, physicsClientId=world.client)
+    assert len(fingers) >= 2
+    assert max(abs(state[0]) for state in states) < 1e-5
+
+
+def test_writes_nothing_to_the_terminal():
+    script = (
+        'from handover_dmp.robot.model import RobotModel, BasePlacement\n'
+        'from handover_dmp.simulation.world import World\n'
+        'from handover_dmp.simulation.human import HumanFigure\n'
+        'for robot in ("lwr4", "panda"):\n'
+        '    with World(RobotModel.load(robot), figure=HumanFigure([1, 0, 1], [0, 0, 1])) as w:\n'
+        '        w.step()\n'
+    )
+    done = subprocess.run(
+        [sys.executable, '-c', script], capture_output=True, text=True, timeout=120, check=True
+    )
+    assert done.stdout + done.stderr == ''
+
+
+def test_urdf_that_is_gone_is_one_clear_line(tmp_path):
+    copy = tmp_path / 'robot.urdf'
+    copy.write_text(RobotModel.load('lwr4').urdf_text)
+    model = RobotModel.load(copy)
+    copy.unlink()
+    with pytest.raises(DataError, match=r'robot\.urdf: PyBullet cannot load it'):
+        World(model)
+
+
+def test_urdf_without_one_of_the_joints_is_one_clear_line(tmp_path):
+    copy = tmp_path / 'robot.urdf'
+    text = RobotModel.load('lwr4').urdf_text
+    copy.write_text(text)
+    model = RobotModel.load(copy)
+    copy.write_text(text.replace('"joint_3"', '"joint_x"'))
+    with pytest.raises(DataError, match=r'robot\.urdf: PyBullet has no moving joint joint_3'):
+        World(model)
