@@ -319,10 +319,10 @@ def _physical(moments: Array) -> Array:
     A distribution of mass has second moments ½tr(I)·1 − I that are nowhere negative.
     """
     spread, axes = np.linalg.eigh(0.5 * np.trace(moments) * np.eye(3) - moments)
-    least = ROOM * np.abs(spread).max()
-    if spread.min() >= least:
+    minimum = ROOM * np.abs(spread).max()
+    if spread.min() >= minimum:
         return moments
-    kept = (axes * np.maximum(spread, least)) @ axes.T
+    kept = (axes * np.maximum(spread, minimum)) @ axes.T
     return np.asarray(np.trace(kept) * np.eye(3) - kept)
 
 

@@ -34,7 +34,7 @@ from handover_dmp.common.quiet_pybullet import pybullet, silenced
 from handover_dmp.common.settings import setting
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.plain_description import moved_links
-from handover_dmp.simulation.human import FigureBodies, HumanFigure
+from handover_dmp.simulation.partner_figure import FigureBodies, PartnerFigure
 import numpy as np
 from numpy.typing import NDArray
 
@@ -69,7 +69,7 @@ class World:
         self,
         model: RobotModel,
         *,
-        figure: HumanFigure | None = None,
+        figure: PartnerFigure | None = None,
         options: WorldOptions | None = None,
     ) -> None:
         """
@@ -97,7 +97,7 @@ class World:
             raise
         self.reset(model.home)
 
-    def _fill(self, figure: HumanFigure | None) -> None:
+    def _fill(self, figure: PartnerFigure | None) -> None:
         pybullet.setTimeStep(self.options.time_step_s, physicsClientId=self.client)
         pybullet.setGravity(0, 0, self.options.gravity, physicsClientId=self.client)
         # The motors are equations that hang together, more so the nearer joints are to coaxial.
