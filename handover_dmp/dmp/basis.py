@@ -42,9 +42,7 @@ class Basis:
 
     centres: NDArray[np.float64]
     sharpness: NDArray[np.float64]
-    _tables: dict[float, NDArray[np.float64]] = field(
-        default_factory=dict, init=False, repr=False
-    )
+    _tables: dict[float, NDArray[np.float64]] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
