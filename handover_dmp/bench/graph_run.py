@@ -30,7 +30,14 @@ from handover_dmp.common.errors import HandoverError
 from handover_dmp.handover.scenario import Scenario
 from handover_dmp.recording import read_bag
 from handover_dmp.runs.folder import keep_inputs
-from handover_dmp.topics import HAND_POSE, DEMONSTRATOR_POSE, IK_STATUS, names_of_values, PHASE, STATE
+from handover_dmp.topics import (
+    DEMONSTRATOR_POSE,
+    HAND_POSE,
+    IK_STATUS,
+    names_of_values,
+    PHASE,
+    STATE,
+)
 import numpy as np
 from numpy.typing import NDArray
 
@@ -177,8 +184,8 @@ def _graph(
     lockstep: bool = False,
 ) -> Iterator[Graph]:
     """Run the five nodes, one handover after the other; the first is over when this is entered."""
-    from handover_dmp.nodes.run_graph import graph_parameters
     from handover_dmp.nodes.graph import Graph
+    from handover_dmp.nodes.run_graph import graph_parameters
 
     keep_inputs(folder, scenario)
     parameters = graph_parameters(folder, scenario, {}, lockstep)

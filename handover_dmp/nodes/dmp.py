@@ -34,7 +34,6 @@ from handover_dmp.handover.controller import (
 )
 from handover_dmp.handover.scenario import example_model, read_model
 from handover_dmp.nodes.conversions import (
-    to_float_array,
     NANOSECONDS,
     nanoseconds,
     pose_message,
@@ -43,6 +42,7 @@ from handover_dmp.nodes.conversions import (
     quaternion_of,
     rotation_of,
     stamp,
+    to_float_array,
     twist_message,
     values_of,
 )

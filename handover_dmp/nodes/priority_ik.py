@@ -25,14 +25,14 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from handover_dmp.nodes.conversions import (
-    to_joint_command,
-    to_float_array,
     NANOSECONDS,
     nanoseconds,
     pose_message,
     position_of,
     quaternion_of,
     rotation_of,
+    to_float_array,
+    to_joint_command,
     velocities_of,
 )
 from handover_dmp.nodes.diagnostics import Diagnostics, Periods
@@ -293,7 +293,9 @@ class PriorityIkNode(HandoverNode):
         self._fault = command.reason
         self._commands = command.velocities is not None
         if command.velocities is not None:
-            self._command = to_joint_command(time_ns, command.velocities.tolist(), into=self._command)
+            self._command = to_joint_command(
+                time_ns, command.velocities.tolist(), into=self._command
+            )
         followed = {
             'command_stamp_s': self._followed_s,
             'command_age_s': now_s - self._follows_since_s,

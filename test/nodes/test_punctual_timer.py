@@ -19,10 +19,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from time import monotonic, perf_counter
 
-from handover_dmp.nodes.shutdown import shut_down
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import TIMER
 from handover_dmp.nodes.punctual_timer import PunctualTimer
+from handover_dmp.nodes.shutdown import shut_down
 import pytest
 import rclpy
 from rclpy.experimental import EventsExecutor

@@ -15,7 +15,12 @@
 from __future__ import annotations
 
 from handover_dmp.robot.model import RobotModel
-from handover_dmp.robot.tasks import axis_alignment, full_orientation, PostureTask, orthogonal_directions
+from handover_dmp.robot.tasks import (
+    axis_alignment,
+    full_orientation,
+    orthogonal_directions,
+    PostureTask,
+)
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
