@@ -45,18 +45,18 @@ class DirectionTask:
         model: the arm.
         position_gain: wrist speed for its position error, 1/s.
         feedback_deceleration: m/s²; the error is worked off no faster than can be slowed by this.
-        stretch_activation: smallest singular value below which outward speed is limited, m.
-        stretch_least: smallest singular value at which the arm rests at the end of its reach, m.
-        stretch_rate: how fast it gets there, 1/s.
+        singularity_activation: smallest singular value below which outward speed is limited, m.
+        singularity_min: smallest singular value at which the arm rests at the end of its reach, m.
+        singularity_rate: how fast it gets there, 1/s.
 
     """
 
     model: RobotModel
     position_gain: float = setting('priority_ik', 'position_gain')
     feedback_deceleration: float = setting('priority_ik', 'feedback_deceleration')
-    stretch_activation: float = setting('priority_ik', 'stretch_activation')
-    stretch_least: float = setting('priority_ik', 'stretch_least')
-    stretch_rate: float = setting('priority_ik', 'stretch_rate')
+    singularity_activation: float = setting('priority_ik', 'singularity_activation')
+    singularity_min: float = setting('priority_ik', 'singularity_min')
+    singularity_rate: float = setting('priority_ik', 'singularity_rate')
     name = 'position'
 
     def __post_init__(self) -> None:
@@ -66,7 +66,7 @@ class DirectionTask:
     def rows(self, period: Period) -> tuple[Array, None]:
         """Give (J, −v), see `tasks.Task`; v is kept as `period.wrist_velocity`."""
         velocity = self._towards(period)
-        if period.singular_value < self.stretch_activation:
+        if period.singular_value < self.singularity_activation:
             direction = smallest_singular_direction(period.linear)
             slope = singular_slope(self.model, period.joint_positions, period.linear, direction)
             velocity, stretched = limit_outward_speed(
@@ -74,8 +74,8 @@ class DirectionTask:
                 direction,
                 period.singular_value,
                 slope,
-                self.stretch_least,
-                self.stretch_rate,
+                self.singularity_min,
+                self.singularity_rate,
             )
             if stretched:
                 period.held_back.append('stretch')

@@ -41,8 +41,8 @@ def smallest_singular_value(jacobian: Array) -> float:
 
     """
     _SOLVER.compute(jacobian.dot(jacobian.T))
-    least: float = _SOLVER.eigenvalues()[0]
-    return math.sqrt(least) if least > 0.0 else 0.0
+    minimum: float = _SOLVER.eigenvalues()[0]
+    return math.sqrt(minimum) if minimum > 0.0 else 0.0
 
 
 def smallest_singular_direction(jacobian: Array) -> Array:
@@ -98,7 +98,7 @@ def limit_outward_speed(
     direction: Array,
     singular_value: float,
     slope: float,
-    least: float,
+    minimum: float,
     rate: float,
 ) -> tuple[Array, bool]:
     """
@@ -114,7 +114,7 @@ def limit_outward_speed(
         direction: (3,), u.
         singular_value: σ, m.
         slope: ∂λ/∂q · Jᵀu, see `singular_slope`, m³.
-        least: σ at rest, m.
+        minimum: σ at rest, m.
         rate: 1/s.
 
     Returns:
@@ -123,7 +123,7 @@ def limit_outward_speed(
     """
     speed = float(velocity @ direction)
     change = 0.5 * slope * speed
-    fastest = -(max(singular_value, 1e-6) ** 3) * rate * max(singular_value - least, 0.0)
+    fastest = -(max(singular_value, 1e-6) ** 3) * rate * max(singular_value - minimum, 0.0)
     if change >= fastest:
         return velocity, False
     return velocity + (fastest / change - 1.0) * speed * direction, True
