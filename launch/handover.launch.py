@@ -101,8 +101,8 @@ def prepare(chosen: dict[str, str]) -> tuple[Any, Path]:
         The arm in its place, and the file of the parameters that go before those of the user's.
 
     """
-    from handover_dmp.nodes.run_graph import graph_parameters
     from handover_dmp.nodes.graph import write_parameters
+    from handover_dmp.nodes.run_graph import graph_parameters
     from handover_dmp.runs.folder import keep_inputs, new_run_folder, run_info
 
     scenario = _scenario(chosen)

@@ -42,10 +42,10 @@ from handover_dmp.dmp import DmpParameters
 from handover_dmp.dmp.parameter_file import TunedParameters, write_parameters
 from handover_dmp.handover.scenario import make_scenario
 from handover_dmp.mocap import synthesize, write_trial
-from handover_dmp.nodes.run_graph import graph_parameters
 from handover_dmp.nodes.graph import Graph, isolate, NODES
-from handover_dmp.nodes.shutdown import shut_down
 from handover_dmp.nodes.qos import message_class, qos_profile
+from handover_dmp.nodes.run_graph import graph_parameters
+from handover_dmp.nodes.shutdown import shut_down
 from handover_dmp.recording import read_bag
 from handover_dmp.runs.folder import keep_inputs
 from handover_dmp.topics import HAND_POSE, STATE
@@ -101,10 +101,16 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / 'my_parameters.yaml').write_text(yaml.safe_dump(values), encoding='utf-8')
     # What `tune` writes.
     write_parameters(TunedParameters(DmpParameters(), 1.0), folder / 'tuned.yaml', 'tuned')
-    (folder / 'recording.tsv').write_text(qualisys(trial.partner, trial.demonstrator), encoding='utf-8')
-    rest = np.repeat(trial.partner[:1], 200, axis=0), np.repeat(trial.demonstrator[:1], 200, axis=0)
+    (folder / 'recording.tsv').write_text(
+        qualisys(trial.partner, trial.demonstrator), encoding='utf-8'
+    )
+    rest = (
+        np.repeat(trial.partner[:1], 200, axis=0),
+        np.repeat(trial.demonstrator[:1], 200, axis=0),
+    )
     there_and_back = [
-        np.vstack([a, p, p[::-1], a]) for a, p in zip(rest, (trial.partner, trial.demonstrator), strict=True)
+        np.vstack([a, p, p[::-1], a])
+        for a, p in zip(rest, (trial.partner, trial.demonstrator), strict=True)
     ]
     (folder / 'session.tsv').write_text(qualisys(*there_and_back), encoding='utf-8')
     return folder

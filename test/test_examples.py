@@ -123,8 +123,8 @@ def test_velocity_to_position(monkeypatch: pytest.MonkeyPatch) -> None:
     """
     rclpy = pytest.importorskip('rclpy')
     monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    from handover_dmp.nodes.shutdown import shut_down
     from handover_dmp.nodes.qos import qos_profile
+    from handover_dmp.nodes.shutdown import shut_down
     from handover_dmp.topics import JOINT_COMMAND, JOINT_STATES
     from rclpy.executors import SingleThreadedExecutor
     from sensor_msgs.msg import JointState

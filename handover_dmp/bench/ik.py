@@ -80,9 +80,7 @@ def run(progress: Callable[[str], None]) -> list[Measurement]:
 
 
 def _follower(ik: PriorityIk) -> Follower:
-    def step(
-        q: Array, velocity: Array, position: Array, speed: Array
-    ) -> tuple[Array, float]:
+    def step(q: Array, velocity: Array, position: Array, speed: Array) -> tuple[Array, float]:
         solution = ik.solve(q, velocity, WristTarget(position, speed), PERIOD_S)
         if not solution.solved:
             raise RuntimeError('no solution')
@@ -226,7 +224,9 @@ def _quality(
         for name, follower in {'ours': ours, **peers}.items()
     }
     edge = model.shoulder + model.reach_m * towards
-    standoff = {n: 1e3 * float(np.linalg.norm(r.wrist[-1] - edge)) for n, r in beyond_reach.items()}
+    standoff = {
+        n: 1e3 * float(np.linalg.norm(r.wrist[-1] - edge)) for n, r in beyond_reach.items()
+    }
     jerk = {name: run.rms_jerk(2.0) for name, run in beyond_reach.items()}
     results += [
         _compared('IK, target 5 cm beyond reach, standoff', standoff, 'mm', 20.0, note),
@@ -294,9 +294,7 @@ def _pink(model: RobotModel) -> Follower:
     configuration = pink.Configuration(robot, robot.createData(), model.home)
     kept = [limits.ConfigurationLimit(robot), limits.VelocityLimit(robot)]
 
-    def step(
-        q: Array, velocity: Array, position: Array, speed: Array
-    ) -> tuple[Array, float]:
+    def step(q: Array, velocity: Array, position: Array, speed: Array) -> tuple[Array, float]:
         configuration.update(np.clip(q, model.limits.lower, model.limits.upper))
         wrist.set_target(pin.SE3(np.eye(3), position + speed * PERIOD_S))
         try:
@@ -326,9 +324,7 @@ def _placo(model: RobotModel) -> Follower:
     posture_task.set_joints(dict(zip(model.joint_names, model.home, strict=True)))
     posture_task.configure('posture', 'soft', 1e-6)
 
-    def step(
-        q: Array, velocity: Array, position: Array, speed: Array
-    ) -> tuple[Array, float]:
+    def step(q: Array, velocity: Array, position: Array, speed: Array) -> tuple[Array, float]:
         for name, value in zip(model.joint_names, q, strict=True):
             robot.set_joint(name, value)
         robot.update_kinematics()

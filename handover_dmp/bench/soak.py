@@ -249,7 +249,10 @@ class Soak:
         max_duration_s = handover.max_duration_s + EXTRA_S
         idle_since_s: float | None = None
         stopped_since_s: float | None = None
-        while handover.time_s < max_duration_s and handover.controller.state is not HandoverState.DONE:
+        while (
+            handover.time_s < max_duration_s
+            and handover.controller.state is not HandoverState.DONE
+        ):
             now_s = handover.time_s
             for name in [name for name, at_s in orders.items() if now_s >= at_s]:
                 getattr(handover.controller, name)()

@@ -195,7 +195,7 @@ def _check(options: argparse.Namespace) -> None:
 
 def _read(options: argparse.Namespace, source: Path) -> WristMotion:
     if options.format == 'bag':
-        from handover_dmp.mocap.bag import PARTNER_TOPIC, DEMONSTRATOR_TOPIC, read_bag_wrists
+        from handover_dmp.mocap.bag import DEMONSTRATOR_TOPIC, PARTNER_TOPIC, read_bag_wrists
 
         topics = [(options.p1 or [PARTNER_TOPIC])[0], (options.p2 or [DEMONSTRATOR_TOPIC])[0]]
         return read_bag_wrists(source, *topics)
@@ -279,7 +279,10 @@ def _report(output: Path, new: list[HandoverTrial], segmented: list[SegmentedMot
     for title in ('duration / s', 'rate / Hz', "P1's way / m", "P2's way / m", 'at end / m'):
         table.add_column(title, justify='right')
     for trial in new:
-        path_lengths = [float(np.linalg.norm(path[-1] - path[0])) for path in (trial.partner, trial.demonstrator)]
+        path_lengths = [
+            float(np.linalg.norm(path[-1] - path[0]))
+            for path in (trial.partner, trial.demonstrator)
+        ]
         gap = float(np.linalg.norm(trial.demonstrator[-1] - trial.partner[-1]))
         numbers = [trial.duration_s, *path_lengths, gap]
         cells = [f'{number:.2f}' for number in numbers]

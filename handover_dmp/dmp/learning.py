@@ -206,9 +206,7 @@ def learn_jointly(
         raise UsageError(f'regression is {regression!r}; known: {", ".join(REGRESSIONS)}')
     kinds = WIDTHS[regression] if widths is None else tuple(widths)
     if not max(2, 2 * len(kinds)) <= basis <= MAX_BASIS:
-        raise UsageError(
-            f'{basis} basis functions; there must be 2 a width and up to {MAX_BASIS}'
-        )
+        raise UsageError(f'{basis} basis functions; there must be 2 a width and up to {MAX_BASIS}')
     if not all(0.0 < width <= 10.0 for width in kinds):
         raise UsageError(f'widths are {kinds}; they must be above 0 and up to 10')
     if not demonstrations:

@@ -234,7 +234,9 @@ def _rollouts(group: Sequence[Panel], title: str) -> Figure:
         for dimension, axis in enumerate(column):
             axis.plot(at, trial.partner[:, dimension], color=PARTNER_COLOUR, lw=1.6)
             # Broad below narrow: both are seen where they lie on each other.
-            axis.plot(at, trial.demonstrator[:, dimension], color=DEMONSTRATOR_COLOUR, lw=4.0, alpha=0.55)
+            axis.plot(
+                at, trial.demonstrator[:, dimension], color=DEMONSTRATOR_COLOUR, lw=4.0, alpha=0.55
+            )
             axis.plot(at, rollout[:, dimension], color=DMP_COLOUR, lw=1.6)
             axis.xaxis.set_major_locator(MaxNLocator(5))
         learnt = panel.case.trials[panel.representative].number

@@ -237,7 +237,9 @@ def _table_of(blocks: Sequence[_Block], trials: int) -> Scores:
 
 
 def _judge_minimum_jerk(case: Case, protocol: Protocol) -> Scores:
-    reaches = [minimum_jerk(trial.demonstrator[0], trial.demonstrator[-1]) for trial in case.trials]
+    reaches = [
+        minimum_jerk(trial.demonstrator[0], trial.demonstrator[-1]) for trial in case.trials
+    ]
     band = _band(case, leave_one_out=protocol.leave_one_out)
     return judge(np.stack(reaches)[None], case.curves, band)
 

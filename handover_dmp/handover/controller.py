@@ -363,7 +363,8 @@ class HandoverController:
         if size <= maximum:
             return after
         velocity = tuple(
-            b + (a - b) * maximum / size for a, b in zip(after.velocity, before.velocity, strict=True)
+            b + (a - b) * maximum / size
+            for a, b in zip(after.velocity, before.velocity, strict=True)
         )
         position = tuple(
             x + 0.5 * (b + v) * dt

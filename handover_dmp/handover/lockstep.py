@@ -184,7 +184,9 @@ class Handover:
         """
         self.begin()
         periods: list[Period] = []
-        while self.controller.state is not HandoverState.DONE and self.time_s < self.max_duration_s:
+        while (
+            self.controller.state is not HandoverState.DONE and self.time_s < self.max_duration_s
+        ):
             periods.append(self.step())
             progress(self.time_s / self.max_duration_s)
         periods += [self.step() for _ in range(round(AFTERWARDS_S / self.period_s))]

@@ -209,7 +209,11 @@ def make_scenario(
     replayed = condition(replayed, cutoff_hz=defaults('hand_tracker')['cutoff_hz'])
     wrist_path = expected_path(learnt, replayed)
     arm = RobotModel.load(robot)
-    arm = arm.placed(base if base is not None else choose_base_placement(wrist_path, arm, partner=replayed.partner[-1]))
+    arm = arm.placed(
+        base
+        if base is not None
+        else choose_base_placement(wrist_path, arm, partner=replayed.partner[-1])
+    )
     return Scenario(
         trial=replayed,
         model=learnt,

@@ -37,7 +37,9 @@ _MAX_POSES = 2_000_000
 
 
 def read_bag_wrists(
-    path: str | Path, partner_topic: str = PARTNER_TOPIC, demonstrator_topic: str = DEMONSTRATOR_TOPIC
+    path: str | Path,
+    partner_topic: str = PARTNER_TOPIC,
+    demonstrator_topic: str = DEMONSTRATOR_TOPIC,
 ) -> WristMotion:
     """
     Read the wrists of both partners from a bag.
@@ -59,17 +61,24 @@ def read_bag_wrists(
 
     """
     path = Path(path)
-    (partner_times, partner), (demonstrator_times, demonstrator) = _read_poses(path, partner_topic, demonstrator_topic)
+    (partner_times, partner), (demonstrator_times, demonstrator) = _read_poses(
+        path, partner_topic, demonstrator_topic
+    )
     start = partner_times[0]
     inside = (partner_times >= demonstrator_times[0]) & (partner_times <= demonstrator_times[-1])
     # Between two poses of P2 that are far apart, nothing is known of it.
-    after = np.clip(np.searchsorted(demonstrator_times, partner_times), 1, len(demonstrator_times) - 1)
+    after = np.clip(
+        np.searchsorted(demonstrator_times, partner_times), 1, len(demonstrator_times) - 1
+    )
     inside &= demonstrator_times[after] - demonstrator_times[after - 1] <= MAX_GAP_S
     times = partner_times[inside]
     if len(times) == 0:
         raise DataError(f'{path}: {partner_topic} and {demonstrator_topic} do not overlap in time')
     return WristMotion(
-        times - start, partner[inside], interpolate(demonstrator_times, demonstrator)(times), source=path.name
+        times - start,
+        partner[inside],
+        interpolate(demonstrator_times, demonstrator)(times),
+        source=path.name,
     ).checked()
 
 

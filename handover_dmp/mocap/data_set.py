@@ -192,7 +192,9 @@ def _check_frames(folder: Path, trials: Sequence[HandoverTrial]) -> None:
     for trial in trials:
         cases[trial.configuration, trial.direction].append(trial)
     for case in cases.values():
-        ends = np.array([np.concatenate([trial.partner[-1], trial.demonstrator[-1]]) for trial in case])
+        ends = np.array(
+            [np.concatenate([trial.partner[-1], trial.demonstrator[-1]]) for trial in case]
+        )
         # Of two, neither is the odd one: the first is what the other is held against.
         usual = ends[0] if len(case) == 2 else np.median(ends, axis=0)
         apart = (ends - usual).reshape(len(case), 2, 3)

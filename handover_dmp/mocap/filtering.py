@@ -65,7 +65,9 @@ def condition(
         DataError: rate or cut-off make no sense, or fewer than 10 samples would remain.
 
     """
-    times, positions, _ = smooth(trial.times, np.hstack([trial.partner, trial.demonstrator]), rate_hz, cutoff_hz)
+    times, positions, _ = smooth(
+        trial.times, np.hstack([trial.partner, trial.demonstrator]), rate_hz, cutoff_hz
+    )
     return replace(trial, times=times, partner=positions[:, :3], demonstrator=positions[:, 3:])
 
 

@@ -25,7 +25,7 @@ from handover_dmp.recording.bag_writer import BagWriter
 from handover_dmp.recording.message_definitions import message_definition
 from handover_dmp.recording.messages import header, Message, pose_stamped
 from handover_dmp.recording.qos import LATCHED, SENSOR
-from handover_dmp.topics import FRAME, HAND_POSE, DEMONSTRATOR_POSE, SIGNAL, Topic
+from handover_dmp.topics import DEMONSTRATOR_POSE, FRAME, HAND_POSE, SIGNAL, Topic
 import numpy as np
 from numpy.typing import NDArray
 
@@ -86,7 +86,9 @@ def _rows(trial: HandoverTrial) -> Iterator[Row]:
     for count in before:
         yield _pose(HAND_POSE, times_ns[0] + count * step_ns, trial.partner[0])
     yield START_NS, SIGNAL.name, header(START_NS, FRAME)
-    for time_ns, partner, demonstrator in zip(times_ns, trial.partner, trial.demonstrator, strict=True):
+    for time_ns, partner, demonstrator in zip(
+        times_ns, trial.partner, trial.demonstrator, strict=True
+    ):
         yield _pose(HAND_POSE, time_ns, partner)
         yield _pose(DEMONSTRATOR_POSE, time_ns, demonstrator)
     for count in after:

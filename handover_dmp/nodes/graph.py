@@ -36,13 +36,13 @@ from typing import Any
 from handover_dmp.common.errors import HandoverError
 from handover_dmp.common.resources import share_path
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
-from handover_dmp.nodes.shutdown import shut_down
 from handover_dmp.nodes.qos import message_class, qos_profile
+from handover_dmp.nodes.shutdown import shut_down
 from handover_dmp.nodes.spin import MAX_END_S, PARENT_VARIABLE, STDERR
 from handover_dmp.topics import (
     CLOCK,
-    HAND_POSE,
     DEMONSTRATOR_POSE,
+    HAND_POSE,
     IK_STATUS,
     JOINT_COMMAND,
     JOINT_STATES,

@@ -28,7 +28,7 @@ from handover_dmp.nodes.lockstep import Lockstep
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import Parameter, Values
 from handover_dmp.nodes.spin import run
-from handover_dmp.topics import CLOCK, FRAME, HAND_POSE, DEMONSTRATOR_POSE, SIGNAL
+from handover_dmp.topics import CLOCK, DEMONSTRATOR_POSE, FRAME, HAND_POSE, SIGNAL
 from handover_dmp.tracking.playback import HandSample, PlayedBag, PlayedTrial
 from handover_dmp.tracking.sensor_model import SensorModel
 from std_msgs.msg import Header
@@ -100,7 +100,7 @@ class HandTracker(HandoverNode):
         self._periods.tick()
         now_s = time_ns / NANOSECONDS
         self._messages = [_message(sample) for sample in self._played.hand(now_s)]
-        self._person = [_message(sample) for sample in self._played.human(now_s)]
+        self._person = [_message(sample) for sample in self._played.demonstrator(now_s)]
         self._publish()
 
     def _publish(self) -> None:

@@ -61,7 +61,11 @@ class Markers:
         self._count = 0
 
     def update(
-        self, time: Time, hand: Position | None, wrist: Position | None, exchange_position: Position | None
+        self,
+        time: Time,
+        hand: Position | None,
+        wrist: Position | None,
+        exchange_position: Position | None,
     ) -> None:
         """
         Show where all is now.

@@ -28,9 +28,9 @@ from handover_dmp.common.errors import DataError
 from handover_dmp.recording import bag_files, read_bag
 from handover_dmp.topics import (
     CLOCK,
+    DEMONSTRATOR_POSE,
     DIAGNOSTICS,
     HAND_POSE,
-    DEMONSTRATOR_POSE,
     IK_STATUS,
     INFO,
     JOINT_COMMAND,

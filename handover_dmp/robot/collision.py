@@ -327,7 +327,9 @@ class CollisionModel:
         data = self._geometry.createData()
         distances = np.empty((len(configurations), len(watched)))
         for configuration, row in zip(configurations, distances, strict=True):
-            pin.updateGeometryPlacements(self._model, self._data, self._geometry, data, configuration)
+            pin.updateGeometryPlacements(
+                self._model, self._data, self._geometry, data, configuration
+            )
             row[:] = self._all_distances(data)
         rare = (distances[0] > CLEAR_AT_HOME) & (np.mean(distances <= 0.0, axis=0) < 0.9)
         for k in np.flatnonzero(rare & (distances.min(axis=0) > NEVER_NEAR)).tolist():

@@ -75,7 +75,9 @@ class Arm(Protocol):
         ...
 
 
-def inverse_kinematics(model: Arm, position: Array, rotation: Array | None, q0: Array | None) -> Array:
+def inverse_kinematics(
+    model: Arm, position: Array, rotation: Array | None, q0: Array | None
+) -> Array:
     """
     Find a posture with the wrist at a pose, within the limits and not far from another one.
 

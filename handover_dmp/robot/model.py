@@ -456,9 +456,9 @@ def _home(entry: descriptions.ArmEntry, limits: JointLimits, model: Any, wrist_i
         data = model.createData()
 
         def manipulability(q: Array) -> float:
-            jacobian = pin.computeFrameJacobian(
-                model, data, q, wrist_id, pin.LOCAL_WORLD_ALIGNED
-            )[:3]
+            jacobian = pin.computeFrameJacobian(model, data, q, wrist_id, pin.LOCAL_WORLD_ALIGNED)[
+                :3
+            ]
             return float(np.linalg.svd(jacobian, compute_uv=False)[-1])
 
         configurations = middle + samples * half

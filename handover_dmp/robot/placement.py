@@ -46,7 +46,7 @@ MIN_SPEED_WEIGHT = 0.3
 """The arm can move at this share at least of what it must be able to where the way is fastest."""
 EASY_MARGIN = 0.4
 """A good distance of a joint from its limits, rad."""
-EASY_AGILITY = 0.25
+EASY_MANIPULABILITY = 0.25
 """A good smallest singular value, m."""
 LEFT_BONUS = 0.01
 """Decides between mirror images: people reach with the right hand, so the body is to its left."""
@@ -64,7 +64,9 @@ class _WristPath:
     leftwards: Array
 
 
-def choose_base_placement(path: Array, model: RobotModel, *, partner: Array | None = None) -> BasePlacement:
+def choose_base_placement(
+    path: Array, model: RobotModel, *, partner: Array | None = None
+) -> BasePlacement:
     """
     Find where the arm stands best for a way of its wrist.
 
@@ -152,7 +154,9 @@ def _wrist_path(path: Array, partner: Array | None) -> _WristPath:
 def _shoulder(wrist_path: _WristPath, middle: Array, offset: Array) -> Array:
     behind, aside, above = offset
     up = np.array([0.0, 0.0, 1.0])
-    return np.asarray(middle - behind * wrist_path.forwards + aside * wrist_path.leftwards + above * up)
+    return np.asarray(
+        middle - behind * wrist_path.forwards + aside * wrist_path.leftwards + above * up
+    )
 
 
 def _distance_cost(wrist_path: _WristPath, shoulder: Array, reach: float) -> float:
@@ -169,7 +173,11 @@ def _distance_cost(wrist_path: _WristPath, shoulder: Array, reach: float) -> flo
         + max(0.0, 0.3 - level)
         + 5.0 * missing
         - LEFT_BONUS
-        * float(np.sign(np.round((shoulder - wrist_path.points.mean(axis=0)) @ wrist_path.leftwards, 9)))
+        * float(
+            np.sign(
+                np.round((shoulder - wrist_path.points.mean(axis=0)) @ wrist_path.leftwards, 9)
+            )
+        )
     )
 
 
@@ -177,7 +185,9 @@ def _behind_start(wrist_path: _WristPath, shoulder: Array) -> float:
     return float((wrist_path.points[0] - shoulder) @ wrist_path.forwards)
 
 
-def _placement(model: RobotModel, wrist_path: _WristPath, middle: Array, offset: Array) -> BasePlacement:
+def _placement(
+    model: RobotModel, wrist_path: _WristPath, middle: Array, offset: Array
+) -> BasePlacement:
     """Put the shoulder there, and turn the arm so that its home posture looks at the way."""
     shoulder = _shoulder(wrist_path, middle, offset)
     own = model.base.rotation.T @ (model.shoulder - np.array(model.base.position))
@@ -213,7 +223,9 @@ def _tried(model: RobotModel, wrist_path: _WristPath, middle: Array, offset: Arr
             return _Trial(-np.inf, offset, missing)
         direction = points[min(i + 1, len(points) - 1)] - points[max(i - 1, 0)]
         ease.append(_ease(model, posture, direction, wrist_path.speed_weight[i]))
-    short = max(0.0, BEHIND_START - _behind_start(wrist_path, _shoulder(wrist_path, middle, offset)))
+    short = max(
+        0.0, BEHIND_START - _behind_start(wrist_path, _shoulder(wrist_path, middle, offset))
+    )
     score = min(ease) + 0.1 * float(np.mean(ease)) - 3.0 * short
     score += LEFT_BONUS * float(np.sign(np.round(offset[1], 9)))
     return _Trial(score, offset, 0.0)
@@ -249,5 +261,8 @@ def _ease(model: RobotModel, posture: Array, direction: Array, speed_weight: flo
         joints = right.T @ ((left.T @ direction) / (length * np.maximum(values, 1e-3)))
         speed = 1.0 / float((np.abs(joints) / limits.velocity).max())
     return min(
-        speed / (EASY_SPEED * speed_weight), margin / EASY_MARGIN, float(values[-1]) / EASY_AGILITY, 1.2
+        speed / (EASY_SPEED * speed_weight),
+        margin / EASY_MARGIN,
+        float(values[-1]) / EASY_MANIPULABILITY,
+        1.2,
     )

@@ -107,7 +107,7 @@ class SeparationLimit:
         directions = []
         if distance > 1e-6:
             directions.append(apart / distance)
-        touching = _shutting_down(velocity, hand, allowed)
+        touching = _ball_exit(velocity, hand, allowed)
         if touching is not None:
             directions.append(touching)
         if not directions:
@@ -116,7 +116,7 @@ class SeparationLimit:
         return stacked, np.maximum(allowed + stacked @ hand, 0.0)
 
 
-def _shutting_down(velocity: Array, hand: Array, allowed: float) -> Array | None:
+def _ball_exit(velocity: Array, hand: Array, allowed: float) -> Array | None:
     """Find where s·velocity − hand, 0 ≤ s ≤ 1, leaves the ball of radius `allowed`."""
     relative = velocity - hand
     if float(relative @ relative) <= allowed * allowed:

@@ -233,9 +233,7 @@ class World:
             else:
                 state = pybullet.getJointState(self.robot, number, physicsClientId=self.client)
                 q.append(state[0])
-        matrix = np.array(
-            pybullet.calculateMassMatrix(self.robot, q, physicsClientId=self.client)
-        )
+        matrix = np.array(pybullet.calculateMassMatrix(self.robot, q, physicsClientId=self.client))
         order = [column for _, column in sorted(columns)]
         return matrix[np.ix_(order, order)]
 

@@ -275,7 +275,9 @@ class _Drawing:
         )
         # The page draws more and more of them.
         path_length = _path_length(path[shown])
-        share = np.interp(self._times, scene.times[shown], path_length / max(path_length[-1], 1e-9))
+        share = np.interp(
+            self._times, scene.times[shown], path_length / max(path_length[-1], 1e-9)
+        )
         self.trails[node.path.lower()] = (
             (3 * np.floor(share * len(triangles))).astype(int).tolist()
         )

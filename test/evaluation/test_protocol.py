@@ -126,7 +126,8 @@ def test_people_and_the_oracle_are_those_of_an_independent_computation():
     for trial in smooth:
         u = np.linspace(0.0, 1.0, 101)[:, None]
         reaches.append(
-            trial.demonstrator[0] + (trial.demonstrator[-1] - trial.demonstrator[0]) * u**3 * (10 - 15 * u + 6 * u**2)
+            trial.demonstrator[0]
+            + (trial.demonstrator[-1] - trial.demonstrator[0]) * u**3 * (10 - 15 * u + 6 * u**2)
         )
     for k in (1, 2, 3):
         figures = find(rows, 'single', 'minimum_jerk').figures
@@ -189,7 +190,12 @@ def test_nothing_is_tested_against_itself_when_it_is_left_out():
 def test_a_trial_left_out_changes_nothing_of_what_it_is_held_against():
     trials = one_case()
     moved = HandoverTrial(
-        trials[0].times, trials[0].partner, trials[0].demonstrator + 0.3, 'under_car', 'give', trials[0].number
+        trials[0].times,
+        trials[0].partner,
+        trials[0].demonstrator + 0.3,
+        'under_car',
+        'give',
+        trials[0].number,
     )
     before, after = (
         evaluate([first, *trials[1:]], Protocol(leave_one_out=True, learn=('mean',))).cases[0]

@@ -33,7 +33,9 @@ def trial(duration_s=1.5, hand=(0.9, 0.0, 0.1), drift=(0.1, 0.0, 0.0), number=1)
     u = times / times[-1]
     way = 10 * u**3 - 15 * u**4 + 6 * u**5
     partner = np.array(hand) + np.outer(times - times[-1], drift)
-    demonstrator = np.outer(1 - way, [0.1, 0.2, 0.0]) + np.outer(way, np.array(hand) - [0.1, 0.0, 0.05])
+    demonstrator = np.outer(1 - way, [0.1, 0.2, 0.0]) + np.outer(
+        way, np.array(hand) - [0.1, 0.0, 0.05]
+    )
     return HandoverTrial(times, partner, demonstrator, 'lab', 'give', number, f'trial {number}')
 
 

@@ -114,7 +114,10 @@ def test_an_hour_without_handovers_and_gaps(play_session, trials):
     # Both wrists out of sight while they go back after the first; the rest stays usable.
     hidden = (motion.times > spans[0][1] + 0.7) & (motion.times < spans[0][1] + 1.5)
     seen = replace(
-        motion, times=motion.times[~hidden], partner=motion.partner[~hidden], demonstrator=motion.demonstrator[~hidden]
+        motion,
+        times=motion.times[~hidden],
+        partner=motion.partner[~hidden],
+        demonstrator=motion.demonstrator[~hidden],
     )
     assert len(segment(seen).segments) == 3
     resting = WristMotion(
@@ -130,7 +133,10 @@ def test_a_gap_in_the_reach_is_not_bridged(play_session, trials):
     middle = 0.5 * sum(spans[0])
     hidden = np.abs(motion.times - middle) < 0.2
     seen = replace(
-        motion, times=motion.times[~hidden], partner=motion.partner[~hidden], demonstrator=motion.demonstrator[~hidden]
+        motion,
+        times=motion.times[~hidden],
+        partner=motion.partner[~hidden],
+        demonstrator=motion.demonstrator[~hidden],
     )
     for part in segment(seen).segments:
         assert part.start_s > middle or part.exchange_s < middle
@@ -139,7 +145,11 @@ def test_a_gap_in_the_reach_is_not_bridged(play_session, trials):
 def test_what_is_left_out_is_told(play_session, trials):
     motion, _ = play_session(trials[:2])
     # P2 stays, the exchange comes to him.
-    still = replace(motion, partner=motion.partner - motion.demonstrator, demonstrator=np.zeros_like(motion.demonstrator))
+    still = replace(
+        motion,
+        partner=motion.partner - motion.demonstrator,
+        demonstrator=np.zeros_like(motion.demonstrator),
+    )
     left_out = segment(still)
     assert left_out.segments == []
     assert [reason for _, reason in left_out.passages] == ['P2 does not reach'] * 2
@@ -155,7 +165,7 @@ def test_what_is_left_out_is_told(play_session, trials):
     [
         {'near_m': 0.9},
         {'moving_speed': 0.5},
-        {'longest_s': 0.1},
+        {'max_duration_s': 0.1},
         {'margin_s': -1.0},
         {'near_m': float('nan')},
         {'giver': 'nobody'},

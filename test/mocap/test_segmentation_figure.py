@@ -55,7 +55,12 @@ def test_what_is_left_out_and_gaps_do_not_stop_it(play_session, tmp_path):
     text = (tmp_path / 'out.svg').read_text()
     assert text.startswith('<?xml')
     keep = np.r_[0:100, 102:104, 200: len(motion.times)]  # fmt: skip
-    gappy = replace(motion, times=motion.times[keep], partner=motion.partner[keep], demonstrator=motion.demonstrator[keep])
+    gappy = replace(
+        motion,
+        times=motion.times[keep],
+        partner=motion.partner[keep],
+        demonstrator=motion.demonstrator[keep],
+    )
     draw_segmentation(segment(gappy), tmp_path / 'gaps.png')
     assert sorted(path.name for path in tmp_path.iterdir()) == ['gaps.png', 'out.svg']
 

@@ -80,7 +80,9 @@ def test_the_same_bytes_whatever_the_threads_and_vector_units(tmp_path):
 
 def test_seeds_and_numbers(trials):
     other = synthesize(seed=1)
-    assert all((a.demonstrator[0] != b.demonstrator[0]).any() for a, b in zip(trials, other, strict=True))
+    assert all(
+        (a.demonstrator[0] != b.demonstrator[0]).any() for a, b in zip(trials, other, strict=True)
+    )
     more = {trial.label: trial for trial in synthesize(trials=8)}
     for trial in trials:
         np.testing.assert_array_equal(more[trial.label].partner, trial.partner)

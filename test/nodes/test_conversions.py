@@ -20,8 +20,6 @@ from typing import Any
 
 from geometry_msgs.msg import PoseStamped
 from handover_dmp.nodes.conversions import (
-    to_joint_command,
-    to_float_array,
     nanoseconds,
     period_of,
     pose_message,
@@ -29,6 +27,8 @@ from handover_dmp.nodes.conversions import (
     quaternion_of,
     rotation_of,
     stamp,
+    to_float_array,
+    to_joint_command,
     twist_message,
     values_of,
     velocities_of,

@@ -35,11 +35,11 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from handover_dmp.handover.scenario import Scenario
 from handover_dmp.nodes.conversions import (
-    to_float_array,
     NANOSECONDS,
     nanoseconds,
     pose_message,
     stamp,
+    to_float_array,
 )
 from handover_dmp.nodes.graph import Graph, GraphError
 from handover_dmp.nodes.qos import message_class, qos_profile

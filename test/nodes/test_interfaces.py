@@ -26,7 +26,6 @@ from typing import Any
 
 from handover_dmp.common.errors import UsageError
 from handover_dmp.handover.scenario import Scenario
-from handover_dmp.nodes.run_graph import graph_parameters
 from handover_dmp.nodes.dmp import Dmp, MAX_STALL_S, PRIMITIVE
 from handover_dmp.nodes.graph import Graph
 from handover_dmp.nodes.hand_tracker import HandTracker
@@ -35,6 +34,7 @@ from handover_dmp.nodes.priority_ik import PriorityIkNode
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.nodes.recorder import Recorder
 from handover_dmp.nodes.robot_sim import POSTURE, RobotSim
+from handover_dmp.nodes.run_graph import graph_parameters
 from handover_dmp.runs.folder import keep_inputs
 from handover_dmp.topics import (
     DIAGNOSTICS,

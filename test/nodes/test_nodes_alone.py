@@ -28,8 +28,8 @@ from typing import Any
 from geometry_msgs.msg import PoseStamped
 from handover_dmp.nodes.conversions import pose_message, quaternion_of
 from handover_dmp.nodes.graph import isolate, NODES
-from handover_dmp.nodes.shutdown import shut_down, MAX_WAIT_S, turn_file
 from handover_dmp.nodes.priority_ik import MAX_STEP
+from handover_dmp.nodes.shutdown import MAX_WAIT_S, shut_down, turn_file
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.topics import JOINT_COMMAND, JOINT_STATES, POSE_COMMAND
 import numpy as np

@@ -21,7 +21,7 @@ from itertools import pairwise
 from time import monotonic
 from typing import Any
 
-from handover_dmp.nodes.once_per_second import OncePerSecond, INTERVAL_S
+from handover_dmp.nodes.once_per_second import INTERVAL_S, OncePerSecond
 from handover_dmp.nodes.shutdown import shut_down
 import pytest
 import rclpy

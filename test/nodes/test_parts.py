@@ -34,10 +34,10 @@ from handover_dmp.handover.scenario import example_model, example_trials
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
 from handover_dmp.nodes.dmp import MAX_STALL_S
 from handover_dmp.nodes.graph import Graph
-from handover_dmp.nodes.shutdown import MAX_WAIT_S, turn_file
 from handover_dmp.nodes.lockstep import ASK_AGAIN_S
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.nodes.recorder import QUEUE
+from handover_dmp.nodes.shutdown import MAX_WAIT_S, turn_file
 from handover_dmp.recording import (
     bag_files,
     bag_information,

@@ -14,7 +14,11 @@
 
 from __future__ import annotations
 
-from handover_dmp.robot.orientation_task import axis_alignment, full_orientation, orthogonal_directions
+from handover_dmp.robot.orientation_task import (
+    axis_alignment,
+    full_orientation,
+    orthogonal_directions,
+)
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

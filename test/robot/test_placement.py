@@ -90,7 +90,9 @@ def test_recorded_ways_of_people(kth_folder, lwr4, configuration):
     trials = [t for t in read_data_set(kth_folder) if t.configuration == configuration]
     for trial in trials[:: 1 if configuration == 'raw' else 5]:
         trial = condition(trial)
-        placed = lwr4.placed(choose_base_placement(trial.demonstrator, lwr4, partner=trial.partner[-1]))
+        placed = lwr4.placed(
+            choose_base_placement(trial.demonstrator, lwr4, partner=trial.partner[-1])
+        )
         # at half their speed, for some recordings start with the hand in full motion
         _followed(placed, trial.demonstrator, 2.0 * trial.duration_s)
 

@@ -53,7 +53,9 @@ def test_wrist_follows_recorded_people(kth_folder):
     for name, partner, demonstrator in recorded(kth_folder):
         figure = PartnerFigure(partner, demonstrator[-1])
         postures = figure.postures(partner)
-        errors = [np.linalg.norm(q.hand_position - p) for q, p in zip(postures, partner, strict=True)]
+        errors = [
+            np.linalg.norm(q.hand_position - p) for q, p in zip(postures, partner, strict=True)
+        ]
         assert max(errors) < 2e-6, name
         # The arm as it is suffices for nearly all of it; a small step makes up for the rest.
         assert max(np.linalg.norm(q.shift) for q in postures) < 0.15, name
