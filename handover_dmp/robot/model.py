@@ -24,7 +24,7 @@ from xml.etree import ElementTree
 
 from handover_dmp.common.errors import UsageError
 from handover_dmp.common.quiet_pybullet import silenced
-from handover_dmp.robot import descriptions
+from handover_dmp.robot import descriptions, inverse
 from handover_dmp.robot.errors import RobotDescriptionError
 from handover_dmp.robot.limits import JointLimits
 from handover_dmp.robot.plain_description import (
@@ -262,23 +262,17 @@ class RobotModel:
             UnreachableError: there is none.
 
         """
-        from handover_dmp.robot.inverse import inverse_kinematics
-
-        return inverse_kinematics(self, position, rotation, q0)
+        return inverse.inverse_kinematics(self, position, rotation, q0)
 
     @cached_property
     def shoulder(self) -> Array:
         """Return the point of the first joint's axis that is nearest to the second's, (3,), m."""
-        from handover_dmp.robot.inverse import shoulder
-
-        return shoulder(self)
+        return inverse.shoulder(self)
 
     @cached_property
     def reach_m(self) -> float:
         """How far from `shoulder` the wrist gets at most, m."""
-        from handover_dmp.robot.inverse import greatest_reach
-
-        return greatest_reach(self)
+        return inverse.greatest_reach(self)
 
 
 def _read(path: Path) -> tuple[str, ElementTree.Element]:
