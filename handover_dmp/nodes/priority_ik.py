@@ -38,7 +38,7 @@ from handover_dmp.nodes.conversions import (
 from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.lockstep import HEAD_START_S, Lockstep
 from handover_dmp.nodes.node import HandoverNode
-from handover_dmp.nodes.parameters import ARM, HAND, on_change, Parameter, Values
+from handover_dmp.nodes.parameters import ARM, DRIVER, HAND, on_change, Parameter, Values
 from handover_dmp.nodes.spin import run
 from handover_dmp.robot.model import BasePlacement, RobotModel
 from handover_dmp.robot.orientation_task import ORIENTATIONS
@@ -100,6 +100,7 @@ class PriorityIkNode(HandoverNode):
     NAME = 'priority_ik'
     PARAMETERS = (
         *ARM,
+        *DRIVER,
         *HAND,
         *TIMEOUTS,
         *TASKS,
@@ -118,7 +119,10 @@ class PriorityIkNode(HandoverNode):
         base = BasePlacement(tuple(self.values['base_position']), self.values['base_yaw'])
         self._model = RobotModel.load(self.values['robot'], base=base)
         self._controller = WristController(
-            self._model, PriorityIk(self._model, **_tasks(self.values)), _timeouts(self.values)
+            self._model,
+            PriorityIk(self._model, **_tasks(self.values)),
+            _timeouts(self.values),
+            joint_prefix=self.values['joint_prefix'],
         )
         on_change(self, TIMEOUTS + TASKS, self._prepare)
         self._period_s = 1.0 / self.values['rate_hz']
@@ -140,7 +144,6 @@ class PriorityIkNode(HandoverNode):
         self._active: tuple[str, ...] = ()
         self._refused = 0
         self._refusal = ''
-        self._joints = frozenset(self._model.joint_names)
         self._twist_awaited = False
         self._connect()
         self._taken_ns: int | None = None
@@ -168,14 +171,13 @@ class PriorityIkNode(HandoverNode):
     # Inputs
 
     def _on_joint_states(self, message: JointState) -> None:
-        if self._joints.isdisjoint(message.name):
-            return  # of a gripper, or of another arm
         time_ns = nanoseconds(message.header.stamp)
         arrival_s = time_ns / NANOSECONDS if self.lockstep else self.arrival_s()
         if not self._controller.set_joint_state(
             message.name, message.position, message.velocity, arrival_s
         ):
-            self._refuse('joint states')
+            if self._controller.joint_states.concerns(message.name):
+                self._refuse('joint states')
             return
         self._measured_stamp = message.header.stamp
         if self.lockstep:
