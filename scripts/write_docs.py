@@ -39,7 +39,9 @@ from handover_dmp.nodes.parameters import COMMON, Parameter
 from handover_dmp.topics import Topic, TOPICS
 
 ROOT = Path(__file__).resolve().parents[1]
-NODES = ('hand_tracker', 'dmp', 'priority_ik', 'robot_sim', 'recorder')
+NODES = (
+    'hand_tracker', 'dmp', 'priority_ik', 'robot_sim', 'recorder', 'velocity_to_position',
+)  # fmt: skip
 # Helpers of nodes that have topics of their own, and who uses them.
 HELPERS = {'markers': 'dmp', 'diagnostics': 'every node'}
 BEGIN, END = '<!-- generated: {} -->', '<!-- end -->'
