@@ -301,8 +301,7 @@ class CollisionModel:
     def _avoidable(
         self, model: RobotModel, watched: list[tuple[int, int]]
     ) -> list[tuple[int, int]]:
-        low = np.maximum(model.limits.lower, -np.pi)
-        high = np.minimum(model.limits.upper, np.pi)
+        low, high = model.limits.one_turn
         chance = np.random.default_rng(0)
         postures = [model.home, *chance.uniform(low, high, (SAMPLED_POSTURES, model.dof))]
         for i, j in watched:

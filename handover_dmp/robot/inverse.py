@@ -123,8 +123,7 @@ def greatest_reach(model: RobotModel) -> float:
 
     """
     centre = model.shoulder
-    low = np.maximum(model.limits.lower, -np.pi)
-    high = np.minimum(model.limits.upper, np.pi)
+    low, high = model.limits.one_turn
 
     def cost(posture: Array) -> tuple[float, Array]:
         jacobian = model.wrist_jacobian(posture)[:3]
