@@ -268,9 +268,9 @@ class RobotModel:
             UnreachableError: there is none.
 
         """
-        from handover_dmp.robot.inverse import posture_at
+        from handover_dmp.robot.inverse import inverse_kinematics
 
-        return posture_at(self, position, rotation, q0)
+        return inverse_kinematics(self, position, rotation, q0)
 
     @cached_property
     def shoulder(self) -> Array:
