@@ -27,7 +27,10 @@ REQUIREMENTS = [
     'numpy>=1.26',
     'pillow>=10.2',
     'pin>=4.0',
-    'pybullet>=3.2.7',
+    # PyBullet's own wheels end at Python 3.11. From there on the same module comes from a rebuild,
+    # which has wheels for x86-64, too.
+    'pybullet>=3.2.7; python_version < "3.12"',
+    'pybullet-arm64>=3.2.8; python_version >= "3.12"',
     'PyYAML>=6.0.1',
     'rich>=13.7',
     'rosbags>=0.10',
