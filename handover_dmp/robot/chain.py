@@ -26,6 +26,7 @@ from handover_dmp.robot import descriptions
 from handover_dmp.robot.descriptions import ArmEntry
 from handover_dmp.robot.effective_limits import effective_limits, EffectiveLimits, KnownLimits
 from handover_dmp.robot.errors import RobotDescriptionError
+from handover_dmp.robot.plain_description import parse as parse_xml
 
 Element = ElementTree.Element
 
@@ -33,7 +34,7 @@ VECTORS = ('xyz', 'rpy')
 LIMITS = ('lower', 'upper', 'velocity', 'effort', 'acceleration', 'jerk')
 SOFT_LIMITS = ('soft_lower_limit', 'soft_upper_limit')
 NUMBERS = {'limit': LIMITS, 'safety_controller': SOFT_LIMITS, 'origin': VECTORS, 'axis': VECTORS}
-"""Elements of a joint, and those of their attributes that are numbers."""
+"""Elements of joints and links, and those of their attributes that are numbers."""
 
 
 @dataclass(frozen=True)
@@ -92,29 +93,28 @@ def parse(text: str, origin: str) -> Element:
 
     """
     try:
-        tree = ElementTree.fromstring(text)
+        tree = parse_xml(text)
     except ElementTree.ParseError as error:
         raise RobotDescriptionError(f'{origin}: not XML: {error}') from error
     if tree.tag != 'robot':
         raise RobotDescriptionError(f'{origin}: no <robot> element; is it a URDF?')
-    for joint in tree.findall('joint'):
-        _check_numbers(joint, origin)
+    for part in tree.findall('joint') + tree.findall('link'):
+        _check_numbers(part, origin)
     return tree
 
 
-def _check_numbers(joint: Element, origin: str) -> None:
+def _check_numbers(part: Element, origin: str) -> None:
     """Name the first number that is none; Pinocchio only says that something is wrong."""
-    for tag, keys in NUMBERS.items():
-        for element in joint.findall(tag):
-            for key in keys:
-                text, count = element.get(key), 3 if key in VECTORS else 1
-                if text is not None and _count_numbers(text, key) != count:
-                    wanted = 'a number' if count == 1 else f'{count} numbers'
-                    raise RobotDescriptionError(
-                        f'{origin}: {key}="{text}" of <{tag}> of joint {joint.get("name")!r} is '
-                        f'not {wanted}; if it is a xacro, expand it first: '
-                        'xacro FILE > robot.urdf'
-                    )
+    for element in part.iter():
+        for key in NUMBERS.get(element.tag, ()):
+            text, count = element.get(key), 3 if key in VECTORS else 1
+            if text is not None and _count_numbers(text, key) != count:
+                wanted = 'a number' if count == 1 else f'{count} numbers'
+                raise RobotDescriptionError(
+                    f'{origin}: {key}="{text}" of <{element.tag}> of {part.tag} '
+                    f'{part.get("name")!r} is not {wanted}; if it is a xacro, expand it first: '
+                    'xacro FILE > robot.urdf'
+                )
 
 
 def _count_numbers(text: str, key: str) -> int:

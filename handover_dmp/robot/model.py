@@ -25,7 +25,7 @@ from xml.etree import ElementTree
 
 from handover_dmp.common.errors import UsageError
 from handover_dmp.common.quiet_pybullet import silenced
-from handover_dmp.robot import descriptions
+from handover_dmp.robot import descriptions, inverse
 from handover_dmp.robot.chain import chain_to, known_arm, read, wrist_link
 from handover_dmp.robot.effective_limits import (
     DEFAULT,
@@ -35,6 +35,12 @@ from handover_dmp.robot.effective_limits import (
 )
 from handover_dmp.robot.errors import RobotDescriptionError
 from handover_dmp.robot.limits import JointLimits
+from handover_dmp.robot.plain_description import (
+    assume_inertia,
+    immovable_joints,
+    make_plain,
+    Meshes,
+)
 import numpy as np
 from numpy.typing import NDArray
 import pinocchio as pin
@@ -93,7 +99,6 @@ class RobotModel:
         joint_names: along the chain.
         limits: of those joints.
         limit_sources: `position`, `velocity`, … to where that limit of each joint comes from.
-        remarks: what a user should know of how the file was read.
         home: (n,), rad, the posture to come back to.
         wrist_frame: the link that follows the wrist.
         tool: (3,), m, the point that follows the wrist, in the frame of that link.
@@ -101,6 +106,10 @@ class RobotModel:
         pinocchio_model: the chain, its root at `base`, so that all of its poses are in `world`.
         pinocchio_data: scratch space of Pinocchio; one model serves one thread.
         wrist_frame_id: index of the controlled frame in `pinocchio_model`.
+        chain_text: what every engine reads: the URDF in plain form, the chain alone movable, the
+            meshes by the paths of their files.
+        meshes: those that the URDF names.
+        remarks: what had to be changed or assumed that a user should know, limits first.
 
     """
 
@@ -111,7 +120,6 @@ class RobotModel:
     joint_names: tuple[str, ...]
     limits: JointLimits
     limit_sources: Mapping[str, tuple[str, ...]]
-    remarks: tuple[str, ...]
     home: Array
     wrist_frame: str
     tool: tuple[float, float, float]
@@ -120,6 +128,8 @@ class RobotModel:
     pinocchio_data: Any
     wrist_frame_id: int
     chain_text: str
+    meshes: Meshes
+    remarks: tuple[str, ...]
 
     @classmethod
     def load(
@@ -159,9 +169,16 @@ class RobotModel:
         chain = chain_to(tree, wrist_frame, str(path))
         joint_names = tuple(joint.get('name', '') for joint in chain)
         found = effective_limits(chain, known.limits, descriptions.default_limits(), str(path))
+        meshes, remarks = make_plain(tree, path.parent, chain)
         chain_text = _chain_urdf(tree, chain, found.limits)
         placement = base or BasePlacement()
         model = _pinocchio_model(chain_text, placement, path)
+        if immovable := immovable_joints(model):
+            carried = [chain[i - 1].find('child') for i in immovable]
+            links = [link.get('link', '') for link in carried if link is not None]
+            remarks.append(assume_inertia(tree, links))
+            chain_text = ElementTree.tostring(tree, encoding='unicode')
+            model = _pinocchio_model(chain_text, placement, path)
         tool = tool or (0.0, 0.0, 0.0)
         wrist_id = model.getFrameId(wrist_frame, pin.FrameType.BODY)
         if any(tool):
@@ -175,7 +192,6 @@ class RobotModel:
             joint_names=joint_names,
             limits=limits,
             limit_sources=found.sources,
-            remarks=(*filter(None, [known.remark]), *found.remarks),
             home=_home([known.home.get(joint) for joint in joint_names], limits, model, wrist_id),
             wrist_frame=wrist_frame,
             tool=tool,
@@ -184,6 +200,8 @@ class RobotModel:
             pinocchio_data=model.createData(),
             wrist_frame_id=wrist_id,
             chain_text=chain_text,
+            meshes=meshes,
+            remarks=(*filter(None, [known.remark]), *found.remarks, *remarks),
         )
 
     @property
@@ -268,23 +286,17 @@ class RobotModel:
             UnreachableError: there is none.
 
         """
-        from handover_dmp.robot.inverse import inverse_kinematics
-
-        return inverse_kinematics(self, position, rotation, q0)
+        return inverse.inverse_kinematics(self, position, rotation, q0)
 
     @cached_property
     def shoulder(self) -> Array:
         """Return the point of the first joint's axis that is nearest to the second's, (3,), m."""
-        from handover_dmp.robot.inverse import shoulder
-
-        return shoulder(self)
+        return inverse.shoulder(self)
 
     @cached_property
     def reach_m(self) -> float:
         """How far from `shoulder` the wrist gets at most, m."""
-        from handover_dmp.robot.inverse import greatest_reach
-
-        return greatest_reach(self)
+        return inverse.greatest_reach(self)
 
 
 def _chain_urdf(
@@ -309,8 +321,6 @@ def _chain_urdf(
             velocity=repr(float(limits.velocity[i])),
             effort=repr(float(limits.effort[i])),
         )
-    for element in tree.findall('transmission') + tree.findall('gazebo'):
-        tree.remove(element)
     return ElementTree.tostring(tree, encoding='unicode')
 
 
