@@ -106,8 +106,8 @@ def test_the_table_rules_for_an_arm_by_its_name_alone():
 def test_placeholders_are_named_and_replaced(pair, limit, quantity, value, said):
     arm = pair(f'<limit {limit}/>')
     assert getattr(arm.limits, quantity)[0] == pytest.approx(value)
-    (remark,) = arm.remarks
-    assert said in remark and 'placeholder' in remark and remark.endswith('joint first')
+    (remark,) = [remark for remark in arm.remarks if 'placeholder' in remark]
+    assert said in remark and remark.endswith('joint first')
     name = 'position' if quantity in ('lower', 'upper') else quantity
     assert 'default' in arm.limit_sources[name][0]
     assert arm.limit_sources[name][1] == 'description'
@@ -145,7 +145,7 @@ def test_accelerations_of_a_description_count(pair):
     arm = pair('<limit lower="-1" upper="1" velocity="1" effort="5" acceleration="3" jerk="40"/>')
     np.testing.assert_array_equal(arm.limits.acceleration, [3.0, 10.0])
     np.testing.assert_array_equal(arm.limits.jerk, [40.0, 1000.0])
-    assert arm.remarks == ()
+    assert not any('placeholder' in remark for remark in arm.remarks)
 
 
 @pytest.mark.parametrize(
