@@ -119,7 +119,7 @@ class RobotSim(HandoverNode):
         self._description = self.advertise(ROBOT_DESCRIPTION)
         self._description.publish(String(data=model.urdf_text))
         self.subscribe(JOINT_COMMAND, self._on_command)
-        self.serve('pause', self._pause)
+        self.serve_switch('pause', self._pause)
         self.serve('resume', self._resume)
         self.serve('reset', self._reset)
         on_change(self, CHANGEABLE, self._prepare)
@@ -207,9 +207,8 @@ class RobotSim(HandoverNode):
 
     # Services, parameters, condition
 
-    def _pause(self) -> str:
-        self._paused = not self._paused
-        return ''
+    def _pause(self, paused: bool) -> None:
+        self._paused = paused
 
     def _resume(self) -> str:
         self._arm.resume()
