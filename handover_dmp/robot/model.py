@@ -173,7 +173,7 @@ class RobotModel:
         chain_text = _chain_urdf(tree, chain, found.limits)
         placement = base or BasePlacement()
         model = _pinocchio_model(chain_text, placement, path)
-        if immovable := immovable_joints(model):
+        if immovable := immovable_joints(model, found.limits):
             carried = [chain[i - 1].find('child') for i in immovable]
             links = [link.get('link', '') for link in carried if link is not None]
             remarks.append(assume_inertia(tree, links))
