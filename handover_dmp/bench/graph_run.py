@@ -50,7 +50,7 @@ SETTLING_S = 3.0
 """Until the graph runs evenly with the probes beside it, s."""
 MAX_WAIT_S = 60.0
 ROUNDING_S = 1e-6
-PROBES = ('empty', 'urgent', 'sleep', 'echo', 'ping', 'listener')
+PROBES = ('empty', 'sleep', 'echo', 'ping', 'listener')
 CONDUCTOR = 'conductor'
 LEAD_S = 0.1
 """From bringing the hand back until it sets out again, s."""
@@ -191,7 +191,7 @@ def _graph(
     progress('starting the graph')
     with Graph(folder, parameters, lockstep=lockstep) as graph, _probe(CONDUCTOR, folder):
         if lockstep:
-            graph.unpause()
+            graph.pause(False)
         if not graph.wait_for_state(('done',), MAX_WAIT_S, lambda: None):
             raise HandoverError(f'no handover within {MAX_WAIT_S:.0f} s')
         yield graph

@@ -21,12 +21,12 @@ import sys
 from time import sleep
 
 from handover_dmp.common.errors import UsageError
+from handover_dmp.nodes.arm import limits_told, load_arm
 from handover_dmp.nodes.conversions import to_joint_command
 from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import ARM, DRIVER, Parameter
 from handover_dmp.nodes.spin import run
-from handover_dmp.robot.model import BasePlacement, RobotModel
 from handover_dmp.robot.position_commander import PositionCommander, PositionCommanderOptions
 from handover_dmp.robot.velocity_driver import ArmOptions, CommandOutcome
 from handover_dmp.topics import JOINT_COMMAND, JOINT_POSITIONS, JOINT_STATES
@@ -67,9 +67,10 @@ class VelocityToPosition(HandoverNode):
         if self.lockstep:
             raise UsageError(f'{self.NAME}: a real arm knows no lockstep')
         values = self.values
-        base = BasePlacement(tuple(values['base_position']), values['base_yaw'])
+        model = load_arm(self)
+        self._limits_told = limits_told(model)
         self._commander = PositionCommander(
-            RobotModel.load(values['robot'], base=base),
+            model,
             ArmOptions(values['command_timeout_s'], values['resume_required']),
             PositionCommanderOptions(values['joint_state_timeout_s'], values['lead_limit_rad']),
             joint_prefix=values['joint_prefix'],
@@ -126,7 +127,7 @@ class VelocityToPosition(HandoverNode):
 
     def _condition(self) -> tuple[str, dict[str, str]]:
         report = asdict(self._commander.report)
-        return self._fault, {key: str(value) for key, value in report.items()}
+        return self._fault, {key: str(value) for key, value in report.items()} | self._limits_told
 
 
 def main() -> int:
