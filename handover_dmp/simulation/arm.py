@@ -26,7 +26,7 @@ from collections.abc import Sequence
 from math import isfinite
 from types import TracebackType
 
-from handover_dmp.common.errors import UsageError
+from handover_dmp.common.errors import DataError, UsageError
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.velocity_driver import (
     ArmOptions,
@@ -35,7 +35,7 @@ from handover_dmp.robot.velocity_driver import (
     VelocityDriver,
 )
 from handover_dmp.simulation.partner_figure import PartnerFigure
-from handover_dmp.simulation.self_check import check_models, ModelMismatchError
+from handover_dmp.simulation.self_check import check_models
 from handover_dmp.simulation.world import World, WorldOptions
 import numpy as np
 from numpy.typing import NDArray
@@ -75,7 +75,7 @@ class SimulatedArm:
         self.world = World(model, figure=figure, options=world_options)
         try:
             check_models(model, self.world)
-        except ModelMismatchError:
+        except DataError:
             self.close()
             raise
         self._time_step_s = self.world.options.time_step_s

@@ -97,11 +97,11 @@ def test_commands_that_stay_away_brake_the_arm_until_it_is_told_to_resume(arm):
     wanted = 0.3 * ARM.limits.velocity
     for _ in range(100):
         arm.period(wanted)
-    moving = len(arm.told)
+    before = len(arm.told) - 1
     for _ in range(200):
         if arm.period() is None:
             break
-    stopping = np.array(arm.told[moving - 1 :])
+    stopping = np.array(arm.told[before:])
     speed = np.abs(np.diff(stopping, axis=0)).max(axis=1)
     assert speed[-1] < 1e-4  # rest is reached within the last period
     assert len(stopping) * DT < 0.05 + 1.5 * np.max(wanted / ARM.limits.acceleration)
