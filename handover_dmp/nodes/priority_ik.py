@@ -24,6 +24,7 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TwistStamped
+from handover_dmp.nodes.arm import limits_told, load_arm
 from handover_dmp.nodes.conversions import (
     NANOSECONDS,
     nanoseconds,
@@ -40,9 +41,10 @@ from handover_dmp.nodes.lockstep import HEAD_START_S, Lockstep
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import ARM, HAND, on_change, Parameter, Values
 from handover_dmp.nodes.spin import run
-from handover_dmp.robot.model import BasePlacement, RobotModel
-from handover_dmp.robot.priority_ik import IkOptions, ORIENTATIONS, PriorityIk, WristTarget
-from handover_dmp.robot.separation import Partner
+from handover_dmp.robot.orientation_task import ORIENTATIONS
+from handover_dmp.robot.partner import Partner
+from handover_dmp.robot.priority_ik import PriorityIk
+from handover_dmp.robot.tasks import WristTarget
 from handover_dmp.robot.wrist_controller import WristController, WristControllerOptions
 from handover_dmp.topics import (
     FRAME,
@@ -113,10 +115,9 @@ class PriorityIkNode(HandoverNode):
     def __init__(self) -> None:
         """Load the arm, connect the topics, wait for joint states and commands."""
         super().__init__()
-        base = BasePlacement(tuple(self.values['base_position']), self.values['base_yaw'])
-        self._model = RobotModel.load(self.values['robot'], base=base)
+        self._model = load_arm(self)
         self._controller = WristController(
-            self._model, PriorityIk(self._model, _tasks(self.values)), _timeouts(self.values)
+            self._model, PriorityIk(self._model, **_tasks(self.values)), _timeouts(self.values)
         )
         on_change(self, TIMEOUTS + TASKS, self._prepare)
         self._period_s = 1.0 / self.values['rate_hz']
@@ -251,9 +252,7 @@ class PriorityIkNode(HandoverNode):
             self._refuse('wrist command')
 
     def _prepare(self, values: Values) -> Callable[[], None]:
-        ik, tasks, timeouts = self._controller.ik, _tasks(values), _timeouts(values)
-        if tasks != ik.options:
-            ik = PriorityIk(self._model, tasks, collision_model=ik.collision_model)
+        ik, timeouts = PriorityIk(self._model, **_tasks(values)), _timeouts(values)
 
         def apply() -> None:
             self._controller.ik = ik
@@ -357,6 +356,7 @@ class PriorityIkNode(HandoverNode):
             **{f'age of the {name} (s)': f'{age_s:.3f}' for name, age_s in ages.items()},
             'active limits': ', '.join(self._active) or 'none',
             'messages refused': str(refused),
+            **limits_told(self._model),
         }
 
 
@@ -364,8 +364,8 @@ def _timeouts(values: Values) -> WristControllerOptions:
     return WristControllerOptions(**{p.name: values[p.name] for p in TIMEOUTS})
 
 
-def _tasks(values: Values) -> IkOptions:
-    return IkOptions(**{p.name: values[p.name] for p in TASKS})
+def _tasks(values: Values) -> Values:
+    return {p.name: values[p.name] for p in TASKS}
 
 
 def main() -> int:
