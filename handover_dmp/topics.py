@@ -66,7 +66,7 @@ HAND_POSE = Topic(
     Quality.SENSOR,
     "the partner's wrist as tracked, m",
 )
-HUMAN_POSE = Topic(
+DEMONSTRATOR_POSE = Topic(
     '/human/pose',
     'geometry_msgs/msg/PoseStamped',
     Quality.SENSOR,
@@ -146,7 +146,7 @@ DIAGNOSTICS = Topic(
 )
 
 TOPICS = (
-    CLOCK, HAND_POSE, HUMAN_POSE, SIGNAL, WRIST_POSE, POSE_COMMAND, TWIST_COMMAND, IK_STATUS,
+    CLOCK, HAND_POSE, DEMONSTRATOR_POSE, SIGNAL, WRIST_POSE, POSE_COMMAND, TWIST_COMMAND, IK_STATUS,
     JOINT_STATES, JOINT_COMMAND, STATE, PHASE, MARKERS, INFO, ROBOT_DESCRIPTION, DIAGNOSTICS,
 )  # fmt: skip
 

@@ -102,7 +102,7 @@ class WristCommand(NamedTuple):
     goal_weight: float
     hand_age_s: float
 
-    def numbers(self, time_s: float) -> dict[str, float]:
+    def status_values(self, time_s: float) -> dict[str, float]:
         """
         Name the values of `/handover/phase`.
 
@@ -161,7 +161,7 @@ class HandoverController:
         self._hand: Vector | None = None
         self.hand_stamp_s = nan
         self._hand_arrival_s: float | None = None
-        self.exchange: Vector | None = None
+        self.exchange_position: Vector | None = None
         self._estimator.reset()
         self._signal_s: float | None = None
         self._exchange_since_s: float | None = None
@@ -295,7 +295,7 @@ class HandoverController:
             held = self._anchored(self._primitive)
             self._primitive = self.model.initial_state(held.position, held.velocity)
         self._exchange_since_s = None
-        self.exchange = None
+        self.exchange_position = None
         self._signal_s = None
         self.state = HandoverState.REACHING
         return True
@@ -380,12 +380,13 @@ class HandoverController:
 
     def _accelerated(self, before: DmpState, after: DmpState, dt: float) -> DmpState:
         """Bound the change of velocity, whatever the goal does."""
-        most = self.options.acceleration_limit * dt
+        maximum = self.options.acceleration_limit * dt
         size = dist(after.velocity, before.velocity)
-        if size <= most:
+        if size <= maximum:
             return after
         velocity = tuple(
-            b + (a - b) * most / size for a, b in zip(after.velocity, before.velocity, strict=True)
+            b + (a - b) * maximum / size
+            for a, b in zip(after.velocity, before.velocity, strict=True)
         )
         position = tuple(
             x + 0.5 * (b + v) * dt
@@ -425,7 +426,7 @@ class HandoverController:
         arrived = gap < self.options.exchange_distance_m and relative < self.options.exchange_speed
         if arrived and self.model.goal_weight(self._primitive.phase) > 0.5:
             self.state = HandoverState.EXCHANGE
-            self.exchange = self._wrist
+            self.exchange_position = self._wrist
             self._exchange_since_s = now_s
 
     def _command(self, primitive: DmpState, age: float) -> WristCommand:

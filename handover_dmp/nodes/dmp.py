@@ -34,7 +34,6 @@ from handover_dmp.handover.controller import (
 )
 from handover_dmp.handover.scenario import example_model, read_model
 from handover_dmp.nodes.conversions import (
-    labelled,
     NANOSECONDS,
     nanoseconds,
     orientation_of,
@@ -44,6 +43,7 @@ from handover_dmp.nodes.conversions import (
     quaternion_of,
     rotation_of,
     stamp,
+    to_float_array,
     twist_message,
     values_of,
 )
@@ -61,7 +61,7 @@ from handover_dmp.nodes.parameters import (
     Values,
 )
 from handover_dmp.nodes.punctual_timer import PunctualTimer
-from handover_dmp.nodes.spinning import run
+from handover_dmp.nodes.spin import run
 from handover_dmp.topics import (
     FRAME,
     HAND_POSE,
@@ -77,12 +77,12 @@ from handover_dmp.topics import (
 import numpy as np
 from std_msgs.msg import Float64MultiArray, Header, String
 
-LONGEST_STALL_S = 0.5
+MAX_STALL_S = 0.5
 """Beyond this, by the clock of the periods or of the processor, a motion is not taken up again."""
 WAKING_PERIODS = 10
 """After a stall in motion, periods that may still be some that were asked for during it."""
-LONGEST_GAP_S = 0.05
-"""What `LONGEST_STALL_S` is in these."""
+MAX_GAP_S = 0.05
+"""What `MAX_STALL_S` is in these."""
 PRIMITIVE = (
     Parameter('stiffness', 'K of (8)', *RANGES['stiffness']),
     Parameter('damping', 'D of (8); 0: critical, 2 sqrt(K)', *RANGES['damping']),
@@ -162,7 +162,7 @@ class Dmp(HandoverNode):
         if not self.lockstep:
             self._timer = PunctualTimer(self, period_s, self._tick)
         Diagnostics(self, self._periods, self._condition)
-        self._say()
+        self._publish_state()
 
     def _connect(self) -> None:
         self._pose_command = self.advertise(POSE_COMMAND)
@@ -303,17 +303,17 @@ class Dmp(HandoverNode):
         self._pose = pose_message(time, command.position, self._orientation, into=self._pose)
         self._twist = twist_message(time, command.velocity, into=self._twist)
         known = {'hand_stamp_s': self._controller.hand_stamp_s, 'period': self._periods.count}
-        self._values = labelled({**command.numbers(now_s), **known}, into=self._values)
+        self._values = to_float_array({**command.status_values(now_s), **known}, into=self._values)
         self._publish()
-        self._say()
+        self._publish_state()
         controller = self._controller
-        self._markers.update(time, controller.hand, controller.wrist, controller.exchange)
+        self._markers.update(time, controller.hand, controller.wrist, controller.exchange_position)
 
     def _watch_time(self, now_s: float, arrival_s: float) -> None:
         """Take up nothing that began before this node did, or before it stalled for long."""
         last_s, self._stepped_s = self._stepped_s, arrival_s
         stepped_s, self._stepped_monotonic_s = self._stepped_monotonic_s, monotonic()
-        stalled = self._stepped_monotonic_s - stepped_s > LONGEST_STALL_S
+        stalled = self._stepped_monotonic_s - stepped_s > MAX_STALL_S
         self._since_stall = 0 if stalled and self._stepped_in_motion else self._since_stall + 1
         if last_s is None or arrival_s < last_s:
             self._begun_s = now_s
@@ -323,8 +323,8 @@ class Dmp(HandoverNode):
             return
         # the first periods after a stall may be some that were asked for during it
         woken = self._since_stall < WAKING_PERIODS
-        longest_s = LONGEST_GAP_S if woken else LONGEST_STALL_S
-        if 0 <= arrival_s - last_s <= longest_s:
+        max_duration_s = MAX_GAP_S if woken else MAX_STALL_S
+        if 0 <= arrival_s - last_s <= max_duration_s:
             return
         if self._controller.state in MOVING:
             self._fault('time jumped, or this node stalled: aborted')
@@ -342,7 +342,7 @@ class Dmp(HandoverNode):
             self._twist_command.publish(self._twist)
             self._phase.publish(self._values)
 
-    def _say(self) -> None:
+    def _publish_state(self) -> None:
         state = self._controller.state.value
         if state != self._said:
             self._said = state

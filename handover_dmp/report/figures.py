@@ -316,7 +316,7 @@ def draw_inverse_kinematics(run: RunRecord) -> Figure | None:
     if not panels:
         return None
     with _panels(len(panels), 1.35, run) as (figure, axes):
-        for ax, (key, label, factor, span, least) in zip(axes, panels, strict=True):
+        for ax, (key, label, factor, span, minimum) in zip(axes, panels, strict=True):
             step: Style = {'drawstyle': 'steps-post'} if key == 'active_limits' else {}
             ax.plot(run.ik_times, run.ik[key] * factor, **QUIET, **step)
             ax.set_ylabel(label)
@@ -324,7 +324,7 @@ def draw_inverse_kinematics(run: RunRecord) -> Figure | None:
                 ax.set_ylim(span)
             else:
                 ax.set_ylim(
-                    0.0, 1.08 * max(least, float(np.nanmax(run.ik[key], initial=0.0)) * factor)
+                    0.0, 1.08 * max(minimum, float(np.nanmax(run.ik[key], initial=0.0)) * factor)
                 )
                 ax.yaxis.set_major_locator(MaxNLocator(3, integer=key == 'active_limits'))
     return figure
@@ -413,7 +413,7 @@ def _tracks(run: RunRecord) -> list[tuple[Array, Array, Style, str]]:
     tracks = [
         (run.hand_times, run.hand_positions, HAND, HAND_NAME),
         (run.wrist_times, run.wrist_positions, ROBOT, ROBOT_NAME),
-        (run.human_times, run.human_positions, HUMAN, HUMAN_NAME),
+        (run.demonstrator_times, run.demonstrator_positions, HUMAN, HUMAN_NAME),
     ]
     return [track for track in tracks if len(track[0])]
 

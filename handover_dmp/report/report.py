@@ -121,7 +121,7 @@ def _page(run: RunRecord, report: Numbers, pictures: list[Picture], scenes: list
 
 
 def _summary(report: Numbers) -> Table:
-    lag, human, limits = report['lag'], report['to_human'], report['limits']
+    lag, demonstrator, limits = report['lag'], report['to_human'], report['limits']
     kinematics = report['inverse_kinematics']
     rows = [
         (
@@ -156,9 +156,9 @@ def _summary(report: Numbers) -> Table:
         _fact('peak speed of the hand', report['hand_peak_speed_m_s'], 'm/s'),
         (
             'distance to the person in its place, RMS',
-            _number(human['rms_m'], 1e3, 'mm', 0),
-            f'{_number(human["largest_m"], 1e3, "mm", 0)} at the most, '
-            f'{_number(human["at_exchange_m"], 1e3, "mm", 0)} at the exchange',
+            _number(demonstrator['rms_m'], 1e3, 'mm', 0),
+            f'{_number(demonstrator["largest_m"], 1e3, "mm", 0)} at the most, '
+            f'{_number(demonstrator["at_exchange_m"], 1e3, "mm", 0)} at the exchange',
         ),
         ('limits of the joints', _yes(limits['met'], 'kept', 'NOT KEPT'), _limits_note(limits)),
         (

@@ -236,14 +236,14 @@ class GoalEstimator:
         x, y, z, vx, vy, vz = state[:6]
         limit = self.parameters.prediction_limit_s
         ahead = max(at_s - stamp, -limit)
-        way, share = ahead, 1.0
+        ahead_s, share = ahead, 1.0
         if ahead > limit:
             # Uniformly braked from full speed at `limit` to a stand at twice that.
             braking = min(ahead - limit, limit)
             share = 1.0 - braking / limit if limit else 0.0
-            way = limit + 0.5 * braking * (1.0 + share)
+            ahead_s = limit + 0.5 * braking * (1.0 + share)
         return HandEstimate(
-            (x + vx * way, y + vy * way, z + vz * way),
+            (x + vx * ahead_s, y + vy * ahead_s, z + vz * ahead_s),
             (vx * share, vy * share, vz * share),
             stamp,
         )

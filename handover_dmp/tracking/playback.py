@@ -30,7 +30,7 @@ from typing import NamedTuple
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.filtering import interpolate
 from handover_dmp.mocap.trial import HandoverTrial
-from handover_dmp.topics import FRAME, HAND_POSE, HUMAN_POSE, SIGNAL
+from handover_dmp.topics import DEMONSTRATOR_POSE, FRAME, HAND_POSE, SIGNAL
 from handover_dmp.tracking.sensor_model import SensorModel
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,7 +38,7 @@ from numpy.typing import ArrayLike, NDArray
 CATCH_UP_S = 0.25
 SEEN_BEFORE_S = 0.1
 ROUNDING = 1e-6
-MOST_POSES = 2_000_000
+MAX_POSES = 2_000_000
 NANOSECONDS = 1_000_000_000
 ROUNDING_S = 1e-6
 
@@ -107,7 +107,7 @@ class Replay:
             Its replay; 0 is the first sample.
 
         """
-        return cls.from_motion(trial.times, trial.p1)
+        return cls.from_motion(trial.times, trial.partner)
 
     @classmethod
     def from_motion(cls, times: NDArray[np.float64], positions: NDArray[np.float64]) -> Replay:
@@ -306,7 +306,7 @@ class PlayedTrial:
 
         """
         self._hand = TrackedHand(Replay.from_trial(trial), sensor)
-        self._human = Replay.from_motion(trial.times, trial.p2)
+        self._human = Replay.from_motion(trial.times, trial.demonstrator)
 
     @property
     def start_s(self) -> float:
@@ -405,7 +405,7 @@ def _read(path: Path | str) -> tuple[dict[str, list[HandSample]], list[float]]:
     # not at the top: trials are played without the libraries that bags need
     from handover_dmp.recording import read_bag
 
-    seen: dict[str, list[HandSample]] = {HAND_POSE.name: [], HUMAN_POSE.name: []}
+    seen: dict[str, list[HandSample]] = {HAND_POSE.name: [], DEMONSTRATOR_POSE.name: []}
     signals: list[float] = []
     zero_ns: int | None = None
     for topic, message, log_time_ns in read_bag(path, [*seen, SIGNAL.name]):
@@ -425,6 +425,6 @@ def _read(path: Path | str) -> tuple[dict[str, list[HandSample]], list[float]]:
             raise DataError(f'{path}: messages of another type on {topic}') from error
         if topic != SIGNAL.name and header.frame_id != FRAME:
             raise DataError(f'{path}: {topic} is in frame {header.frame_id!r}, not {FRAME!r}')
-        if len(seen.get(topic, signals)) > MOST_POSES:
-            raise DataError(f'{path}: more than {MOST_POSES} messages on {topic}')
+        if len(seen.get(topic, signals)) > MAX_POSES:
+            raise DataError(f'{path}: more than {MAX_POSES} messages on {topic}')
     return seen, signals

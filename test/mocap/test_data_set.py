@@ -44,8 +44,8 @@ def test_round_trip(folder, trials):
     again = read_data_set(folder)
     assert [trial.label for trial in again] == [trial.label for trial in trials]
     for one, other in zip(trials, again, strict=True):
-        np.testing.assert_array_equal(one.p1, other.p1)
-        np.testing.assert_array_equal(one.p2, other.p2)
+        np.testing.assert_array_equal(one.partner, other.partner)
+        np.testing.assert_array_equal(one.demonstrator, other.demonstrator)
         np.testing.assert_array_equal(one.times, other.times)
 
 

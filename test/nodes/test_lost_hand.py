@@ -26,7 +26,7 @@ from handover_dmp.nodes.graph import Graph
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.recording import BagWriter, read_bag
 from handover_dmp.recording.messages import header, pose_stamped
-from handover_dmp.topics import DIAGNOSTICS, HAND_POSE, HUMAN_POSE, SIGNAL, WRIST_POSE
+from handover_dmp.topics import DEMONSTRATOR_POSE, DIAGNOSTICS, HAND_POSE, SIGNAL, WRIST_POSE
 import numpy as np
 import pytest
 
@@ -39,7 +39,7 @@ LOST_S = (1.1, 1.7)
 COUNTS = {'zero': 30, 'not_finite': 15, 'no_rotation': 15}
 HAND_TIMEOUT_S = 0.1
 BRAKING_S = 0.25
-LONGEST_S = 20.0
+MAX_S = 20.0
 WAIT_S = 60.0
 
 
@@ -47,7 +47,7 @@ def pose_at(scenario: Scenario, number: int) -> dict[str, Any]:
     """Give the pose of a number, of a hand that rests, moves, is lost and rests."""
     time_s, trial = number / RATE_HZ, scenario.trial
     inside = np.clip(time_s - REST_S, 0.0, trial.duration_s) + trial.times[0]
-    position = [float(np.interp(inside, trial.times, axis)) for axis in trial.p1.T]
+    position = [float(np.interp(inside, trial.times, axis)) for axis in trial.partner.T]
     turn = (0.0, 0.0, 0.0, 1.0)
     lost = number - round(LOST_S[0] * RATE_HZ)
     if 0 <= lost < 30:
@@ -62,12 +62,14 @@ def pose_at(scenario: Scenario, number: int) -> dict[str, Any]:
 def write_bag(folder: Path, scenario: Scenario) -> None:
     with BagWriter(folder) as bag:
         bag.add_topic(HAND_POSE.name, HAND_POSE.type_name)
-        bag.add_topic(HUMAN_POSE.name, HUMAN_POSE.type_name)
+        bag.add_topic(DEMONSTRATOR_POSE.name, DEMONSTRATOR_POSE.type_name)
         bag.add_topic(SIGNAL.name, SIGNAL.type_name)
         for number in range(round((REST_S + scenario.trial.duration_s + 3.0) * RATE_HZ)):
             time_ns = round(number * 1e9 / RATE_HZ)
             bag.write_message(HAND_POSE.name, pose_at(scenario, number), time_ns)
-            bag.write_message(HUMAN_POSE.name, pose_stamped(time_ns, (1.0, 1.0, 1.0)), time_ns)
+            bag.write_message(
+                DEMONSTRATOR_POSE.name, pose_stamped(time_ns, (1.0, 1.0, 1.0)), time_ns
+            )
             if number == round(REST_S * RATE_HZ):
                 bag.write_message(SIGNAL.name, header(time_ns), time_ns)
 
@@ -117,7 +119,7 @@ def test_the_arm_brakes_goes_on_and_never_turns_to_where_no_hand_was(
     )
     with Graph(folder, parameters) as graph:
         graph.unpause()
-        assert graph.wait_for_state(('done',), LONGEST_S, lambda: None)
+        assert graph.wait_for_state(('done',), MAX_S, lambda: None)
         counts = {node: counts_of(graph, node) for node in ('dmp', 'priority_ik')}
     assert counts['dmp'] == COUNTS, 'all of them, by reason'
     # its parameters are its own: here the resting hand is none

@@ -137,7 +137,7 @@ def write_run(
             stamp = round((start_s + time_s) * 1e9) or 1
             write(graph.CLOCK, clock(stamp), time_s)
             write(graph.HAND_POSE, pose_stamped(stamp, hand[index]), time_s)
-            write(graph.HUMAN_POSE, pose_stamped(stamp, human[index]), time_s)
+            write(graph.DEMONSTRATOR_POSE, pose_stamped(stamp, human[index]), time_s)
             write(graph.WRIST_POSE, pose_stamped(stamp, wrist[index]), time_s)
             write(graph.POSE_COMMAND, pose_stamped(stamp, wrist[index]), time_s)
             ahead = np.gradient(wrist[max(0, index - 1): index + 2], PERIOD_S, axis=0)  # fmt: skip

@@ -46,8 +46,8 @@ def test_rest_then_the_recording_then_rest(trial, rate_hz):
     for sample in seen:
         expected = replay.newest(max(sample.stamp_s - 0.5, 0.0)).position
         np.testing.assert_allclose(sample.position, expected, atol=1e-12)
-    np.testing.assert_allclose(seen[0].position, trial.p1[0])
-    np.testing.assert_allclose(seen[-1].position, trial.p1[-1])
+    np.testing.assert_allclose(seen[0].position, trial.partner[0])
+    np.testing.assert_allclose(seen[-1].position, trial.partner[-1])
 
 
 def test_faults_are_the_same_however_often_one_looks(trial):
@@ -92,5 +92,5 @@ def test_between_two_replays_the_hand_is_not_seen_so_it_does_not_jump(trial):
     seen = watch(hand, 6.0, from_s=5.0)
     hidden = [bool(np.isnan(sample.position).all()) for sample in seen]
     assert hidden == [sample.stamp_s < 5.4 for sample in seen]
-    np.testing.assert_allclose(end[-1].position, trial.p1[-1])
-    np.testing.assert_allclose(seen[hidden.index(False)].position, trial.p1[0])
+    np.testing.assert_allclose(end[-1].position, trial.partner[-1])
+    np.testing.assert_allclose(seen[hidden.index(False)].position, trial.partner[0])
