@@ -97,7 +97,7 @@ def sections(file: Path) -> dict[str, dict[str, Any]]:
     return {node: section['ros__parameters'] for node, section in read.items()}
 
 
-@pytest.mark.parametrize('exchange', ['give', 'take'])
+@pytest.mark.parametrize('direction', ['give', 'take'])
 @pytest.mark.parametrize('use_sim_time', ['true', 'false'])
 def test_a_synthetic_handover_is_left_for_the_nodes(
     functions: dict[str, Any],
@@ -108,7 +108,7 @@ def test_a_synthetic_handover_is_left_for_the_nodes(
 ) -> None:
     pytest.importorskip('rclpy')
     monkeypatch.chdir(tmp_path)
-    chosen = choose(functions, direction=direction, use_sim_time=use_sim_time)
+    chosen = choose(functions, exchange=direction, use_sim_time=use_sim_time)
     robot, file = functions['prepare'](chosen)
     parameters = sections(file)
     assert set(parameters) == NODES

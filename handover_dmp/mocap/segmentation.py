@@ -259,23 +259,23 @@ class _Section:
         self, free_from: int, near: int, apart: int, thresholds: Segmentation
     ) -> Segment | Passage:
         """Find exchange and start of the handover in which the wrists meet from near to apart."""
-        direction = self._exchange(near, apart, thresholds)
-        at_s = float(self.times[direction])
+        meeting = self._exchange(near, apart, thresholds)
+        at_s = float(self.times[meeting])
 
         partner_speed, demonstrator_speed = self.speeds
-        onset = _onset(demonstrator_speed, free_from, direction, thresholds)
+        onset = _onset(demonstrator_speed, free_from, meeting, thresholds)
         if onset is None:
             return Passage(at_s, 'P2 does not reach')
-        reach_m = float(np.linalg.norm(self.demonstrator[direction] - self.demonstrator[onset]))
+        reach_m = float(np.linalg.norm(self.demonstrator[meeting] - self.demonstrator[onset]))
         if reach_m < thresholds.min_reach_m:
             return Passage(at_s, f'P2 reaches only {reach_m:.2f} m')
         start, partner_first = onset, False
-        partner_onset = _onset(partner_speed, free_from, direction, thresholds)
-        reaching = slice(onset, direction + 1)
+        partner_onset = _onset(partner_speed, free_from, meeting, thresholds)
+        reaching = slice(onset, meeting + 1)
         if partner_onset is not None and (partner_speed[reaching] > thresholds.reach_speed).any():
             start = min(onset, partner_onset)
-            partner_first = _started(partner_speed, partner_onset, direction) < _started(
-                demonstrator_speed, onset, direction
+            partner_first = _started(partner_speed, partner_onset, meeting) < _started(
+                demonstrator_speed, onset, meeting
             )
         start = max(start - round(thresholds.margin_s * RATE_HZ), free_from)
         start_s = float(self.times[start])
@@ -294,10 +294,10 @@ class _Section:
 
 
 def _onset(
-    speed: NDArray[np.float64], free_from: int, direction: int, thresholds: Segmentation
+    speed: NDArray[np.float64], free_from: int, meeting: int, thresholds: Segmentation
 ) -> int | None:
     """Return where the last reach before the exchange left its rest."""
-    fast = np.flatnonzero(speed[free_from: direction + 1] > thresholds.reach_speed)  # fmt: skip
+    fast = np.flatnonzero(speed[free_from: meeting + 1] > thresholds.reach_speed)  # fmt: skip
     if len(fast) == 0:
         return None
     last_fast = free_from + int(fast[-1])
@@ -305,9 +305,9 @@ def _onset(
     return free_from + int(rests[-1]) if len(rests) else free_from
 
 
-def _started(speed: NDArray[np.float64], onset: int, direction: int) -> int:
+def _started(speed: NDArray[np.float64], onset: int, meeting: int) -> int:
     """Return where a hand has started to reach, in proportion to how fast it gets."""
-    reach = speed[onset: direction + 1]  # fmt: skip
+    reach = speed[onset: meeting + 1]  # fmt: skip
     return onset + int(np.argmax(reach > _STARTED * reach.max()))
 
 

@@ -75,7 +75,7 @@ class HandoverTrial:
     source: str = ''
 
     def __post_init__(self) -> None:
-        for name in ('times', 'p1', 'p2'):
+        for name in ('times', 'partner', 'demonstrator'):
             array = np.array(getattr(self, name), dtype=np.float64)
             array.setflags(write=False)
             object.__setattr__(self, name, array)

@@ -100,7 +100,7 @@ class HandTracker(HandoverNode):
         self._periods.tick()
         now_s = time_ns / NANOSECONDS
         self._messages = [_message(sample) for sample in self._played.hand(now_s)]
-        self._person = [_message(sample) for sample in self._played.human(now_s)]
+        self._person = [_message(sample) for sample in self._played.demonstrator(now_s)]
         self._publish()
 
     def _publish(self) -> None:

@@ -46,7 +46,7 @@ MIN_SPEED_WEIGHT = 0.3
 """The arm can move at this share at least of what it must be able to where the way is fastest."""
 EASY_MARGIN = 0.4
 """A good distance of a joint from its limits, rad."""
-EASY_AGILITY = 0.25
+EASY_MANIPULABILITY = 0.25
 """A good smallest singular value, m."""
 LEFT_BONUS = 0.01
 """Decides between mirror images: people reach with the right hand, so the body is to its left."""
@@ -263,6 +263,6 @@ def _ease(model: RobotModel, posture: Array, direction: Array, speed_weight: flo
     return min(
         speed / (EASY_SPEED * speed_weight),
         margin / EASY_MARGIN,
-        float(values[-1]) / EASY_AGILITY,
+        float(values[-1]) / EASY_MANIPULABILITY,
         1.2,
     )

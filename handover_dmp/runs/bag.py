@@ -76,8 +76,12 @@ def write_run_bag(
         _write(bag, INFO, string(json.dumps(info)), start_ns)
         state = None
         rotation = periods[0].wrist_rotation
-        for period, human in zip(periods, _demonstrator_path(scenario, periods), strict=True):
-            _write(bag, DEMONSTRATOR_POSE, pose_stamped(period.time_ns, human), period.time_ns)
+        for period, demonstrator in zip(
+            periods, _demonstrator_path(scenario, periods), strict=True
+        ):
+            _write(
+                bag, DEMONSTRATOR_POSE, pose_stamped(period.time_ns, demonstrator), period.time_ns
+            )
             for topic, message in _messages(period, scenario.robot.joint_names, rotation):
                 _write(bag, topic, message, period.time_ns)
             if period.command.state is not state:

@@ -306,7 +306,7 @@ class PlayedTrial:
 
         """
         self._hand = TrackedHand(Replay.from_trial(trial), sensor)
-        self._human = Replay.from_motion(trial.times, trial.demonstrator)
+        self._demonstrator = Replay.from_motion(trial.times, trial.demonstrator)
 
     @property
     def start_s(self) -> float:
@@ -326,9 +326,9 @@ class PlayedTrial:
         """Give the poses of the hand that arrived since the last call, at a time, s."""
         return self._hand.due(now_s)
 
-    def human(self, now_s: float) -> list[HandSample]:
+    def demonstrator(self, now_s: float) -> list[HandSample]:
         """Give where the person is whose place the robot takes, at a time, s."""
-        sample = self._human.newest(max(0.0, now_s - self.start_s))
+        sample = self._demonstrator.newest(max(0.0, now_s - self.start_s))
         return [] if sample is None else [HandSample(now_s, sample.position)]
 
 
@@ -356,7 +356,7 @@ class PlayedBag:
         if not seen[HAND_POSE.name]:
             raise DataError(f'{path}: 0 poses on {HAND_POSE.name}')
         zero_s = min(pose.stamp_s for pose in seen[HAND_POSE.name])
-        self._hand, self._human = (_PlayedPoses(poses, zero_s) for poses in seen.values())
+        self._hand, self._demonstrator = (_PlayedPoses(poses, zero_s) for poses in seen.values())
         self._signal_s = signals[0] - zero_s if signals else 0.0
         self.start_s = math.inf
 
@@ -373,9 +373,9 @@ class PlayedBag:
         """Give the poses of the hand that became due since the last call, at a time, s."""
         return self._hand.due(now_s, self.start_s)
 
-    def human(self, now_s: float) -> list[HandSample]:
+    def demonstrator(self, now_s: float) -> list[HandSample]:
         """Give the same of the person whose place the robot takes."""
-        return self._human.due(now_s, self.start_s)
+        return self._demonstrator.due(now_s, self.start_s)
 
 
 class _PlayedPoses:

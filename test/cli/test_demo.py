@@ -76,7 +76,7 @@ def test_leaves_a_run_that_others_can_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('exchange', ['give', 'take'])
+@pytest.mark.parametrize('direction', ['give', 'take'])
 @pytest.mark.parametrize('number', [1, 2, 3, 4])
 def test_hands_over_to_every_recorded_person(
     kth_folder: Path, tmp_path: Path, direction: str, number: int

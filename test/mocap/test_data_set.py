@@ -103,11 +103,11 @@ def test_a_faulty_trial_is_named(folder):
 
 
 @pytest.mark.parametrize('count', [2, 3, 5])
-@pytest.mark.parametrize('partner', ['p1', 'p2'])
-def test_trials_of_different_frames_are_named(count, partner, tmp_path):
+@pytest.mark.parametrize('person', ['partner', 'demonstrator'])
+def test_trials_of_different_frames_are_named(count, person, tmp_path):
     trials = synthesize(trials=count, configurations=['under_car'])
     moved = trials[count - 1]
-    trials[count - 1] = replace(moved, **{partner: getattr(moved, partner) + [0.0, 2.5, 0.0]})
+    trials[count - 1] = replace(moved, **{person: getattr(moved, person) + [0.0, 2.5, 0.0]})
     write_data_set(trials, tmp_path)
     with pytest.raises(DataError, match=f'under_car_give_{count}.csv: .* are the frames the same'):
         read_data_set(tmp_path)

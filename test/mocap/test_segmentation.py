@@ -165,7 +165,7 @@ def test_what_is_left_out_is_told(play_session, trials):
     [
         {'near_m': 0.9},
         {'moving_speed': 0.5},
-        {'longest_s': 0.1},
+        {'max_duration_s': 0.1},
         {'margin_s': -1.0},
         {'near_m': float('nan')},
         {'giver': 'nobody'},

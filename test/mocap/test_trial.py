@@ -37,7 +37,7 @@ SAMPLES = 20
 def make_trial(**changes):
     times = np.arange(SAMPLES) / 100.0
     path = 0.5 * np.column_stack([times, times**2, 1.0 + times])
-    values = {'times': times, 'p1': path, 'p2': path + [0.4, 0.0, 0.1], 'number': 3}
+    values = {'times': times, 'partner': path, 'demonstrator': path + [0.4, 0.0, 0.1], 'number': 3}
     return HandoverTrial(**{**values, **changes})
 
 
@@ -135,7 +135,7 @@ def test_what_is_written_is_read_back_to_the_last_bit(tmp_path):
     )
     write_trial(trial, tmp_path / 'a_take_3.csv')
     again = read_trial(tmp_path / 'a_take_3.csv', configuration='under car')
-    for name in ('times', 'p1', 'p2'):
+    for name in ('times', 'partner', 'demonstrator'):
         np.testing.assert_array_equal(getattr(trial, name), getattr(again, name))
     assert again.label == trial.label == 'under car take 3'
 
@@ -201,12 +201,15 @@ def test_a_trial_cannot_be_changed():
 @pytest.mark.parametrize(
     ('changes', 'message'),
     [
-        ({'exchange': 'throw'}, "exchange 'throw'"),
-        ({'p1': np.zeros((SAMPLES, 2))}, 'shapes'),
+        ({'direction': 'throw'}, "exchange 'throw'"),
+        ({'partner': np.zeros((SAMPLES, 2))}, 'shapes'),
         ({'times': np.float64(3.0)}, 'shapes'),
         ({'times': -np.arange(SAMPLES) / 100.0}, 'sample 1: time runs backwards'),
-        ({'p2': np.full((SAMPLES, 3), np.nan)}, 'sample 0: a value is not a finite number'),
-        ({'p2': np.full((SAMPLES, 3), 1e300)}, 'sample 0: a position of 1e'),
+        (
+            {'demonstrator': np.full((SAMPLES, 3), np.nan)},
+            'sample 0: a value is not a finite number',
+        ),
+        ({'demonstrator': np.full((SAMPLES, 3), 1e300)}, 'sample 0: a position of 1e'),
     ],
 )
 def test_a_trial_in_code_is_checked_as_a_file_is(changes, message):

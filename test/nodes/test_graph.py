@@ -260,10 +260,8 @@ def test_who_is_left_behind_while_it_waits_waits_no_longer(
     assert 5 not in answers, 'who asks for what was before leaves nobody behind'
 
 
-@pytest.mark.parametrize('labelled', [False, True])
-def test_lockstep_goes_on_with_the_velocities_of_anybody(
-    prepare: Any, to_float_array: bool
-) -> None:
+@pytest.mark.parametrize('with_labels', [False, True])
+def test_lockstep_goes_on_with_the_velocities_of_anybody(prepare: Any, with_labels: bool) -> None:
     """One that knows nothing of periods answers the present one."""
     folder, parameters = prepare()
     with Graph(folder, parameters, nodes=('robot_sim',)) as graph:
@@ -273,7 +271,7 @@ def test_lockstep_goes_on_with_the_velocities_of_anybody(
         end_s = time.monotonic() + 60.0
         while graph.time_s < 0.1 and time.monotonic() < end_s:
             command = to_joint_command(round(graph.time_s * NANOSECONDS), [0.1] * 7)
-            if not to_float_array:
+            if not with_labels:
                 command.layout.dim = []
             publisher.publish(command)
             graph.spin(0.02)
@@ -506,11 +504,11 @@ def last_way(bag: Path) -> np.ndarray:
 
     By the stamps, since the recorder may be late, and take in one topic before the other.
     """
-    to_float_array = [
+    rows = [
         dict(zip(names_of_values(message), message.data, strict=True))
         for _, message, _ in read_bag(bag, ['/handover/phase'])
     ]
-    times_s, phases = np.array(sorted((row['time_s'], row['phase']) for row in to_float_array)).T
+    times_s, phases = np.array(sorted((row['time_s'], row['phase']) for row in rows)).T
     changes = np.diff(phases)
     last_rise = max(np.flatnonzero(changes > 0.0), default=-1)
     falls = np.flatnonzero(changes < 0.0)

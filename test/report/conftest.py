@@ -71,7 +71,7 @@ class Motion:
         start = np.array([-0.35, -0.3, 0.9])
         return start + share * (self.hand(times - self.lag_s) + self.offset - start)
 
-    def human(self, times: np.ndarray) -> np.ndarray:
+    def demonstrator(self, times: np.ndarray) -> np.ndarray:
         share = minimum_jerk((times - REACH_S) / 1.3)[:, None]
         start = np.array([-0.35, -0.3, 0.9])
         end = self.hand(np.array([END_S])) + self.offset
@@ -131,7 +131,7 @@ def write_run(
         if about:
             write(graph.INFO, string(json.dumps(about)), 0.0)
         changes = {0.0: 'idle', REACH_S: 'reaching', EXCHANGE_S: 'exchange', DONE_S: 'done'}
-        hand, wrist, human = motion.hand(times), motion.wrist(times), motion.human(times)
+        hand, wrist, human = motion.hand(times), motion.wrist(times), motion.demonstrator(times)
         joints, speeds = motion.joints(times)
         for index, time_s in enumerate(times):
             stamp = round((start_s + time_s) * 1e9) or 1

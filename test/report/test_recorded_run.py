@@ -33,7 +33,7 @@ def test_arrays_are_what_was_written(run_bag: Path, make_motion: Callable[..., A
     np.testing.assert_allclose(run.hand_times, times, atol=2e-9)
     np.testing.assert_array_equal(run.hand_positions, motion.hand(times))
     np.testing.assert_array_equal(run.wrist_positions, motion.wrist(times))
-    np.testing.assert_array_equal(run.demonstrator_positions, motion.human(times))
+    np.testing.assert_array_equal(run.demonstrator_positions, motion.demonstrator(times))
     positions, velocities = motion.joints(times)
     np.testing.assert_array_equal(run.joint_positions, positions)
     np.testing.assert_array_equal(run.joint_velocities, velocities)

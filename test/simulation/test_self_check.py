@@ -31,7 +31,7 @@ def test_engines_agree(robot):
     assert found.mass < 1e-8
 
 
-@pytest.mark.parametrize(('robot', 'least'), [('lwr4', 0.01), ('iiwa14', 0.03), ('ur5', 0.2)])
+@pytest.mark.parametrize(('robot', 'minimum'), [('lwr4', 0.01), ('iiwa14', 0.03), ('ur5', 0.2)])
 def test_without_the_files_inertia_the_mass_matrix_is_off(robot, minimum):
     model = RobotModel.load(robot)
     with World(model, use_file_inertia=False) as world:

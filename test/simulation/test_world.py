@@ -136,10 +136,11 @@ def test_writes_nothing_to_the_terminal():
     script = (
         'from handover_dmp.robot.model import RobotModel, BasePlacement\n'
         'from handover_dmp.simulation.world import World\n'
-        'from handover_dmp.simulation.partner_figure import HumanFigure\n'
+        'from handover_dmp.simulation.partner_figure import PartnerFigure\n'
         'for robot in ("lwr4", "panda"):\n'
-        '    with World(RobotModel.load(robot), figure=HumanFigure([1, 0, 1], [0, 0, 1])) as w:\n'
-        '        w.step()\n'
+        '    figure = PartnerFigure([1, 0, 1], [0, 0, 1])\n'
+        '    with World(RobotModel.load(robot), figure=figure) as world:\n'
+        '        world.step()\n'
     )
     done = subprocess.run(
         [sys.executable, '-c', script], capture_output=True, text=True, timeout=120, check=True

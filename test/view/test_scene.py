@@ -124,7 +124,7 @@ def test_rays_are_the_inverse_of_the_projection(scene):
     assert seen[40, 10] == pytest.approx([-1 + 21 / 64, 1 - 81 / 48], abs=1e-5)
 
 
-@pytest.mark.parametrize('exchange', ['give', 'take'])
+@pytest.mark.parametrize('direction', ['give', 'take'])
 def test_object_is_with_the_giver_first_and_does_not_jump(direction):
     with handover(direction=direction, exchange_time_s=1.0) as scene:
         distance = {}

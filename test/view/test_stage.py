@@ -84,7 +84,7 @@ def test_moments_and_states(run_folder: Path) -> None:
         assert states == ['idle', 'reaching', 'exchange', 'done']
 
 
-@pytest.mark.parametrize('exchange', ['give', 'take'])
+@pytest.mark.parametrize('direction', ['give', 'take'])
 def test_who_has_the_object_first_is_what_the_run_says(tmp_path: Path, direction: str) -> None:
     runs.write_run(tmp_path, direction=direction)
     with set_up(tmp_path) as stage:
