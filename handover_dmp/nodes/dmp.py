@@ -57,10 +57,8 @@ from handover_dmp.nodes.parameters import (
     HAND,
     on_change,
     Parameter,
-    TIMER,
     Values,
 )
-from handover_dmp.nodes.punctual_timer import PunctualTimer
 from handover_dmp.nodes.spin import run
 from handover_dmp.topics import (
     FRAME,
@@ -114,7 +112,6 @@ class Dmp(HandoverNode):
     PARAMETERS = (
         Parameter('model', 'file of the learnt movement; empty: a synthetic one', read_only=True),
         Parameter('rate_hz', 'of the commands, Hz', 10.0, 1000.0, read_only=True),
-        *TIMER,
         *HAND,
         *HANDOVER,
     )
@@ -160,7 +157,7 @@ class Dmp(HandoverNode):
             jumped=self._jumped,
         )
         if not self.lockstep:
-            self._timer = PunctualTimer(self, period_s, self._tick)
+            self.every(period_s, self._tick)
         Diagnostics(self, self._periods, self._condition)
         self._publish_state()
 
@@ -197,7 +194,6 @@ class Dmp(HandoverNode):
             self._clock_of_periods.look()
         else:
             self._take_hands(self.now_s(), self.arrival_s())
-            self._timer.arrived()
 
     def _take_hands(self, now_s: float, arrival_s: float) -> None:
         for stamp_s, message in self._hands:

@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import nan
+from math import inf, nan
 import sys
 from time import sleep
 from typing import Any
@@ -45,14 +45,14 @@ from handover_dmp.nodes.parameters import (
     HAND,
     on_change,
     Parameter,
-    TIMER,
     Values,
 )
-from handover_dmp.nodes.punctual_timer import PunctualTimer
 from handover_dmp.nodes.spin import run
 from handover_dmp.robot.model import BasePlacement, RobotModel
-from handover_dmp.robot.priority_ik import IkOptions, ORIENTATIONS, PriorityIk, WristTarget
-from handover_dmp.robot.separation import Partner
+from handover_dmp.robot.orientation_task import ORIENTATIONS
+from handover_dmp.robot.partner import Partner
+from handover_dmp.robot.priority_ik import PriorityIk
+from handover_dmp.robot.tasks import WristTarget
 from handover_dmp.robot.wrist_controller import WristController, WristControllerOptions
 from handover_dmp.topics import (
     FRAME,
@@ -68,6 +68,9 @@ import numpy as np
 from sensor_msgs.msg import JointState
 
 MAX_STEP = 4.0
+"""Longest time that one step may cover, in periods."""
+OVERDUE = 1.5
+"""Periods without a step after which the watchdog makes one."""
 TIMEOUTS = (
     Parameter('joint_state_timeout_s', 'older: the arm brakes without looking, s', 0.005, 10.0),
     Parameter('command_timeout_s', 'older: the arm brakes, s', 0.005, 10.0),
@@ -104,11 +107,16 @@ class PriorityIkNode(HandoverNode):
     NAME = 'priority_ik'
     PARAMETERS = (
         *ARM,
-        *TIMER,
         *HAND,
         *TIMEOUTS,
         *TASKS,
-        Parameter('rate_hz', 'of the joint commands, Hz', 10.0, 1000.0, read_only=True),
+        Parameter(
+            'rate_hz',
+            'of the wrist commands, and of the watchdog in their place, Hz',
+            10.0,
+            1000.0,
+            read_only=True,
+        ),
     )
 
     def __init__(self) -> None:
@@ -117,7 +125,7 @@ class PriorityIkNode(HandoverNode):
         base = BasePlacement(tuple(self.values['base_position']), self.values['base_yaw'])
         self._model = RobotModel.load(self.values['robot'], base=base)
         self._controller = WristController(
-            self._model, PriorityIk(self._model, _tasks(self.values)), _timeouts(self.values)
+            self._model, PriorityIk(self._model, **_tasks(self.values)), _timeouts(self.values)
         )
         on_change(self, TIMEOUTS + TASKS, self._prepare)
         self._period_s = 1.0 / self.values['rate_hz']
@@ -128,6 +136,7 @@ class PriorityIkNode(HandoverNode):
         self._twist: TwistStamped | None = None
         self._pair: tuple[PoseStamped, TwistStamped, float] | None = None
         self._answered_s: float | None = None
+        self._commanded = False
         self._followed_s = self._follows_since_s = nan
         self._measured_stamp: Time | None = None
         self._wrist: PoseStamped | None = None
@@ -151,7 +160,7 @@ class PriorityIkNode(HandoverNode):
             ready=self._ready,
         )
         if not self.lockstep:
-            self._timer = PunctualTimer(self, self._period_s, self._tick)
+            self.every(self._period_s, self._watch)
         Diagnostics(self, self._periods, self._condition)
 
     def _connect(self) -> None:
@@ -207,7 +216,10 @@ class PriorityIkNode(HandoverNode):
         elif (twist := self._twist_of_pose()) is not None:
             self._pair = self._pose, twist, self.arrival_s()
             self._pose = None
-            self._timer.arrived()
+            # of commands that come in a burst after a stall, the watchdog takes the newest
+            if self._since_step_s() >= 0.5 * self._period_s:
+                self._tick()
+                self._commanded = True
 
     def _on_hand(self, message: PoseStamped) -> None:
         if message.header.frame_id != FRAME:
@@ -258,9 +270,7 @@ class PriorityIkNode(HandoverNode):
             self._refuse('wrist command')
 
     def _prepare(self, values: Values) -> Callable[[], None]:
-        ik, tasks, timeouts = self._controller.ik, _tasks(values), _timeouts(values)
-        if tasks != ik.options:
-            ik = PriorityIk(self._model, tasks, collision_model=ik.collision_model)
+        ik, timeouts = PriorityIk(self._model, **_tasks(values)), _timeouts(values)
 
         def apply() -> None:
             self._controller.ik = ik
@@ -288,6 +298,16 @@ class PriorityIkNode(HandoverNode):
                 self._take(self._pose, self._twist_of_pose(), now_s)
             self._pose = None
         self._solve(now_s, elapsed_s, tick_ns)
+
+    def _watch(self) -> None:
+        """Step in place of a wrist command that did not come in time."""
+        overdue = OVERDUE if self._commanded and self._pair is None else 0.5
+        if self._since_step_s() >= overdue * self._period_s:
+            self._tick()
+            self._commanded = False
+
+    def _since_step_s(self) -> float:
+        return inf if self._answered_s is None else self.arrival_s() - self._answered_s
 
     def _tick(self) -> None:
         time_ns = self.now_ns()
@@ -362,8 +382,8 @@ def _timeouts(values: Values) -> WristControllerOptions:
     return WristControllerOptions(**{p.name: values[p.name] for p in TIMEOUTS})
 
 
-def _tasks(values: Values) -> IkOptions:
-    return IkOptions(**{p.name: values[p.name] for p in TASKS})
+def _tasks(values: Values) -> Values:
+    return {p.name: values[p.name] for p in TASKS}
 
 
 def main() -> int:

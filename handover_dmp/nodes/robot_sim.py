@@ -31,7 +31,6 @@ from handover_dmp.nodes.parameters import ARM, declare, on_change, Parameter, Va
 from handover_dmp.nodes.spin import run
 from handover_dmp.robot.model import BasePlacement, RobotModel
 from handover_dmp.simulation.arm import ArmOptions, ArmState, SimulatedArm
-from handover_dmp.simulation.self_check import check_models
 from handover_dmp.topics import CLOCK, JOINT_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -84,7 +83,6 @@ class RobotSim(HandoverNode):
         model = RobotModel.load(self.values['robot'], base=base)
         home = {'initial_positions': model.home.tolist()}
         self.values |= declare(self, POSTURE, defaults_from=home)
-        check_models(model)
         self._arm = SimulatedArm(
             model,
             options=ArmOptions(self.values['command_timeout_s'], self.values['resume_required']),

@@ -28,9 +28,10 @@ from typing import NamedTuple
 
 from handover_dmp.common.settings import setting
 from handover_dmp.robot.model import RobotModel
-from handover_dmp.robot.priority_ik import IkSolution, PriorityIk, WristTarget
-from handover_dmp.robot.separation import Partner
-from handover_dmp.robot.singularity import smallest_singular
+from handover_dmp.robot.partner import Partner
+from handover_dmp.robot.priority_ik import IkSolution, PriorityIk
+from handover_dmp.robot.singularity import smallest_singular_value
+from handover_dmp.robot.tasks import WristTarget
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -309,7 +310,7 @@ class WristController:
             return False
         place, rotation = self.model.wrist_pose(self._measured())
         turned = 0.0
-        if target.rotation is not None and self.ik.options.orientation == 'full':
+        if target.rotation is not None and self.ik.stack.follows_rotation():
             turned = float(np.linalg.norm(rotation - target.rotation))
         near = float(np.linalg.norm(place - target.position)) < self.options.hold_distance_m
         return near and turned < HELD_ROTATION
@@ -332,7 +333,7 @@ class WristController:
         assert self._commanded is not None
         positions = self._measured()
         self._commanded = self.ik.brake(positions, self._commanded, dt)
-        singular_value, _ = smallest_singular(self.model.wrist_jacobian(positions)[:3])
+        singular_value = smallest_singular_value(self.model.wrist_jacobian(positions)[:3])
         return JointCommand(self._commanded, reason, smallest_singular_value=singular_value)
 
 
