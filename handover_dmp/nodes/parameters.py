@@ -134,7 +134,9 @@ HAND = (
 ARM = (
     Parameter('robot', 'lwr4, iiwa14, panda, ur5 or the path of a URDF', read_only=True),
     Parameter('base_position', 'of the robot in the room, m', read_only=True),
-    Parameter('base_yaw', 'of the robot in the room, rad', -6.3, 6.3, read_only=True),
+    Parameter('base_roll', 'about x, the first of three turns, rad', -6.3, 6.3, read_only=True),
+    Parameter('base_pitch', 'about y, the second, rad', -6.3, 6.3, read_only=True),
+    Parameter('base_yaw', 'about z, the last, rad', -6.3, 6.3, read_only=True),
 )
 
 

@@ -122,7 +122,10 @@ class PriorityIkNode(HandoverNode):
     def __init__(self) -> None:
         """Load the arm, connect the topics, wait for joint states and commands."""
         super().__init__()
-        base = BasePlacement(tuple(self.values['base_position']), self.values['base_yaw'])
+        base = BasePlacement(
+            tuple(self.values['base_position']),
+            **{name: self.values[f'base_{name}'] for name in ('roll', 'pitch', 'yaw')},
+        )
         self._model = RobotModel.load(self.values['robot'], base=base)
         self._controller = WristController(
             self._model, PriorityIk(self._model, **_tasks(self.values)), _timeouts(self.values)

@@ -79,7 +79,10 @@ class RobotSim(HandoverNode):
         """Load the arm, hold it against Pinocchio's, begin to simulate."""
         super().__init__()
         _check_factor(self.values)
-        base = BasePlacement(tuple(self.values['base_position']), self.values['base_yaw'])
+        base = BasePlacement(
+            tuple(self.values['base_position']),
+            **{name: self.values[f'base_{name}'] for name in ('roll', 'pitch', 'yaw')},
+        )
         model = RobotModel.load(self.values['robot'], base=base)
         home = {'initial_positions': model.home.tolist()}
         self.values |= declare(self, POSTURE, defaults_from=home)

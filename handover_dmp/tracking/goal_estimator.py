@@ -48,7 +48,7 @@ from typing import NamedTuple, TypeAlias
 
 from handover_dmp.common.errors import UsageError
 from handover_dmp.common.settings import setting
-from handover_dmp.tracking.no_pose import no_pose
+from handover_dmp.mocap.no_pose import no_pose
 
 Vector: TypeAlias = tuple[float, float, float]
 
