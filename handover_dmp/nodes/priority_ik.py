@@ -24,6 +24,7 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TwistStamped
+from handover_dmp.nodes.arm import limits_told, load_arm
 from handover_dmp.nodes.conversions import (
     NANOSECONDS,
     nanoseconds,
@@ -48,7 +49,6 @@ from handover_dmp.nodes.parameters import (
     Values,
 )
 from handover_dmp.nodes.spin import run
-from handover_dmp.robot.model import BasePlacement, RobotModel
 from handover_dmp.robot.orientation_task import ORIENTATIONS
 from handover_dmp.robot.partner import Partner
 from handover_dmp.robot.priority_ik import PriorityIk
@@ -122,11 +122,7 @@ class PriorityIkNode(HandoverNode):
     def __init__(self) -> None:
         """Load the arm, connect the topics, wait for joint states and commands."""
         super().__init__()
-        base = BasePlacement(
-            tuple(self.values['base_position']),
-            **{name: self.values[f'base_{name}'] for name in ('roll', 'pitch', 'yaw')},
-        )
-        self._model = RobotModel.load(self.values['robot'], base=base)
+        self._model = load_arm(self)
         self._controller = WristController(
             self._model, PriorityIk(self._model, **_tasks(self.values)), _timeouts(self.values)
         )
@@ -378,6 +374,7 @@ class PriorityIkNode(HandoverNode):
             'messages refused': str(refused),
             'hand unchanged (s)': f'{self._hand.unchanged_s:.3f}',
             **refusals(self._hand.rejected),
+            **limits_told(self._model),
         }
 
 
