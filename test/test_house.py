@@ -174,3 +174,24 @@ def test_nodes_know_nothing_of_each_other() -> None:
         for name in imports(PACKAGE / 'nodes' / f'{node}.py'):
             for other in nodes:
                 assert not f'{name}.'.startswith(f'handover_dmp.nodes.{other}.')
+
+
+def public_names(file: Path) -> Iterator[str]:
+    """Yield the functions, classes and types that a module makes public."""
+    for node in ast.parse(file.read_text(encoding='utf-8')).body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            yield node.name
+        elif isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+            if node.targets[0].id.istitle():
+                yield node.targets[0].id
+
+
+def test_no_public_name_stands_for_two_things() -> None:
+    # what every command and every node has to have, and short names of types
+    everywhere = {'add_arguments', 'run', 'main', 'Array', 'Colour', 'Vector'}
+    found: dict[str, list[str]] = {}
+    for file in PACKAGE.rglob('*.py'):
+        for name in set(public_names(file)) - everywhere:
+            if not name.startswith('_'):
+                found.setdefault(name, []).append(str(file.relative_to(PACKAGE)))
+    assert {name: files for name, files in found.items() if len(files) > 1} == {}

@@ -166,20 +166,6 @@ class Primitive(ABC):
         """Return the number of dimensions d."""
         return int(self.start.size)
 
-    def with_parameters(self: Self, **changes: Any) -> Self:
-        """
-        Change parameters without learning again.
-
-        Args:
-            changes: fields of `DmpParameters`.
-
-        Returns:
-            The same movement with other parameters. The weights stay, so it no longer is the
-            best fit of its demonstration if K, D, the formulation or the goal weight change.
-
-        """
-        return replace(self, parameters=replace(self.parameters, **changes))
-
     def with_duration(self: Self, duration_s: float) -> Self:
         """
         Change τ; states of the old one can be stepped on, x and ẋ do not jump.

@@ -49,10 +49,6 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 NEEDED = (HAND_POSE, WRIST_POSE, JOINT_STATES)
-OPTIONAL = (
-    CLOCK, DEMONSTRATOR_POSE, POSE_COMMAND, TWIST_COMMAND, JOINT_COMMAND, STATE, PHASE, IK_STATUS,
-    DIAGNOSTICS, ROBOT_DESCRIPTION, INFO,
-)  # fmt: skip
 # the log time of a message and the clock of its graph are the same up to delays of this size,
 # or the recorder used another clock
 SAME_CLOCK_NS = 10**9
@@ -61,7 +57,7 @@ MAX_JOINTS = 64
 
 
 @dataclass(frozen=True)
-class JointLimits:
+class RecordedLimits:
     """
     Limits of the joints, in the order of the joints of the run.
 
@@ -164,7 +160,7 @@ class RunRecord:
     joint_velocities: Array
     joint_command_times: Array
     joint_commands: Array
-    joint_limits: JointLimits | None
+    joint_limits: RecordedLimits | None
     phase_times: Array
     phase: dict[str, Array]
     ik_times: Array
@@ -458,18 +454,18 @@ def _info(path: Path, texts: list[str]) -> dict[str, Any]:
 
 def _limits(
     path: Path, info: dict[str, Any], description: str, names: tuple[str, ...]
-) -> JointLimits | None:
+) -> RecordedLimits | None:
     told = info.get('joint_limits')
     if isinstance(told, dict):
         lower, upper, velocity, acceleration = (
             _vector(told.get(key), len(names), path)
             for key in ('lower', 'upper', 'velocity', 'acceleration')
         )
-        return JointLimits(lower, upper, velocity, acceleration)
+        return RecordedLimits(lower, upper, velocity, acceleration)
     return _limits_of_urdf(description, names)
 
 
-def _limits_of_urdf(description: str, names: tuple[str, ...]) -> JointLimits | None:
+def _limits_of_urdf(description: str, names: tuple[str, ...]) -> RecordedLimits | None:
     try:
         joints = {
             joint.get('name'): joint for joint in ElementTree.fromstring(description).iter('joint')
@@ -483,7 +479,7 @@ def _limits_of_urdf(description: str, names: tuple[str, ...]) -> JointLimits | N
     except (ElementTree.ParseError, KeyError, ValueError):
         return None
     lower, upper, velocity = np.array(rows).T
-    return JointLimits(lower, upper, velocity, None)
+    return RecordedLimits(lower, upper, velocity, None)
 
 
 def _vector(value: Any, count: int, path: Path) -> Array:

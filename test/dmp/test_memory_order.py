@@ -80,7 +80,9 @@ LEARNT: dict[str, Way] = {
 }
 MADE_OF_ONE: dict[str, Callable[[Primitive, Path], Primitive]] = {
     'relearnt': lambda model, _: relearn(model, stiffness=150.0, mu=0.7),
-    'with other parameters': lambda model, _: model.with_parameters(formulation='printed'),
+    'with other parameters': lambda model, _: replace(
+        model, parameters=replace(model.parameters, formulation='printed')
+    ),
     'with another duration': lambda model, _: model.with_duration(1.1),
     'with an offset': lambda model, _: model.with_goal_offset(np.array([0.3, 0.2, 0.1])[::-1]),
     'with other weights': lambda model, _: model.with_weights(
