@@ -200,7 +200,7 @@ def run(options: argparse.Namespace) -> int:
         seed=options.seed,
     )
     trials = read_data_set(options.data_set)
-    with progress_bar() as progress:
+    with work_bar() as progress:
         evaluation = evaluate(
             trials, protocol, jobs=options.jobs, progress=progress('learning and rolling out')
         )
@@ -220,7 +220,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 @contextmanager
-def progress_bar() -> Iterator[Callable[[str], Update]]:
+def work_bar() -> Iterator[Callable[[str], Update]]:
     """
     Show how far the work is, on the standard error, if it takes longer than a moment.
 

@@ -166,6 +166,15 @@ class Primitive(ABC):
         """Return the number of dimensions d."""
         return int(self.start.size)
 
+    def __repr__(self) -> str:
+        """Say what it is and what it was learnt from."""
+        used = int(np.any(self.weights != 0.0, axis=1).sum())
+        source = f', learnt from {self.source}' if self.source else ''
+        return (
+            f'{type(self).__name__}({self.dimensions} dimensions, {used} of {self.basis.size} '
+            f'basis functions, {self.duration_s:.2f} s{source})'
+        )
+
     def with_duration(self: Self, duration_s: float) -> Self:
         """
         Change τ; states of the old one can be stepped on, x and ẋ do not jump.

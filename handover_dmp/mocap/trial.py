@@ -91,6 +91,10 @@ class HandoverTrial:
             where = '' if fault.row is None else f'sample {fault.row}: '
             raise DataError(f'{self.label}: {where}{fault.what}')
 
+    def __repr__(self) -> str:
+        """Say which one it is, and how long."""
+        return f'HandoverTrial({self.label}, {len(self.times)} samples, {self.duration_s:.2f} s)'
+
     @property
     def label(self) -> str:
         """Name for people: configuration, exchange and number."""

@@ -163,6 +163,14 @@ class RobotModel:
             chain_text=chain_text,
         )
 
+    def __repr__(self) -> str:
+        """Say which arm it is, and where it stands."""
+        x, y, z = self.base.position
+        return (
+            f'RobotModel({self.name}, {self.dof} joints to {self.wrist_frame}, '
+            f'base at ({x:g}, {y:g}, {z:g}) m)'
+        )
+
     @property
     def dof(self) -> int:
         """Return the number of joints."""

@@ -107,6 +107,12 @@ class PriorityIk:
         self._max_velocities = model.limits.velocity.tolist()
         self._max_accelerations = model.limits.acceleration.tolist()
 
+    def __repr__(self) -> str:
+        """Say of which arm it is, and what it heeds."""
+        limits = [type(limit).__name__ for limit in self.stack.limits]
+        tasks = [task.name for task in self._tasks]
+        return f'PriorityIk({self.model.name}, {", ".join(limits + tasks)})'
+
     def solve(
         self,
         joint_positions: Array,
