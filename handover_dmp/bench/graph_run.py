@@ -191,7 +191,7 @@ def _graph(
     progress('starting the graph')
     with Graph(folder, parameters, lockstep=lockstep) as graph, _probe(CONDUCTOR, folder):
         if lockstep:
-            graph.unpause()
+            graph.pause(False)
         if not graph.wait_for_state(('done',), MAX_WAIT_S, lambda: None):
             raise HandoverError(f'no handover within {MAX_WAIT_S:.0f} s')
         yield graph

@@ -32,6 +32,7 @@ from handover_dmp.handover.controller import (
     HandoverState,
     MOVING,
 )
+from handover_dmp.handover.lockstep import AFTERWARDS_S
 from handover_dmp.handover.scenario import example_model, read_model
 from handover_dmp.nodes.conversions import (
     NANOSECONDS,
@@ -74,6 +75,7 @@ WAKING_PERIODS = 10
 """After a stall in motion, periods that may still be some that were asked for during it."""
 MAX_GAP_S = 0.05
 """What `MAX_STALL_S` is in these."""
+OVER = (HandoverState.DONE, HandoverState.ABORTED)
 PRIMITIVE = (
     Parameter('stiffness', 'K of (8)', *RANGES['stiffness']),
     Parameter('damping', 'D of (8); 0: critical, 2 sqrt(K)', *RANGES['damping']),
@@ -116,6 +118,11 @@ class Dmp(HandoverNode):
     PARAMETERS = (
         Parameter('model', 'file of the learnt movement; empty: a synthetic one', read_only=True),
         Parameter('rate_hz', 'of the commands, Hz', 10.0, 1000.0, read_only=True),
+        Parameter(
+            'exit_when_done',
+            'whether to end after a handover, with exit code 0, or 1 if it was aborted',
+            read_only=True,
+        ),
         *HAND,
         *HANDOVER,
         *(replace(parameter, read_only=True) for parameter in HAND_FILTER),
@@ -147,6 +154,9 @@ class Dmp(HandoverNode):
         self._since_stall = WAKING_PERIODS
         self._begun_s: float | None = None
         self._signal_s: float | None = None
+        self._over_s: float | None = None
+        self.ended = False
+        self.exit_code = 0
         self._faults: dict[str, int] = {}
         self._connect()
         self._markers = Markers(self, _path(learnt))
@@ -301,8 +311,19 @@ class Dmp(HandoverNode):
         self._values = to_float_array({**command.status_values(now_s), **known}, into=self._values)
         self._publish()
         self._publish_state()
+        self._exit_when_done(now_s)
         controller = self._controller
         self._markers.update(time, controller.hand, controller.wrist, controller.exchange_position)
+
+    def _exit_when_done(self, now_s: float) -> None:
+        state = self._controller.state
+        if not self.values['exit_when_done'] or state not in OVER:
+            return
+        if self._over_s is None:
+            self._over_s = now_s
+        elif now_s - self._over_s > AFTERWARDS_S:
+            self.exit_code = int(state is not HandoverState.DONE)
+            self.ended = True
 
     def _watch_time(self, now_s: float, arrival_s: float) -> None:
         """Take up nothing that began before this node did, or before it stalled for long."""

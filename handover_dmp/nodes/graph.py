@@ -61,7 +61,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
 NODES = ('recorder', 'hand_tracker', 'dmp', 'priority_ik', 'robot_sim')
 RECORDED_AND_READ = (HAND_POSE, WRIST_POSE, POSE_COMMAND, TWIST_COMMAND, IK_STATUS, JOINT_STATES)
@@ -89,7 +89,7 @@ class Graph:
     The five nodes, and a look at their topics.
 
     A context manager: starts them on entry, ends them on exit. With `lockstep` every node waits
-    for the others on the simulated time of `robot_sim`, which stands still until `unpause`.
+    for the others on the simulated time of `robot_sim`, which stands still until `pause(False)`.
     """
 
     def __init__(
@@ -202,22 +202,23 @@ class Graph:
                     f'{name} ended with code {process.returncode}{self._last_words(name)}'
                 )
 
-    def call(self, service: str) -> None:
+    def call(self, service: str, request: Any = None) -> None:
         """
-        Call a service of type `std_srvs/Trigger`.
+        Call a service of type `std_srvs/Trigger`, or `std_srvs/SetBool`.
 
         Args:
             service: its name, e.g. `/dmp/start`.
+            request: of type `SetBool.Request`; None: a `Trigger`.
 
         Raises:
             GraphError: it does not answer, or says no.
 
         """
-        fault = self._ask(service)
+        fault = self._ask(service, request=request)
         if fault is not None:
             raise GraphError(f'{service}: {fault}')
 
-    def _ask(self, service: str, again_s: float = inf) -> str | None:
+    def _ask(self, service: str, again_s: float = inf, request: Any = None) -> str | None:
         """
         Call a service; give why it could not do what it does, None if it could.
 
@@ -225,7 +226,8 @@ class Graph:
         the answer is to go drops it. Not for what must not be done twice.
         """
         if service not in self._clients:
-            self._clients[service] = self.node.create_client(Trigger, service)
+            kind = Trigger if request is None else SetBool
+            self._clients[service] = self.node.create_client(kind, service)
         client = self._clients[service]
         self._wait_for(client.service_is_ready, CALL_TIMEOUT_S, f'{service} is not offered')
         calls: list[Future] = []
@@ -233,7 +235,7 @@ class Graph:
 
         def answered() -> bool:
             if not calls or monotonic() >= begun_s + len(calls) * again_s:
-                calls.append(client.call_async(Trigger.Request()))
+                calls.append(client.call_async(request or Trigger.Request()))
             return any(call.done() for call in calls)
 
         self._wait_for(answered, CALL_TIMEOUT_S, f'{service} does not answer')
@@ -248,9 +250,15 @@ class Graph:
                 raise GraphError(f'recorder: {fault} within {START_TIMEOUT_S:.0f} s')
             self.spin(0.05)
 
-    def unpause(self) -> None:
-        """Let simulated time run."""
-        self.call('/robot_sim/pause')
+    def pause(self, paused: bool) -> None:
+        """
+        Stop time, or let it run.
+
+        Args:
+            paused: whether it is to stand still.
+
+        """
+        self.call('/robot_sim/pause', SetBool.Request(data=paused))
 
     def wait_for_state(
         self, wanted: tuple[str, ...], timeout_s: float, progress: Callable[[], None]

@@ -31,7 +31,6 @@ from handover_dmp.nodes.parameters import ARM, declare, on_change, Parameter, Va
 from handover_dmp.nodes.spin import run
 from handover_dmp.robot.model import BasePlacement, RobotModel
 from handover_dmp.simulation.arm import ArmOptions, ArmState, SimulatedArm
-from handover_dmp.simulation.self_check import check_models
 from handover_dmp.topics import CLOCK, JOINT_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -84,7 +83,6 @@ class RobotSim(HandoverNode):
         model = RobotModel.load(self.values['robot'], base=base)
         home = {'initial_positions': model.home.tolist()}
         self.values |= declare(self, POSTURE, defaults_from=home)
-        check_models(model)
         self._arm = SimulatedArm(
             model,
             options=ArmOptions(self.values['command_timeout_s'], self.values['resume_required']),
@@ -121,7 +119,7 @@ class RobotSim(HandoverNode):
         self._description = self.advertise(ROBOT_DESCRIPTION)
         self._description.publish(String(data=model.urdf_text))
         self.subscribe(JOINT_COMMAND, self._on_command)
-        self.serve('pause', self._pause)
+        self.serve_switch('pause', self._pause)
         self.serve('resume', self._resume)
         self.serve('reset', self._reset)
         on_change(self, CHANGEABLE, self._prepare)
@@ -209,9 +207,8 @@ class RobotSim(HandoverNode):
 
     # Services, parameters, condition
 
-    def _pause(self) -> str:
-        self._paused = not self._paused
-        return ''
+    def _pause(self, paused: bool) -> None:
+        self._paused = paused
 
     def _resume(self) -> str:
         self._arm.resume()

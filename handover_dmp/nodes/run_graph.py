@@ -54,7 +54,7 @@ def run_graph(
         tell('handing over', 0.2)
         begun_s = g.time_s
         if lockstep:
-            g.unpause()
+            g.pause(False)
         else:
             g.call('/hand_tracker/replay')
         g.wait_for_state(

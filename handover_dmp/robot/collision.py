@@ -102,13 +102,11 @@ def link_capsules(model: RobotModel) -> tuple[LinkCapsule, ...]:
         RobotDescriptionError: the geometry cannot be read, a mesh is missing for example.
 
     """
-    folders = [str(folder) for folder in model.urdf_path.parents]
     try:
         geometry = pin.buildGeomFromUrdfString(
             model.pinocchio_model,
             model.chain_text,
             pin.GeometryType.COLLISION,
-            package_dirs=folders,
         )
     except (ValueError, RuntimeError) as error:
         raise RobotDescriptionError(f'{model.urdf_path}: {error}') from error

@@ -27,6 +27,13 @@ from handover_dmp.common.quiet_pybullet import silenced
 from handover_dmp.robot import descriptions, inverse
 from handover_dmp.robot.errors import RobotDescriptionError
 from handover_dmp.robot.limits import JointLimits
+from handover_dmp.robot.plain_description import (
+    assume_inertia,
+    immovable_joints,
+    make_plain,
+    Meshes,
+    parse,
+)
 import numpy as np
 from numpy.typing import NDArray
 import pinocchio as pin
@@ -88,6 +95,10 @@ class RobotModel:
         pinocchio_model: the chain, its root at `base`, so that all of its poses are in `world`.
         pinocchio_data: scratch space of Pinocchio; one model serves one thread.
         wrist_frame_id: index of the controlled frame in `pinocchio_model`.
+        chain_text: what every engine reads: the URDF in plain form, the chain alone movable, the
+            meshes by the paths of their files.
+        meshes: those that the URDF names.
+        remarks: what had to be changed or assumed that a user should know.
 
     """
 
@@ -104,6 +115,8 @@ class RobotModel:
     pinocchio_data: Any
     wrist_frame_id: int
     chain_text: str
+    meshes: Meshes
+    remarks: tuple[str, ...]
 
     @classmethod
     def load(
@@ -140,9 +153,16 @@ class RobotModel:
         wrist_frame = _wrist_link(tree, wrist_frame or entry.wrist_frame, path)
         chain = _chain(tree, wrist_frame, path)
         limits = _limits(chain, entry, path)
+        meshes, remarks = make_plain(tree, path.parent, chain)
         chain_text = _chain_urdf(tree, chain, limits)
         placement = base or BasePlacement()
         model = _pinocchio_model(chain_text, placement, path)
+        if immovable := immovable_joints(model):
+            carried = [chain[i - 1].find('child') for i in immovable]
+            links = [link.get('link', '') for link in carried if link is not None]
+            remarks.append(assume_inertia(tree, links))
+            chain_text = ElementTree.tostring(tree, encoding='unicode')
+            model = _pinocchio_model(chain_text, placement, path)
         tool = tool or (0.0, 0.0, 0.0)
         wrist_id = model.getFrameId(wrist_frame, pin.FrameType.BODY)
         if any(tool):
@@ -161,6 +181,8 @@ class RobotModel:
             pinocchio_data=model.createData(),
             wrist_frame_id=wrist_id,
             chain_text=chain_text,
+            meshes=meshes,
+            remarks=tuple(remarks),
         )
 
     def __repr__(self) -> str:
@@ -264,7 +286,7 @@ class RobotModel:
 def _read(path: Path) -> tuple[str, ElementTree.Element]:
     try:
         text = path.read_text(encoding='utf-8')
-        tree = ElementTree.fromstring(text)
+        tree = parse(text)
     except UnicodeDecodeError as error:
         raise RobotDescriptionError(f'{path}: not UTF-8: save it in that encoding') from error
     except ElementTree.ParseError as error:
@@ -423,8 +445,6 @@ def _chain_urdf(
             velocity=repr(float(limits.velocity[i])),
             effort=repr(float(limits.effort[i])),
         )
-    for element in tree.findall('transmission') + tree.findall('gazebo'):
-        tree.remove(element)
     return ElementTree.tostring(tree, encoding='unicode')
 
 
