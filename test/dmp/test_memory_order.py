@@ -30,8 +30,7 @@ from handover_dmp.dmp.learning import learn_jointly, learn_mean
 from handover_dmp.dmp.posterior import WeightPosterior
 from handover_dmp.dmp.primitive import Primitive
 from handover_dmp.evaluation.cases import Case
-from handover_dmp.evaluation.rollouts import learn_from_trials as learn_from_case
-from handover_dmp.evaluation.rollouts import Learning
+from handover_dmp.evaluation.rollouts import learn_from_case, Learning
 from handover_dmp.handover.teaching import learn_from_trials
 from handover_dmp.mocap import HandoverTrial
 import numpy as np
