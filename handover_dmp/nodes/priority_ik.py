@@ -24,6 +24,7 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TwistStamped
+from handover_dmp.nodes.arm import limits_told, load_arm
 from handover_dmp.nodes.conversions import (
     NANOSECONDS,
     nanoseconds,
@@ -40,7 +41,6 @@ from handover_dmp.nodes.lockstep import HEAD_START_S, Lockstep
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import ARM, HAND, on_change, Parameter, Values
 from handover_dmp.nodes.spin import run
-from handover_dmp.robot.model import BasePlacement, RobotModel
 from handover_dmp.robot.orientation_task import ORIENTATIONS
 from handover_dmp.robot.partner import Partner
 from handover_dmp.robot.priority_ik import PriorityIk
@@ -115,8 +115,7 @@ class PriorityIkNode(HandoverNode):
     def __init__(self) -> None:
         """Load the arm, connect the topics, wait for joint states and commands."""
         super().__init__()
-        base = BasePlacement(tuple(self.values['base_position']), self.values['base_yaw'])
-        self._model = RobotModel.load(self.values['robot'], base=base)
+        self._model = load_arm(self)
         self._controller = WristController(
             self._model, PriorityIk(self._model, **_tasks(self.values)), _timeouts(self.values)
         )
@@ -356,6 +355,7 @@ class PriorityIkNode(HandoverNode):
             **{f'age of the {name} (s)': f'{age_s:.3f}' for name, age_s in ages.items()},
             'active limits': ', '.join(self._active) or 'none',
             'messages refused': str(refused),
+            **limits_told(self._model),
         }
 
 

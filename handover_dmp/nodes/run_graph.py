@@ -84,7 +84,7 @@ def graph_parameters(
     """
     robot = scenario.robot
     arm = {
-        'robot': str(robot.urdf_path),
+        'robot': robot.asked_for,
         'base_position': [float(x) for x in robot.base.position],
         'base_yaw': float(robot.base.yaw),
     }

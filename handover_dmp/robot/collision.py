@@ -229,7 +229,7 @@ class CollisionModel:
         pairs = range(len(self._geometry.collisionPairs))
         return np.array([pin.computeDistance(self._geometry, data, k).min_distance for k in pairs])
 
-    def least_distance(self, joint_positions: Array) -> float:
+    def min_distance(self, joint_positions: Array) -> float:
         """
         Compute how near the arm is to itself.
 
@@ -316,8 +316,7 @@ class CollisionModel:
     def _avoidable(
         self, model: RobotModel, watched: list[tuple[int, int]]
     ) -> list[tuple[int, int]]:
-        low = np.maximum(model.limits.lower, -np.pi)
-        high = np.minimum(model.limits.upper, np.pi)
+        low, high = model.limits.one_turn
         rng = np.random.default_rng(0)
         configurations = [model.home, *rng.uniform(low, high, (SAMPLED_CONFIGURATIONS, model.dof))]
         for i, j in watched:

@@ -163,8 +163,7 @@ def greatest_reach(model: Arm) -> float:
 
     """
     centre = model.shoulder
-    low = np.maximum(model.limits.lower, -np.pi)
-    high = np.minimum(model.limits.upper, np.pi)
+    low, high = model.limits.one_turn
 
     def cost(q: Array) -> tuple[float, Array]:
         position, _ = model.wrist_pose(q)

@@ -64,6 +64,15 @@ class JointLimits:
             and np.all(joint_positions <= self.upper + tolerance)
         )
 
+    @property
+    def one_turn(self) -> tuple[Array, Array]:
+        """Return the ranges within ±π, (n,) each; of one that lies beyond, 2π of it."""
+        lower, upper, turn = self.lower, self.upper, 2.0 * np.pi
+        return (
+            np.where(upper <= -np.pi, np.maximum(lower, upper - turn), np.maximum(lower, -np.pi)),
+            np.where(lower >= np.pi, np.minimum(upper, lower + turn), np.minimum(upper, np.pi)),
+        )
+
 
 class VelocityBox:
     """

@@ -33,6 +33,7 @@ from typing import Any
 from xml.etree import ElementTree
 from xml.parsers import expat
 
+from handover_dmp.robot.limits import JointLimits
 from handover_dmp.robot.mesh_files import find_mesh
 import numpy as np
 from numpy.typing import NDArray
@@ -334,12 +335,13 @@ def _write_inertial(link: Element, mass: float, centre: str, moments: Array) -> 
     ElementTree.SubElement(inertial, 'inertia', dict(zip(MOMENTS, map(repr, upper), strict=True)))
 
 
-def immovable_joints(model: Any) -> list[int]:
+def immovable_joints(model: Any, limits: JointLimits) -> list[int]:
     """
     Find the joints that an engine could not move, since they carry nothing that has inertia.
 
     Args:
         model: of Pinocchio, of a chain.
+        limits: of its joints.
 
     Returns:
         Their indices; with `ASSUMED_MASS_KG` on each the mass matrix is regular at all of a
@@ -349,8 +351,7 @@ def immovable_joints(model: Any) -> list[int]:
     model, found = pin.Model(model), []
     data = model.createData()
     rng = np.random.default_rng(0)
-    low = np.maximum(model.lowerPositionLimit, -np.pi)
-    high = np.minimum(model.upperPositionLimit, np.pi)
+    low, high = limits.one_turn
     assumed = pin.Inertia(ASSUMED_MASS_KG, np.zeros(3), ASSUMED_INERTIA_KG_M2 * np.eye(3))
     for q in [np.clip(0.0, low, high), *rng.uniform(low, high, (SAMPLED, model.nq))]:
         while True:

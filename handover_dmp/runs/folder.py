@@ -138,7 +138,7 @@ def finish(folder: Path, scenario: Scenario) -> dict[str, Any]:
         The report, plain types.
 
     """
-    with set_up(folder, str(scenario.robot.urdf_path)) as stage:
+    with set_up(folder, scenario.robot.asked_for) as stage:
         (folder / 'figures').mkdir(exist_ok=True)
         met = math.isfinite(stage.scene.exchange_time_s)
         names = ('start', 'middle', 'exchange' if met else 'end')
