@@ -170,6 +170,10 @@ class GoalEstimator:
         self.rejected: Counter[str] = Counter()
         self.reset()
 
+    def __repr__(self) -> str:
+        """Say how many poses it has worked in."""
+        return f'GoalEstimator({self.accepted} poses, {sum(self.rejected.values())} left out)'
+
     def reset(self) -> None:
         """Forget the hand; the counts go on."""
         self._track = _Track(self.parameters)
