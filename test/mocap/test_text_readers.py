@@ -66,9 +66,13 @@ def motive(names, table, lost, frames, *, version, unit, bodies, solved, timecod
     """Write what Motive exports; from 1.24 on its header lines say what they are."""
     labelled = version >= '1.24'
     kinds = ['Rigid Body' if bodies else 'Marker'] * len(names)
-    columns = [(kind, name, part, axis) for kind, name in zip(kinds, names, strict=True)
-               for part, axes in ((('Rotation', 'XYZW'),) if bodies else ()) + (('Position', 'XYZ'),)
-               for axis in axes]  # fmt: skip
+    parts = [*([('Rotation', 'XYZW')] if bodies else []), ('Position', 'XYZ')]
+    columns = [
+        (kind, name, part, axis)
+        for kind, name in zip(kinds, names, strict=True)
+        for part, axes in parts
+        for axis in axes
+    ]
     if solved:
         columns = [('Rigid Body Marker', name, 'Position', axis) for name in names
                    for axis in 'XYZ'] + columns  # fmt: skip
@@ -110,9 +114,11 @@ def vicon(names, table, lost, frames, *, unit, devices, delimiter, word):
     def line(cells):
         return delimiter.join(cells)
 
-    lines = ['Devices', '1200', line(['', '', 'Force', '', '']),
-             line(['Frame', 'Sub Frame', 'Fx', 'Fy', 'Fz']), line(['', '', 'N', 'N', 'N']),
-             *(line(['1', str(k), '1', '2', '3']) for k in range(5)), ''] if devices else []  # fmt: skip
+    lines = []
+    if devices:
+        lines += ['Devices', '1200', line(['', '', 'Force', '', ''])]
+        lines += [line(['Frame', 'Sub Frame', 'Fx', 'Fy', 'Fz']), line(['', '', 'N', 'N', 'N'])]
+        lines += [*(line(['1', str(k), '1', '2', '3']) for k in range(5)), '']
     lines += ['Trajectories' + delimiter * (3 if devices else 0), f'{RATE_HZ:g}']
     lines.append(line(['', '', *(cell for name in names for cell in (quoted(name), '', ''))]))
     lines.append(line(['Frame', 'Sub Frame', *('XYZ' * len(names))]))
@@ -142,7 +148,7 @@ def qualisys(names, table, lost, frames, *, columns, titles, bodies, encoding, w
     """Write what Qualisys exports; frames that are missing have no line."""
     kind = 'BODY_NAMES' if bodies else 'MARKER_NAMES'
     lines = [f'NO_OF_FRAMES\t{len(frames)}', 'NO_OF_CAMERAS\t8', f'FREQUENCY\t{RATE_HZ:g}',
-             'TIME_STAMP\t2022-06-03, 10:47:36.627\t94247.4', f'DATA_INCLUDED\t{"63"[not bodies]}D',
+             'TIME_STAMP\t2022-06-03, 10:47:36.627\t94247.4', f'DATA_INCLUDED\t{6 if bodies else 3}D',
              'EVENT\tgrasp\t7\t0.0583', f'{kind}\t' + '\t'.join(names)]  # fmt: skip
     after = (
         ['Roll', 'Pitch', 'Yaw', 'Residual', *(f'Rot[{k}]' for k in range(9))] if bodies else []
