@@ -149,7 +149,8 @@ def qualisys(names, table, lost, frames, *, columns, titles, bodies, encoding, w
     kind = 'BODY_NAMES' if bodies else 'MARKER_NAMES'
     lines = [f'NO_OF_FRAMES\t{len(frames)}', 'NO_OF_CAMERAS\t8', f'FREQUENCY\t{RATE_HZ:g}',
              'TIME_STAMP\t2022-06-03, 10:47:36.627\t94247.4',
-             f'DATA_INCLUDED\t{6 if bodies else 3}D', 'EVENT\tgrasp\t7\t0.0583', f'{kind}\t' + '\t'.join(names)]  # fmt: skip
+             f'DATA_INCLUDED\t{6 if bodies else 3}D', 'EVENT\tgrasp\t7\t0.0583',
+             f'{kind}\t' + '\t'.join(names)]  # fmt: skip
     after = (
         ['Roll', 'Pitch', 'Yaw', 'Residual', *(f'Rot[{k}]' for k in range(9))] if bodies else []
     )
