@@ -101,23 +101,25 @@ def read_bag_wrists(
     scale = METRES[found.value]
     zero_ns = int(min(poses.times_ns.min() for poses in chosen))
     series = [_series(poses, zero_ns) for poses in chosen]
-    (p1_times, p1), (p2_times, p2) = (
+    (partner_times, first), (other_times, second) = (
         (times[seen], scale * places[seen]) for times, places, seen in series
     )
-    if min(len(p1_times), len(p2_times)) < _MIN_POSES:
-        short = chosen[0] if len(p1_times) < _MIN_POSES else chosen[1]
-        raise DataError(f'{path}: {min(len(p1_times), len(p2_times))} poses on {short.label}')
-    inside = (p1_times >= p2_times[0]) & (p1_times <= p2_times[-1])
+    if min(len(partner_times), len(other_times)) < _MIN_POSES:
+        short = chosen[0] if len(partner_times) < _MIN_POSES else chosen[1]
+        raise DataError(
+            f'{path}: {min(len(partner_times), len(other_times))} poses on {short.label}'
+        )
+    inside = (partner_times >= other_times[0]) & (partner_times <= other_times[-1])
     # Between two poses of P2 that are far apart, nothing is known of it.
-    after = np.clip(np.searchsorted(p2_times, p1_times), 1, len(p2_times) - 1)
-    inside &= p2_times[after] - p2_times[after - 1] <= MAX_GAP_S
-    times = p1_times[inside]
+    after = np.clip(np.searchsorted(other_times, partner_times), 1, len(other_times) - 1)
+    inside &= other_times[after] - other_times[after - 1] <= MAX_GAP_S
+    times = partner_times[inside]
     if len(times) == 0:
         raise DataError(
             f'{path}: {chosen[0].label} and {chosen[1].label} do not overlap in time; '
             'if two clocks stamped them, --clock log takes the times of recording'
         )
-    start = float(p1_times[0])
+    start = float(partner_times[0])
     gaps = [
         gap._replace(start_s=gap.start_s - start, end_s=gap.end_s - start)
         for who, (all_times, _, seen) in zip(('P1', 'P2'), series, strict=True)
@@ -125,8 +127,8 @@ def read_bag_wrists(
     ]
     return WristMotion(
         times - start,
-        turn_up(p1[inside], axis.value),
-        turn_up(interpolate(p2_times, p2)(times), axis.value),
+        turn_up(first[inside], axis.value),
+        turn_up(interpolate(other_times, second)(times), axis.value),
         source=path.name,
         unit=found,
         up=axis,

@@ -206,7 +206,7 @@ def _names(file: c3d.Reader, points: int) -> list[str]:
             break
         width = part.dimensions[0] if part.dimensions else 0
         starts = range(0, len(part.bytes), width) if width else ()
-        names += [_decoded(part.bytes[start : start + width]) for start in starts]  # fmt: skip
+        names += [_decoded(part.bytes[start: start + width]) for start in starts]  # fmt: skip
     names += [f'point {number}' for number in range(len(names) + 1, points + 1)]
     return names[:points]
 

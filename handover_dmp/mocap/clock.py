@@ -98,5 +98,5 @@ def _stays_back(part: NDArray[np.int64], ahead: NDArray[np.int64], at: int) -> b
     before = ahead[at - 1]
     if before - part[at] > _MAX_LATE_NS:
         return True
-    following = part[at : at + _MAX_LATE + 1]
+    following = part[at:][: _MAX_LATE + 1]
     return len(following) > _MAX_LATE and bool((following < before).all())

@@ -153,7 +153,7 @@ def _places(
     best: dict[str, _Place] = {}
     repeated = []
     for column in range(len(titles) - 2):
-        if titles[column : column + 3] != ['X', 'Y', 'Z']:
+        if titles[column:][:3] != ['X', 'Y', 'Z']:
             continue
         kind, name, component = (
             row[column].strip() if column < len(row) else '' for row in (types, labels, components)

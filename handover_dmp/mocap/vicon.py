@@ -129,7 +129,7 @@ def _columns(labels: str, titles: str, where: str) -> _Columns:
     names: list[str] = []
     firsts: list[int] = []
     for column in range(2, len(axes) - 2):
-        if tuple(axes[column : column + 3]) in _TRIPLETS:
+        if tuple(axes[column:][:3]) in _TRIPLETS:
             names.append(next((name for name in named[column::-1] if name), ''))
             firsts.append(column)
     if not names:

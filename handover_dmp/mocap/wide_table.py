@@ -70,12 +70,13 @@ class WideTable:
             DataError: too few or too many cells, or one that is no number.
 
         """
-        if len(cells) < self.width or any(cell.strip() for cell in cells[self.width :]):
+        beyond = ''.join(cells[self.width:])  # fmt: skip
+        if len(cells) < self.width or beyond.strip():
             raise DataError(f'{where}: {len(cells)} values instead of {self.width}')
         if len(self._values) > _MAX_VALUES:
             raise DataError(f'{where}: more than can be held')
         for name, first in self.columns.items():
-            place = cells[first : first + 3]
+            place = cells[first:][:3]
             seen = not any(map(is_unseen, place)) and self._is_measured(name, cells, where)
             self._values.extend(
                 parse_numbers(place, (name,) * 3, where) if seen else (np.nan,) * 3

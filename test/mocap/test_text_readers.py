@@ -193,7 +193,8 @@ def cases(draw, metres):
     lost = np.zeros(table.shape[:2], dtype=bool)
     for _ in range(draw(st.integers(0, 3))):
         begin = draw(st.integers(0, FRAMES - 12))
-        lost[begin : begin + draw(st.integers(1, 10)), draw(st.integers(0, len(names) - 1))] = True
+        length, marker = draw(st.integers(1, 10)), draw(st.integers(0, len(names) - 1))
+        lost[begin:, marker][:length] = True
     frames = np.arange(draw(st.integers(0, 9)), FRAMES)
     missing = draw(st.lists(st.integers(11, FRAMES - 2), max_size=5))
     return names, table, lost, frames[~np.isin(frames, missing)]
@@ -326,7 +327,7 @@ def test_damage_gives_a_recording_or_one_line(tmp_path, reader):
         for _ in range(rng.randint(1, 5)):
             at = rng.randrange(len(content))
             piece = rng.choice([b',', b'\n', b'\0', b'"', b'-', b'9e999', b'nan', b'\xff', b''])
-            content[at : at + rng.randint(0, 4)] = piece
+            content[at: at + rng.randint(0, 4)] = piece  # fmt: skip
         try:
             recording = read(reader, tmp_path / 'bad', bytes(content))
         except DataError as error:
