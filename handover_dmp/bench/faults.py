@@ -32,7 +32,7 @@ from handover_dmp.tracking.playback import HandSample, TrackedHand
 import numpy as np
 
 Samples = list[HandSample]
-Fault = Callable[[Samples], Samples]
+SampleFault = Callable[[Samples], Samples]
 
 POSITION_TOLERANCE = 1e-3
 VELOCITY_TOLERANCE = 1e-2
@@ -47,7 +47,7 @@ NEXT_STATES = {
 }
 
 
-def tracker_faults(seed: int) -> dict[str, Fault]:
+def tracker_faults(seed: int) -> dict[str, SampleFault]:
     """
     Make every fault of a tracker that there is, each with a state of its own.
 
@@ -77,7 +77,9 @@ def tracker_faults(seed: int) -> dict[str, Fault]:
 class FaultyHand(TrackedHand):
     """A tracked hand whose tracker fails from one time to another."""
 
-    def __init__(self, hand: TrackedHand, fault: Fault, from_s: float, until_s: float) -> None:
+    def __init__(
+        self, hand: TrackedHand, fault: SampleFault, from_s: float, until_s: float
+    ) -> None:
         """
         Take a hand and a fault.
 

@@ -30,7 +30,7 @@ from handover_dmp.handover.controller import (
     HandoverState,
     WristCommand,
 )
-from handover_dmp.handover.scenario import Scenario
+from handover_dmp.handover.scenario import make_scenario, Scenario
 from handover_dmp.robot.partner import Partner
 from handover_dmp.robot.priority_ik import PriorityIk
 from handover_dmp.robot.tasks import WristTarget
@@ -195,3 +195,27 @@ class Handover:
     def close(self) -> None:
         """Let go of the simulated world."""
         self.arm.close()
+
+
+def simulate(
+    scenario: Scenario | None = None, progress: Callable[[float], None] = lambda _share: None
+) -> list[Period]:
+    """
+    Simulate one handover from start to end.
+
+    Args:
+        scenario: trial, movement and arm, see `scenario.make_scenario`; the example if left out.
+        progress: is told the share that is done.
+
+    Returns:
+        What every period saw and said, in order.
+
+    Raises:
+        UnreachableError: the arm of the example reaches the path from nowhere.
+
+    """
+    handover = Handover(scenario or make_scenario())
+    try:
+        return handover.run(progress)
+    finally:
+        handover.close()

@@ -32,7 +32,7 @@ from handover_dmp.mocap.message_bodies import bodies, Body
 from handover_dmp.mocap.trial import describe, DIRECTIONS
 from handover_dmp.mocap.units import known_unit, METRES
 from handover_dmp.mocap.up_axis import turn_up
-from handover_dmp.mocap.wrists import find_gaps, Known, MAX_GAP_S, WristMotion
+from handover_dmp.mocap.wrists import find_gaps, Known, MAX_HIDDEN_S, WristMotion
 from handover_dmp.topics import INFO
 import numpy as np
 from numpy.typing import NDArray
@@ -94,10 +94,11 @@ def read_bag_wrists(
             f'{second.label} in {second.frame!r}'
         )
     chosen = _part(path, chosen, part)
-    found = (
-        Known('m', 'by REP 103') if unit is None else Known(known_unit(unit, path.name), 'told')
-    )
-    axis = Known('z', 'by REP 103') if up is None else Known(up, 'told')
+    found, axis = Known('m', BY_REP_103), Known('z', BY_REP_103)
+    if unit is not None:
+        found = Known(known_unit(unit, path.name), AS_TOLD)
+    if up is not None:
+        axis = Known(up, AS_TOLD)
     scale = METRES[found.value]
     zero_ns = int(min(poses.times_ns.min() for poses in chosen))
     series = [_series(poses, zero_ns) for poses in chosen]
@@ -112,7 +113,7 @@ def read_bag_wrists(
     inside = (partner_times >= other_times[0]) & (partner_times <= other_times[-1])
     # Between two poses of P2 that are far apart, nothing is known of it.
     after = np.clip(np.searchsorted(other_times, partner_times), 1, len(other_times) - 1)
-    inside &= other_times[after] - other_times[after - 1] <= MAX_GAP_S
+    inside &= other_times[after] - other_times[after - 1] <= MAX_HIDDEN_S
     times = partner_times[inside]
     if len(times) == 0:
         raise DataError(

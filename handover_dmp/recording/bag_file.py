@@ -23,7 +23,7 @@ from pathlib import Path
 import tempfile
 
 from handover_dmp.common.errors import DataError
-from handover_dmp.recording.mcap_file import is_complete, read_records, RECORD_LIMIT
+from handover_dmp.recording.mcap_file import is_complete, read_mcap_records, RECORD_LIMIT
 from handover_dmp.recording.sqlite3_file import read_sqlite3
 from mcap.records import McapRecord, Message
 import zstandard
@@ -68,7 +68,7 @@ def read_bag_file(path: Path) -> Iterator[McapRecord]:
 
     """
     with _unpacked(path) as plain:
-        for record in read_sqlite3(plain) if plain.suffix == SQLITE3 else read_records(plain):
+        for record in read_sqlite3(plain) if plain.suffix == SQLITE3 else read_mcap_records(plain):
             if isinstance(record, Message) and record.data[:4] == _ZSTD_MAGIC:
                 record = replace(record, data=_inflated(record.data, path))
             yield record

@@ -204,6 +204,14 @@ class RobotModel:
             remarks=(*filter(None, [known.remark]), *found.remarks, *remarks),
         )
 
+    def __repr__(self) -> str:
+        """Say which arm it is, and where it stands."""
+        x, y, z = self.base.position
+        return (
+            f'RobotModel({self.name}, {self.dof} joints to {self.wrist_frame}, '
+            f'base at ({x:g}, {y:g}, {z:g}) m)'
+        )
+
     @property
     def limit_origins(self) -> dict[str, str]:
         """Say where the limits come from, for people: quantity to words."""

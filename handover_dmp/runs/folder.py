@@ -28,7 +28,7 @@ from typing import Any
 from handover_dmp import __version__
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.files import write_text
-from handover_dmp.common.versions import installed_versions
+from handover_dmp.common.versions import installed_versions, LIBRARIES
 from handover_dmp.dmp import save_model
 from handover_dmp.handover.scenario import Scenario
 from handover_dmp.mocap import HandoverTrial, write_trial
@@ -37,8 +37,6 @@ from handover_dmp.view.stage import set_up
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-
-LIBRARIES = ('numpy', 'scipy', 'pin', 'daqp', 'ruckig', 'pybullet', 'pybullet-arm64', 'mcap')
 
 
 def new_run_folder(output: Path | None, trial: HandoverTrial) -> Path:

@@ -152,6 +152,10 @@ class GoalEstimator:
         self._track = _Track(self.parameters)
         self._candidates: list[_Track] = []
 
+    def __repr__(self) -> str:
+        """Say how many poses it has worked in."""
+        return f'GoalEstimator({self.accepted} poses, {sum(self.rejected.values())} left out)'
+
     def reset(self) -> None:
         """Forget the hand, and the counts."""
         self.accepted = 0

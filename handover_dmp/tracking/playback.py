@@ -201,10 +201,6 @@ class Replay:
         first, end = (bisect_right(self._arrivals, time) for time in (after_s, until_s))
         return self._samples[first:end]
 
-    def is_over(self, time_s: float) -> bool:
-        """Tell whether nothing new comes after a time of the replay, s."""
-        return time_s >= self.duration_s
-
 
 class TrackedHand:
     """
