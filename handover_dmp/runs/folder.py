@@ -105,6 +105,8 @@ def run_info(scenario: Scenario, scale: float) -> dict[str, Any]:
         'scale': scale,
         'robot': robot.name,
         'base_position_m': list(robot.base.position),
+        'base_roll_rad': robot.base.roll,
+        'base_pitch_rad': robot.base.pitch,
         'base_yaw_rad': robot.base.yaw,
         'joint_names': list(robot.joint_names),
         'joint_limits': {
