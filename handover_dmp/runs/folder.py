@@ -28,14 +28,12 @@ from typing import Any
 from handover_dmp import __version__
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.files import write_text
-from handover_dmp.common.versions import installed_versions
+from handover_dmp.common.versions import installed_versions, LIBRARIES
 from handover_dmp.dmp import save_model
 from handover_dmp.handover.scenario import Scenario
 from handover_dmp.mocap import HandoverTrial, write_trial
 import numpy as np
 from numpy.typing import NDArray
-
-LIBRARIES = ('numpy', 'scipy', 'pin', 'daqp', 'ruckig', 'pybullet', 'pybullet-arm64', 'mcap')
 
 
 def new_run_folder(output: Path | None, trial: HandoverTrial) -> Path:
@@ -104,6 +102,8 @@ def run_info(scenario: Scenario, scale: float) -> dict[str, Any]:
         'scale': scale,
         'robot': robot.name,
         'base_position_m': list(robot.base.position),
+        'base_roll_rad': robot.base.roll,
+        'base_pitch_rad': robot.base.pitch,
         'base_yaw_rad': robot.base.yaw,
         'joint_names': list(robot.joint_names),
         'joint_limits': {
