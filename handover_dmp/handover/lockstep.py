@@ -148,7 +148,9 @@ class Handover:
         seen = False
         for sample in samples:
             hand = tuple(sample.position.tolist())
-            seen |= not self.controller.set_hand(sample.stamp_s, hand, now_s, now_s)
+            seen |= not self.controller.set_hand(
+                sample.stamp_s, hand, now_s, now_s, sample.orientation
+            )
         self.controller.set_wrist(tuple(wrist.tolist()))
         command = self.controller.step(now_s, self.period_s, self._phase_rate)
         assert command is not None

@@ -238,6 +238,8 @@ def _about(about: Numbers) -> Table:
         'scale': 'scale of the motion',
         'robot': 'robot',
         'base_position_m': 'base at, m',
+        'base_roll_rad': 'base rolled by, rad',
+        'base_pitch_rad': 'base pitched by, rad',
         'base_yaw_rad': 'base turned by, rad',
         'machine': 'machine',
     }

@@ -99,7 +99,7 @@ def test_between_gives_a_trial_one_sample(trial):
     [
         ([], 'no poses'),
         ([(0.0, (1.0, 2.0))], 'pose 0 to play back'),
-        ([(0.0, (1.0, 2.0, 3.0)), (1.0, (1.0, float('nan'), 3.0))], 'pose 1 to play back'),
+        ([(0.0, (1.0, 2.0, 3.0)), (float('nan'), (1.0, 2.0, 3.0))], 'pose 1 to play back'),
         ([(float('inf'), (1.0, 2.0, 3.0))], 'pose 0 to play back'),
     ],
 )
