@@ -32,7 +32,7 @@ from handover_dmp.mocap.message_bodies import bodies, Body
 from handover_dmp.mocap.trial import describe, DIRECTIONS
 from handover_dmp.mocap.units import known_unit, METRES
 from handover_dmp.mocap.up_axis import turn_up
-from handover_dmp.mocap.wrists import find_gaps, Known, MAX_HIDDEN_S, WristMotion
+from handover_dmp.mocap.wrists import AS_TOLD, find_gaps, Known, MAX_HIDDEN_S, WristMotion
 from handover_dmp.topics import INFO
 import numpy as np
 from numpy.typing import NDArray

@@ -30,7 +30,7 @@ from pathlib import Path
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.markers import choose, MarkerRecording
 from handover_dmp.mocap.tables import iterate_lines, quote
-from handover_dmp.mocap.wide_table import is_number, is_unseen, period_of, WideTable
+from handover_dmp.mocap.wide_table import is_number, is_unseen, period_of_rate, WideTable
 
 _MAX_HEADER_LINES = 10_000
 # Cells of a marker, and of a rigid body.
@@ -116,7 +116,7 @@ def _layout(
     frame = before.index('frame') if 'frame' in before else None
     period_s = 0.0
     if time is None:
-        period_s = period_of(_value(header, 'FREQUENCY', ''), 'FREQUENCY', where)
+        period_s = period_of_rate(_value(header, 'FREQUENCY', ''), 'FREQUENCY', where)
     columns = {name: leading + stride * k for name, k in choose(names, markers).items()}
     residuals = {name: first + 6 for name, first in columns.items()} if kind == '6D' else {}
     width = leading + stride * len(names)

@@ -30,7 +30,7 @@ from typing import NamedTuple
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.markers import choose, MarkerRecording
 from handover_dmp.mocap.tables import iterate_lines
-from handover_dmp.mocap.wide_table import is_number, period_of, WideTable
+from handover_dmp.mocap.wide_table import is_number, period_of_rate, WideTable
 
 _SECTIONS = ('Trajectories', 'Objects', 'Global Segments')
 _TRIPLETS = (('X', 'Y', 'Z'), ('TX', 'TY', 'TZ'))
@@ -89,7 +89,7 @@ def _read_section(
     path: Path, title: str, lines: _Lines, markers: Sequence[str] | None
 ) -> MarkerRecording:
     where, rate = _next(path, lines)
-    period_s = period_of(rate.strip(' ,;\t"'), 'the rate', where)
+    period_s = period_of_rate(rate.strip(' ,;\t"'), 'the rate', where)
     _, labels = _next(path, lines)
     where, titles = _next(path, lines)
     columns = _columns(labels, titles, where)

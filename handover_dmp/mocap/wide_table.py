@@ -133,7 +133,7 @@ def is_number(cell: str) -> bool:
     return True
 
 
-def period_of(text: str, name: str, where: str) -> float:
+def period_of_rate(text: str, name: str, where: str) -> float:
     """
     Turn a rate into a period.
 
