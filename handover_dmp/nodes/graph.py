@@ -21,7 +21,6 @@ For the demo, the benchmark and the tests. Whoever uses `ros2 launch` has no nee
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 import faulthandler
 from math import inf
 import os
@@ -34,6 +33,7 @@ from types import TracebackType
 from typing import Any
 
 from handover_dmp.common.errors import HandoverError
+from handover_dmp.common.plain_yaml import dump_plain
 from handover_dmp.common.resources import share_path
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
 from handover_dmp.nodes.qos import message_class, qos_profile
@@ -61,7 +61,6 @@ from rclpy.task import Future
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
-import yaml
 
 NODES = ('recorder', 'hand_tracker', 'dmp', 'priority_ik', 'robot_sim')
 RECORDED_AND_READ = (HAND_POSE, WRIST_POSE, POSE_COMMAND, TWIST_COMMAND, IK_STATUS, JOINT_STATES)
@@ -82,13 +81,6 @@ RANGE_VARIABLE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 
 class GraphError(HandoverError):
     """The graph did not start, broke off or did not end as it should; names the node."""
-
-
-class _WithoutAliases(yaml.SafeDumper):
-    """Writes what stands twice twice, since the parser of ROS 2 knows no aliases."""
-
-    def ignore_aliases(self, data: Any) -> bool:
-        return True
 
 
 class Graph:
@@ -139,7 +131,7 @@ class Graph:
         """Start the nodes and wait until they hear each other."""
         isolate()
         (self._folder / 'logs').mkdir(parents=True, exist_ok=True)
-        write_parameters(self._folder / 'parameters.yaml', self._parameters)
+        write_node_parameters(self._folder / 'parameters.yaml', self._parameters)
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         try:
             self._watch()
@@ -163,7 +155,7 @@ class Graph:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """End the nodes, the recorder first; complain if one did not end cleanly."""
+        """End the nodes, the recorder last; complain if one did not end cleanly."""
         codes = self._end()
         wrong = {name: code for name, code in codes.items() if code != 0}
         if wrong and error is None:
@@ -353,22 +345,20 @@ class Graph:
         return f': {lines[-1]}' if lines else ''
 
     def _end(self) -> dict[str, int]:
-        recorder = [process for name, process in self.processes.items() if name == 'recorder']
-        others = [process for process in self.processes.values() if process not in recorder]
-        for group in (recorder, others):
-            for process in group:
+        # the recorder last, so that it hears what the others say in the end; of these the arm
+        # first, whose watchdog would else report the end of the commands
+        others = [name for name in reversed(self.processes) if name != 'recorder']
+        for group in (others, [name for name in self.processes if name == 'recorder']):
+            processes = [self.processes[name] for name in group]
+            for process in processes:
                 if process.poll() is None:
                     # a shell's background job has SIGINT ignored, and a node that still starts too
                     process.terminate()
-            for process in group:
-                with suppress(subprocess.TimeoutExpired):
+            for process in processes:
+                try:
                     process.wait(END_TIMEOUT_S)
-        # a recorder that got no processor beside the others has it now
-        for process in self.processes.values():
-            try:
-                process.wait(END_TIMEOUT_S)
-            except subprocess.TimeoutExpired:
-                process.kill()
+                except subprocess.TimeoutExpired:
+                    process.kill()
         # as in a node: what hangs in DDS ends here all the same, and says where it was
         faulthandler.dump_traceback_later(MAX_END_S, exit=True, file=STDERR)
         try:
@@ -412,7 +402,7 @@ def isolation(middleware: str, environment: Mapping[str, str]) -> dict[str, str]
     return {PROFILE_VARIABLE: str(profile), RANGE_VARIABLE: 'SYSTEM_DEFAULT'}
 
 
-def write_parameters(file: Path, parameters: Mapping[str, Mapping[str, Any]]) -> None:
+def write_node_parameters(file: Path, parameters: Mapping[str, Mapping[str, Any]]) -> None:
     """
     Write the parameters of several nodes to a file for `--params-file`.
 
@@ -422,7 +412,7 @@ def write_parameters(file: Path, parameters: Mapping[str, Mapping[str, Any]]) ->
 
     """
     tree = {name: {'ros__parameters': dict(values)} for name, values in parameters.items()}
-    file.write_text(yaml.dump(tree, Dumper=_WithoutAliases), encoding='utf-8')
+    file.write_text(dump_plain(tree), encoding='utf-8')
 
 
 def _free_domain() -> int:

@@ -214,6 +214,7 @@ def priorities(pid: int) -> set[int]:
         ('robot_sim', ['-p', 'base_position:=[0.0, 0.0]'], 'three'),
         ('robot_sim', ['-p', 'real_time_factor:=0.0001'], '0.01'),
         ('priority_ik', ['-p', 'base_position:=[0.0, .nan, 0.0]'], 'three finite'),
+        ('priority_ik', ['-p', 'hand_filter.hand_speed:=0.0'], 'hand_speed'),
         ('priority_ik', ['-p', 'orientation:=upside_down'], 'upside_down'),
         ('recorder', ['-p', 'compression:=rar'], 'rar'),
     ],
