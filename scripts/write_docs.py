@@ -164,7 +164,7 @@ def settings_table() -> str:
         declared = {parameter.name for parameter in (*COMMON, *own_parameters(node))}
         if node == 'dmp':
             declared |= {parameter.name for parameter in module('dmp').PRIMITIVE}
-        everywhere = {'robot', 'base_position', 'base_yaw'}
+        everywhere = {'robot', 'wrist_frame', 'base_frame', 'base_position', 'base_yaw'}
         for name, value in defaults(node).items():
             if name not in declared | everywhere:
                 rows.append((f'`{node}`', f'`{name}`', shown(value), comments[node, name]))

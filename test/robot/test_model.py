@@ -244,7 +244,7 @@ def test_mimic_joints_beside_the_chain_are_locked(urdf):
 def test_a_wrist_that_is_not_there(urdf):
     with pytest.raises(
         RobotDescriptionError,
-        match=r"no link 'wirst' for the wrist; it has lower, base, upper, hand",
+        match=r"no link 'wirst' for the wrist; it has lower, base, upper",
     ):
         RobotModel.load(urdf(), wrist_frame='wirst')
 

@@ -78,7 +78,7 @@ def test_the_wrist_of_an_arm_that_shows_it(load, more, wrist):
 @pytest.mark.parametrize(
     ('more', 'candidates'),
     [
-        (joint('x', 'l5', 'moving_jaw'), "'moving_jaw', which joint 'x' moves, : .*moving_jaw"),
+        (joint('x', 'l5', 'moving_jaw'), "'moving_jaw', which joint 'x' moves, .*: l5, moving"),
         (joint('gripper', 'l5', 'part'), r'may be the jaw of a gripper.*: l5, part'),
         (joint('x', 'l5', 'part', effort=1), r'may be the jaw of a gripper.*: l5, part'),
         (
@@ -195,9 +195,7 @@ def test_a_xacro_is_expanded_with_its_arguments(tmp_path):
     with pytest.raises(RobotDescriptionError, match='a xacro that is not expanded'):
         RobotModel.load(unnamed)
     path.write_text(path.read_text().replace('${-half}', '${nonsense}'))
-    with pytest.raises(
-        RobotDescriptionError, match='xacro cannot expand it: .*nonsense'
-    ) as caught:
+    with pytest.raises(RobotDescriptionError, match=r'cannot expand it: .*nonsense') as caught:
         RobotModel.load(path)
     assert '\n' not in str(caught.value)
 
