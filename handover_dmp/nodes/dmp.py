@@ -70,11 +70,11 @@ import numpy as np
 from std_msgs.msg import Float64MultiArray, Header, String
 
 MAX_STALL_S = 0.5
-"""Beyond this, by the clock of the periods or of the processor, a motion is not taken up again."""
+"""After a longer gap between two periods, or a longer stall of the process, the motion ends, s."""
 WAKING_PERIODS = 10
-"""After a stall in motion, periods that may still be some that were asked for during it."""
-MAX_GAP_S = 0.05
-"""What `MAX_STALL_S` is in these."""
+"""The first periods after a stall, which may be late answers to questions asked during it."""
+MAX_WAKING_GAP_S = 0.05
+"""In the first periods after a stall, the motion ends after a gap longer than this, s."""
 OVER = (HandoverState.DONE, HandoverState.ABORTED)
 PRIMITIVE = (
     Parameter('stiffness', 'K of (8)', *RANGES['stiffness']),
@@ -326,7 +326,7 @@ class Dmp(HandoverNode):
             self.ended = True
 
     def _watch_time(self, now_s: float, arrival_s: float) -> None:
-        """Take up nothing that began before this node did, or before it stalled for long."""
+        """End a motion when time jumped or this node stalled; ignore an older signal."""
         last_s, self._stepped_s = self._stepped_s, arrival_s
         stepped_s, self._stepped_monotonic_s = self._stepped_monotonic_s, monotonic()
         stalled = self._stepped_monotonic_s - stepped_s > MAX_STALL_S
@@ -337,17 +337,16 @@ class Dmp(HandoverNode):
             if self._signal_s is not None and self._signal_s >= now_s:
                 self._controller.signal(self._signal_s)
             return
-        # the first periods after a stall may be some that were asked for during it
         woken = self._since_stall < WAKING_PERIODS
-        max_duration_s = MAX_GAP_S if woken else MAX_STALL_S
-        if 0 <= arrival_s - last_s <= max_duration_s:
+        max_gap_s = MAX_WAKING_GAP_S if woken else MAX_STALL_S
+        if 0 <= arrival_s - last_s <= max_gap_s:
             return
         if self._controller.state in MOVING:
             self._fault('time jumped, or this node stalled: aborted')
         elif not (woken and self._controller.state is HandoverState.ABORTED):
             return
         if woken:
-            # again, too, as at first the wrist may be seen where it still braked
+            # in each of these periods: the first wrist poses may be of an arm that still braked
             self._controller.hold()
         else:
             self._controller.abort()

@@ -227,10 +227,10 @@ class Graph:
 
     def _ask(self, service: str, again_s: float = inf, request: Any = None) -> str | None:
         """
-        Call a service; give why it could not do what it does, None if it could.
+        Call a service; return the reason if it failed, None if it succeeded.
 
-        Call it again after `again_s` without an answer: who is asked and does not know yet to whom
-        the answer is to go drops it. Not for what must not be done twice.
+        Call it again after `again_s` without an answer: a server that has not discovered its
+        client yet drops the answer. Only for services that may be called twice.
         """
         if service not in self._clients:
             kind = Trigger if request is None else SetBool

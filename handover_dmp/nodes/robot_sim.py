@@ -43,7 +43,7 @@ PATIENCE_WHEN_LOST_S = 0.5
 MIN_FACTOR = 0.01
 """Slower, and a period would keep the node from its services and from ending."""
 MAX_STEP_S = 1.0
-"""Where the clock of another simulator leaps further, it has begun or begun anew."""
+"""A longer step of the other simulator's clock means that it was started or reset, s."""
 
 CHANGEABLE = (
     Parameter(

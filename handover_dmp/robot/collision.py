@@ -229,7 +229,7 @@ class CollisionModel:
         pairs = range(len(self._geometry.collisionPairs))
         return np.array([pin.computeDistance(self._geometry, data, k).min_distance for k in pairs])
 
-    def least_distance(self, joint_positions: Array) -> float:
+    def min_distance(self, joint_positions: Array) -> float:
         """
         Compute how near the arm is to itself.
 

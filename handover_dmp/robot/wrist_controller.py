@@ -276,7 +276,7 @@ class WristController:
             return self._brake('', dt)
         solution = self.ik.solve(self._measured(), self._commanded, self._target, dt, hand=hand)
         if solution.speed_scale < STALLED and self._is_stalled(self._target, hand):
-            return self._brake('the wrist command leads nowhere from here', dt)
+            return self._brake('wrist command out of reach: singularity or limit', dt)
         self._commanded = solution.joint_velocity
         return JointCommand(
             solution.joint_velocity, '', solution, solution.smallest_singular_value
@@ -317,9 +317,10 @@ class WristController:
 
     def _is_stalled(self, target: WristTarget, hand: Partner | None) -> bool:
         """
-        Whether even an arm that could change its speed at once would hardly get any nearer.
+        Whether the wrist could hardly move towards the target even without acceleration limits.
 
-        Such an arm would whirl joints that bring it next to nothing: it had better stand.
+        Near a singularity the joints would turn fast for almost no motion of the wrist, so the arm
+        stops instead.
         """
         positions = self._measured()
         at_ease = self.ik.solve(positions, np.zeros(len(positions)), target, AT_EASE_S, hand=hand)
