@@ -24,7 +24,7 @@ from typing import Any
 
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.filtering import interpolate
-from handover_dmp.mocap.markers import MAX_GAP_S, WristMotion
+from handover_dmp.mocap.markers import MAX_HIDDEN_S, WristMotion
 from handover_dmp.mocap.trial import describe, DIRECTIONS
 from handover_dmp.topics import INFO
 import numpy as np
@@ -70,7 +70,7 @@ def read_bag_wrists(
     after = np.clip(
         np.searchsorted(demonstrator_times, partner_times), 1, len(demonstrator_times) - 1
     )
-    inside &= demonstrator_times[after] - demonstrator_times[after - 1] <= MAX_GAP_S
+    inside &= demonstrator_times[after] - demonstrator_times[after - 1] <= MAX_HIDDEN_S
     times = partner_times[inside]
     if len(times) == 0:
         raise DataError(f'{path}: {partner_topic} and {demonstrator_topic} do not overlap in time')

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 METRES = {'m': 1.0, 'cm': 0.01, 'mm': 0.001}
 # Unseen for longer than this, a hand may have been anywhere.
-MAX_GAP_S = 0.25
+MAX_HIDDEN_S = 0.25
 _NAMES_SHOWN = 20
 
 
@@ -146,7 +146,7 @@ class WristMotion:
 
     def spans(self) -> list[tuple[int, int]]:
         """Return first index and end of every stretch without a gap."""
-        breaks = np.flatnonzero(np.diff(self.times) > MAX_GAP_S) + 1
+        breaks = np.flatnonzero(np.diff(self.times) > MAX_HIDDEN_S) + 1
         edges = [0, *breaks.tolist(), len(self.times)]
         return list(pairwise(edges))
 
@@ -174,7 +174,7 @@ class WristMotion:
             raise DataError(f'{self.source}: no samples to make a trial of')
         times = self.times[first:end]
         gaps = np.diff(times)
-        if len(gaps) and gaps.max() > MAX_GAP_S:
+        if len(gaps) and gaps.max() > MAX_HIDDEN_S:
             at = f'{times[int(np.argmax(gaps))]:.3f} s'
             raise DataError(f'{self.source}: {at}: a wrist is out of sight for {gaps.max():.2g} s')
         return HandoverTrial(

@@ -34,7 +34,7 @@ MIN_SAMPLES = 10
 LARGEST_COORDINATE_M = 100.0
 LARGEST_STAMP_S = 1e12
 MIN_PERIOD_S = 1e-5
-MAX_GAP_S = 2.0
+MAX_SAMPLE_PERIOD_S = 2.0
 MAX_DURATION_S = 600.0
 # A hand is neither this fast nor does a dropped sample hide such a way: the frame has changed.
 JUMP_M = 0.3
@@ -90,6 +90,10 @@ class HandoverTrial:
         if fault := find_fault(self.times, np.hstack([self.partner, self.demonstrator])):
             where = '' if fault.row is None else f'sample {fault.row}: '
             raise DataError(f'{self.label}: {where}{fault.what}')
+
+    def __repr__(self) -> str:
+        """Say which one it is, and how long."""
+        return f'HandoverTrial({self.label}, {len(self.times)} samples, {self.duration_s:.2f} s)'
 
     @property
     def label(self) -> str:
@@ -247,7 +251,7 @@ def _time_fault(times: NDArray[np.float64], max_duration_s: float) -> Fault | No
     if abs(times[0]) > LARGEST_STAMP_S:
         return Fault(0, f'time {times[0]:g} s is absurd')
     periods = np.diff(times)
-    wrong = (periods < MIN_PERIOD_S) | (periods > MAX_GAP_S)
+    wrong = (periods < MIN_PERIOD_S) | (periods > MAX_SAMPLE_PERIOD_S)
     if not wrong.any():
         if times[-1] - times[0] > max_duration_s:
             return Fault(None, f'{times[-1] - times[0]:.0f} s are too long for one handover')
@@ -258,7 +262,7 @@ def _time_fault(times: NDArray[np.float64], max_duration_s: float) -> Fault | No
         return Fault(row, f'time runs backwards, from {before:g} to {now:g} s')
     if now == before:
         return Fault(row, f'time {now:g} s is repeated')
-    if now - before > MAX_GAP_S:
+    if now - before > MAX_SAMPLE_PERIOD_S:
         return Fault(row, f'no sample for {now - before:.3g} s before this one')
     return Fault(row, f'only {now - before:.3g} s after the sample before')
 

@@ -57,9 +57,10 @@ def load_arm(node: HandoverNode) -> RobotModel:
     """
     values = node.values
     robot = values['robot']
+    angles = {name: values[f'base_{name}'] for name in ('roll', 'pitch', 'yaw')}
     model = RobotModel.load(
         _awaited(node, robot) if names_topic(robot) else describe(robot),
-        base=BasePlacement(tuple(values['base_position']), values['base_yaw']),
+        base=BasePlacement(tuple(values['base_position']), **angles),
         wrist_frame=values['wrist_frame'],
         base_frame=values['base_frame'],
     )

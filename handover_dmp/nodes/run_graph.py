@@ -88,6 +88,8 @@ def graph_parameters(
         'wrist_frame': robot.wrist_frame,
         'base_frame': robot.base_frame,
         'base_position': [float(x) for x in robot.base.position],
+        'base_roll': float(robot.base.roll),
+        'base_pitch': float(robot.base.pitch),
         'base_yaw': float(robot.base.yaw),
     }
     return {

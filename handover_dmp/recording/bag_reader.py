@@ -28,7 +28,7 @@ from typing import Any, NamedTuple
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.plain_yaml import load_plain
 from handover_dmp.recording.bag_metadata import METADATA_FILE, read_metadata
-from handover_dmp.recording.mcap_file import is_complete, read_records
+from handover_dmp.recording.mcap_file import is_complete, read_mcap_records
 from mcap.records import Channel, Metadata, Schema
 from mcap.records import Message as McapMessage
 from mcap_ros2.decoder import DecoderFactory
@@ -194,7 +194,7 @@ def bag_information(path: Path | str) -> BagInformation:
     for file in files:
         types: dict[int, str] = {}
         channels: dict[int, TopicInformation] = {}
-        for record in read_records(file):
+        for record in read_mcap_records(file):
             if isinstance(record, Schema):
                 types[record.id] = record.name
             elif isinstance(record, Channel):
@@ -227,7 +227,7 @@ def bag_custom_data(path: Path | str) -> dict[str, str]:
         DataError: there is no such bag, or it is damaged.
 
     """
-    for record in read_records(bag_files(path)[0]):
+    for record in read_mcap_records(bag_files(path)[0]):
         if isinstance(record, Metadata):
             return custom_data(record)
     return {}
@@ -253,7 +253,7 @@ def _read_file(file: Path, topics: Collection[str] | None) -> Iterator[BagMessag
     schemas: dict[int, Schema] = {}
     names: dict[int, str] = {}
     decoders: dict[int, Callable[[bytes], Any] | None] = {}
-    for record in read_records(file):
+    for record in read_mcap_records(file):
         if isinstance(record, McapMessage):
             decode = _known(decoders, record.channel_id, file)
             if decode is None:

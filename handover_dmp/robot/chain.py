@@ -27,7 +27,7 @@ from handover_dmp.robot import descriptions
 from handover_dmp.robot.descriptions import ArmEntry
 from handover_dmp.robot.effective_limits import effective_limits, EffectiveLimits, KnownLimits
 from handover_dmp.robot.errors import RobotDescriptionError
-from handover_dmp.robot.plain_description import parse as parse_xml
+from handover_dmp.robot.plain_description import parse_xml
 import numpy as np
 import pinocchio as pin
 
@@ -72,7 +72,7 @@ class KnownArm:
     remark: str = ''
 
 
-def parse(text: str, origin: str) -> Element:
+def parse_description(text: str, origin: str) -> Element:
     """
     Parse a URDF.
 
@@ -177,7 +177,7 @@ def described_limits(text: str, joint_names: Sequence[str], origin: str) -> Effe
         RobotDescriptionError: it is no URDF, or lacks a joint.
 
     """
-    tree = parse(text, origin)
+    tree = parse_description(text, origin)
     joints = {joint.get('name'): joint for joint in tree.findall('joint')}
     missing = [name for name in joint_names if name not in joints]
     if missing:
@@ -264,7 +264,7 @@ def moving_joints(
     Find the joints that move a link, from the base on.
 
     Args:
-        tree: root of the description, which has passed `parse`.
+        tree: root of the description, which has passed `check_tree`.
         link: which link.
         origin: of the description, for error messages.
         base_frame: link to begin at; None: the root.

@@ -28,7 +28,7 @@ from typing import Any
 from handover_dmp import __version__
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.files import write_text
-from handover_dmp.common.versions import installed_versions
+from handover_dmp.common.versions import installed_versions, LIBRARIES
 from handover_dmp.dmp import save_model
 from handover_dmp.handover.scenario import Scenario
 from handover_dmp.mocap import HandoverTrial, write_trial
@@ -38,8 +38,6 @@ from handover_dmp.view.stage import set_up
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-
-LIBRARIES = ('numpy', 'scipy', 'pin', 'daqp', 'ruckig', 'pybullet', 'pybullet-arm64', 'mcap')
 
 
 def new_run_folder(output: Path | None, trial: HandoverTrial) -> Path:
@@ -111,6 +109,8 @@ def run_info(scenario: Scenario, scale: float) -> dict[str, Any]:
         'wrist_frame': robot.wrist_frame,
         'base_frame': robot.base_frame,
         'base_position_m': list(robot.base.position),
+        'base_roll_rad': robot.base.roll,
+        'base_pitch_rad': robot.base.pitch,
         'base_yaw_rad': robot.base.yaw,
         'joint_names': list(robot.joint_names),
         'joint_limits': {
