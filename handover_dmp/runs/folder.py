@@ -32,12 +32,9 @@ from handover_dmp.common.versions import installed_versions, LIBRARIES
 from handover_dmp.dmp import save_model
 from handover_dmp.handover.scenario import Scenario
 from handover_dmp.mocap import HandoverTrial, write_trial
-from handover_dmp.report import write_report
 from handover_dmp.robot.descriptions import ArmChoice
-from handover_dmp.view.stage import set_up
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 
 def new_run_folder(output: Path | None, trial: HandoverTrial) -> Path:
@@ -144,6 +141,11 @@ def finish(folder: Path, scenario: Scenario) -> dict[str, Any]:
         The report, plain types.
 
     """
+    # imported here, since what draws takes seconds, and who starts nodes should not wait for it
+    from handover_dmp.report import write_report
+    from handover_dmp.view.stage import set_up
+    from PIL import Image
+
     robot = scenario.robot
     choice = ArmChoice(robot.description.asked_for, robot.wrist_frame, robot.base_frame)
     with set_up(folder, choice) as stage:
