@@ -24,7 +24,7 @@ from handover_dmp.common.errors import HandoverError
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.nodes.spin import told_to_end
-from handover_dmp.robot.descriptions import describe, Description
+from handover_dmp.robot.descriptions import Description, read_description
 from handover_dmp.robot.model import BasePlacement, RobotModel
 from handover_dmp.topics import ROBOT_DESCRIPTION
 
@@ -59,7 +59,7 @@ def load_arm(node: HandoverNode) -> RobotModel:
     robot = values['robot']
     angles = {name: values[f'base_{name}'] for name in ('roll', 'pitch', 'yaw')}
     model = RobotModel.load(
-        _awaited(node, robot) if names_topic(robot) else describe(robot),
+        _awaited(node, robot) if names_topic(robot) else read_description(robot),
         base=BasePlacement(tuple(values['base_position']), **angles),
         wrist_frame=values['wrist_frame'],
         base_frame=values['base_frame'],

@@ -139,7 +139,7 @@ class ArmChoice:
     Which arm a user means; what is empty is left to the description, or to the recording.
 
     Attributes:
-        robot: see `describe`.
+        robot: see `read_description`.
         wrist_frame: the link that follows the wrist.
         base_frame: the link that the chain begins at.
 
@@ -170,7 +170,7 @@ class Description:
     text: str
 
 
-def describe(robot: str | Path) -> Description:
+def read_description(robot: str | Path) -> Description:
     """
     Read the description of an arm.
 

@@ -34,7 +34,7 @@ from handover_dmp.robot.chain import (
     known_arm,
     parse_description,
 )
-from handover_dmp.robot.descriptions import default_limits, describe, Description
+from handover_dmp.robot.descriptions import default_limits, Description, read_description
 from handover_dmp.robot.effective_limits import (
     DEFAULT,
     effective_limits,
@@ -164,7 +164,7 @@ class RobotModel:
 
         Args:
             robot: a name of `config/robots.yaml` (`lwr4`, `iiwa14`, `panda`, `ur5`), the path of a
-                URDF or xacro, see `describe`, or what was read already.
+                URDF or xacro, see `read_description`, or what was read already.
             base: where its root link stands; at the origin if left out.
             wrist_frame: the link that follows the wrist; if left out or empty, the one that
                 `config/robots.yaml` names, or else see `choose_wrist`.
@@ -180,7 +180,7 @@ class RobotModel:
                 or has joints that cannot be moved one by one.
 
         """
-        description = robot if isinstance(robot, Description) else describe(robot)
+        description = robot if isinstance(robot, Description) else read_description(robot)
         path, origin = description.path, str(description.path)
         tree = parse_description(description.text, origin)
         check_tree(tree, origin)

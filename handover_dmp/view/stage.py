@@ -23,7 +23,7 @@ from pathlib import Path
 
 from handover_dmp.common.errors import DataError
 from handover_dmp.report import load_run, RunRecord
-from handover_dmp.robot.descriptions import ArmChoice, describe, Description, known_arms
+from handover_dmp.robot.descriptions import ArmChoice, Description, known_arms, read_description
 from handover_dmp.robot.errors import RobotDescriptionError
 from handover_dmp.robot.model import BasePlacement, RobotModel
 from handover_dmp.topics import ROBOT_DESCRIPTION
@@ -136,7 +136,7 @@ def _robot(record: RunRecord, choice: ArmChoice) -> RobotModel:
     told = {key: str(record.info.get(key) or '') for key in ('wrist_frame', 'base_frame')}
     wrist_frame = choice.wrist_frame or ('' if choice.robot else told['wrist_frame'])
     base_frame = choice.base_frame or ('' if choice.robot else told['base_frame'])
-    description = describe(choice.robot) if choice.robot else _description(record)
+    description = read_description(choice.robot) if choice.robot else _description(record)
     return RobotModel.load(description, wrist_frame=wrist_frame, base_frame=base_frame)
 
 
@@ -147,7 +147,7 @@ def _description(record: RunRecord) -> Description:
     text = record.robot_description
     for source in filter(None, [told, *known]):
         with suppress(RobotDescriptionError, OSError):
-            found = describe(source)
+            found = read_description(source)
             if found.text == text or not text:
                 return found
     if not text:
