@@ -93,8 +93,8 @@ def test_who_has_the_object_first_is_what_the_run_says(tmp_path: Path, direction
     runs.write_run(tmp_path, direction=direction)
     with set_up(tmp_path) as stage:
         stage.scene.show(0.0)
-        to_wrist = np.linalg.norm(stage.scene.object_position - stage.wrist_path[0])
-        to_hand = np.linalg.norm(stage.scene.object_position - stage.hand_path[0])
+        to_wrist = np.linalg.norm(stage.scene.object_pose[0] - stage.wrist_path[0])
+        to_hand = np.linalg.norm(stage.scene.object_pose[0] - stage.hand_path[0])
         assert (to_wrist < to_hand) == (direction == 'give')
 
 
