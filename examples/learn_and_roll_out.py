@@ -25,7 +25,7 @@ def main() -> None:
     """Print how far the motion is from what the person did, tenth by tenth."""
     first, second, *_ = [
         trial for trial in synthesize(seed=0)
-        if (trial.configuration, trial.exchange) == ('engine_bay', 'give')
+        if (trial.configuration, trial.direction) == ('engine_bay', 'give')
     ]  # fmt: skip
     model = learn_from_trials([first])
     print(f'learnt from {model.source}: {model.duration_s:.2f} s')
@@ -34,7 +34,7 @@ def main() -> None:
     for share in np.linspace(0.0, 1.0, 11):
         index = int(share * (len(motion.times) - 1))
         time_s, position = motion.times[index], motion.positions[index]
-        person = [np.interp(time_s, second.times, axis) for axis in second.p2.T]
+        person = [np.interp(time_s, second.times, axis) for axis in second.demonstrator.T]
         distance_mm = 1e3 * np.linalg.norm(position - person)
         weight = motion.goal_weight[index]
         print(f't = {time_s:.2f} s   w_g = {weight:.2f}   {distance_mm:5.1f} mm from the person')

@@ -15,7 +15,7 @@
 """Integrate joint velocities for an arm that takes joint positions, such as KUKA's by its FRI."""
 
 from handover_dmp.nodes.qos import qos_profile
-from handover_dmp.nodes.spinning import run
+from handover_dmp.nodes.spin import run
 from handover_dmp.topics import JOINT_COMMAND, JOINT_STATES
 import numpy as np
 from rclpy.node import Node

@@ -101,8 +101,8 @@ def prepare(chosen: dict[str, str]) -> tuple[Any, Path]:
         The arm in its place, and the file of the parameters that go before those of the user's.
 
     """
-    from handover_dmp.nodes.conduct import graph_parameters
     from handover_dmp.nodes.graph import write_parameters
+    from handover_dmp.nodes.run_graph import graph_parameters
     from handover_dmp.runs.folder import keep_inputs, new_run_folder, run_info
 
     scenario = _scenario(chosen)
@@ -186,7 +186,7 @@ def _scenario(chosen: dict[str, str]) -> Any:
     if recorded := chosen['trial'] or chosen['bag']:
         return make_scenario(Path(recorded), robot=chosen['robot'])
     wanted = (EXAMPLE[0], chosen['exchange'])
-    trials = [t for t in synthesize() if (t.configuration, t.exchange) == wanted]
+    trials = [t for t in synthesize() if (t.configuration, t.direction) == wanted]
     if not trials:
         raise RuntimeError(f'exchange is {chosen["exchange"]!r}, neither give nor take')
     with TemporaryDirectory() as folder:

@@ -24,7 +24,7 @@ from tempfile import TemporaryDirectory
 from handover_dmp.cli.main import main as handover_dmp
 
 IMAGES = Path(__file__).resolve().parents[1] / 'docs' / 'images'
-MOST_BYTES = 3_000_000
+MAX_BYTES = 3_000_000
 
 
 def main(run: Path) -> None:
@@ -34,7 +34,7 @@ def main(run: Path) -> None:
     if handover_dmp(['render', str(run), *words]):
         raise SystemExit(f'{run}: cannot be filmed')
     shutil.copyfile(run / 'figures' / 'positions.png', IMAGES / 'positions.png')
-    if film.stat().st_size > MOST_BYTES:
+    if film.stat().st_size > MAX_BYTES:
         raise SystemExit(f'{film}: too large for a README')
 
 

@@ -42,10 +42,10 @@ from handover_dmp.dmp import DmpParameters
 from handover_dmp.dmp.parameter_file import TunedParameters, write_parameters
 from handover_dmp.handover.scenario import make_scenario
 from handover_dmp.mocap import synthesize, write_trial
-from handover_dmp.nodes.conduct import graph_parameters
 from handover_dmp.nodes.graph import Graph, isolate, NODES
-from handover_dmp.nodes.leaving import leave
 from handover_dmp.nodes.qos import message_class, qos_profile
+from handover_dmp.nodes.run_graph import graph_parameters
+from handover_dmp.nodes.shutdown import shut_down
 from handover_dmp.recording import read_bag
 from handover_dmp.runs.folder import keep_inputs
 from handover_dmp.topics import HAND_POSE, STATE
@@ -88,7 +88,7 @@ ALL = [(path.relative_to(ROOT).as_posix(), line) for path in DOCUMENTS for line 
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Give a folder with the files that the documents speak of as the reader's own."""
     folder = tmp_path_factory.mktemp('reader')
-    trial = next(trial for trial in synthesize(trials=1) if trial.exchange == 'take')
+    trial = next(trial for trial in synthesize(trials=1) if trial.direction == 'take')
     write_trial(trial, folder / 'my_trial.csv')
     urdf = (ROOT / 'urdf' / 'lwr4.urdf').read_text(encoding='utf-8')
     (folder / 'my_arm.urdf').write_text(urdf, encoding='utf-8')
@@ -101,22 +101,28 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / 'my_parameters.yaml').write_text(yaml.safe_dump(values), encoding='utf-8')
     # What `tune` writes.
     write_parameters(TunedParameters(DmpParameters(), 1.0), folder / 'tuned.yaml', 'tuned')
-    (folder / 'recording.tsv').write_text(qualisys(trial.p1, trial.p2), encoding='utf-8')
-    rest = np.repeat(trial.p1[:1], 200, axis=0), np.repeat(trial.p2[:1], 200, axis=0)
+    (folder / 'recording.tsv').write_text(
+        qualisys(trial.partner, trial.demonstrator), encoding='utf-8'
+    )
+    rest = (
+        np.repeat(trial.partner[:1], 200, axis=0),
+        np.repeat(trial.demonstrator[:1], 200, axis=0),
+    )
     there_and_back = [
-        np.vstack([a, p, p[::-1], a]) for a, p in zip(rest, (trial.p1, trial.p2), strict=True)
+        np.vstack([a, p, p[::-1], a])
+        for a, p in zip(rest, (trial.partner, trial.demonstrator), strict=True)
     ]
     (folder / 'session.tsv').write_text(qualisys(*there_and_back), encoding='utf-8')
     return folder
 
 
-def qualisys(p1: np.ndarray, p2: np.ndarray) -> str:
+def qualisys(partner: np.ndarray, demonstrator: np.ndarray) -> str:
     """Write two markers as Qualisys Track Manager does."""
     lines = [
-        f'NO_OF_FRAMES\t{len(p1)}', 'NO_OF_MARKERS\t2', 'FREQUENCY\t200', 'DATA_INCLUDED\t3D',
+        f'NO_OF_FRAMES\t{len(partner)}', 'NO_OF_MARKERS\t2', 'FREQUENCY\t200', 'DATA_INCLUDED\t3D',
         'MARKER_NAMES\tM_wrist\tA_wrist',
     ]  # fmt: skip
-    rows = 1000.0 * np.hstack([p1, p2])
+    rows = 1000.0 * np.hstack([partner, demonstrator])
     return '\n'.join([*lines, *('\t'.join(f'{x:.3f}' for x in row) for row in rows)]) + '\n'
 
 
@@ -257,7 +263,7 @@ def play_bag(words: list[str], folder: Path, bag: Path) -> None:
                 assert monotonic() < end_s, f'{bag} does not end'
     finally:
         executor.shutdown()
-        leave(node)
+        shut_down(node)
     assert len(set(heard)) > 10
     assert set(heard) <= recorded
 
@@ -331,7 +337,7 @@ def wait_for_node(name: str) -> None:
             sleep(0.05)
             assert monotonic() < end_s, f'{name} is not there'
     finally:
-        leave(node)
+        shut_down(node)
 
 
 def ask(request: pytest.FixtureRequest, kind: Any, service: str, asked: Any) -> Any:

@@ -29,7 +29,7 @@ import pytest
 
 pytestmark = pytest.mark.timeout(1800)  # on a machine that does much else
 EXAMPLES = Path(__file__).resolve().parents[1] / 'examples'
-MOST_LINES = 40
+MAX_LINES = 40
 FAR_RAD = 0.1
 GAP_S = 0.3
 HEADER_LINES = 14  # of the licence, and the line below
@@ -60,7 +60,7 @@ def test_every_example_is_short_and_tested_here() -> None:
     for file in files:
         lines = file.read_text(encoding='utf-8').splitlines()
         own = len(lines) - (HEADER_LINES if lines[0].startswith('# Copyright') else 0)
-        assert own <= MOST_LINES, f'{file.name} has {own} lines'
+        assert own <= MAX_LINES, f'{file.name} has {own} lines'
         assert re.search(rf"'{file.stem}(\.py)?'", tests), f'{file.name} is not run here'
 
 
@@ -107,7 +107,7 @@ def test_read_a_bag(tmp_path: Path) -> None:
 
 def test_tune_parameters(tmp_path: Path) -> None:
     trials = synthesize(trials=4, configurations=['engine_bay'])
-    write_data_set([trial for trial in trials if trial.exchange == 'give'], tmp_path / 'trials')
+    write_data_set([trial for trial in trials if trial.direction == 'give'], tmp_path / 'trials')
     text = run('tune_parameters', tmp_path / 'trials', '3')
     assert 'on 4 trials' in text
     assert numbers(text, r'stiffness +([\d.]+)')[0] == 200.0
@@ -123,8 +123,8 @@ def test_velocity_to_position(monkeypatch: pytest.MonkeyPatch) -> None:
     """
     rclpy = pytest.importorskip('rclpy')
     monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    from handover_dmp.nodes.leaving import leave
     from handover_dmp.nodes.qos import qos_profile
+    from handover_dmp.nodes.shutdown import shut_down
     from handover_dmp.topics import JOINT_COMMAND, JOINT_STATES
     from rclpy.executors import SingleThreadedExecutor
     from sensor_msgs.msg import JointState
@@ -187,7 +187,7 @@ def test_velocity_to_position(monkeypatch: pytest.MonkeyPatch) -> None:
         process.terminate()
         process.wait()
         executor.shutdown()
-        leave(node)
+        shut_down(node)
     assert len(received) >= 20
     assert received[followed] == elsewhere
     assert received[followed - 1][0] == pytest.approx(start[0] + FAR_RAD)

@@ -97,28 +97,28 @@ def sections(file: Path) -> dict[str, dict[str, Any]]:
     return {node: section['ros__parameters'] for node, section in read.items()}
 
 
-@pytest.mark.parametrize('exchange', ['give', 'take'])
+@pytest.mark.parametrize('direction', ['give', 'take'])
 @pytest.mark.parametrize('use_sim_time', ['true', 'false'])
 def test_a_synthetic_handover_is_left_for_the_nodes(
     functions: dict[str, Any],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    exchange: str,
+    direction: str,
     use_sim_time: str,
 ) -> None:
     pytest.importorskip('rclpy')
     monkeypatch.chdir(tmp_path)
-    chosen = choose(functions, exchange=exchange, use_sim_time=use_sim_time)
+    chosen = choose(functions, exchange=direction, use_sim_time=use_sim_time)
     robot, file = functions['prepare'](chosen)
     parameters = sections(file)
     assert set(parameters) == NODES
     trial = read_trial(Path(parameters['hand_tracker']['trial']))
     assert load_model(Path(parameters['dmp']['model'])).duration_s > 0.0
     wrist, _ = robot.wrist_pose(np.array(parameters['robot_sim']['initial_positions']))
-    np.testing.assert_allclose(wrist, trial.p2[0], atol=0.01)
+    np.testing.assert_allclose(wrist, trial.demonstrator[0], atol=0.01)
     bag = Path(parameters['recorder']['folder'])
     assert bag.parent.parent == tmp_path / 'runs'
-    assert bag.parent.name.endswith(f'_{exchange}_engine_bay')
+    assert bag.parent.name.endswith(f'_{direction}_engine_bay')
     assert not bag.exists()
     for name, own in parameters.items():
         assert own['lockstep'] is (use_sim_time == 'true')
@@ -193,7 +193,7 @@ def test_the_nodes_take_what_the_launch_file_gives_them(
 
     isolate()
     output = tmp_path / 'run'
-    actions = node_actions(functions, exchange='take', output=str(output))
+    actions = node_actions(functions, direction='take', output=str(output))
     own = sections(output / 'parameters.yaml')
     assert own['recorder']['folder'] == str(output / 'bag')
     processes = []

@@ -272,7 +272,7 @@ def wait_for_nodes(
     names: set[str], domain: int, processes: Sequence[subprocess.Popen[str]]
 ) -> None:
     """Wait until nodes of these names are in the graph."""
-    from handover_dmp.nodes.leaving import leave
+    from handover_dmp.nodes.shutdown import shut_down
     import rclpy
 
     context = rclpy.Context()
@@ -286,7 +286,7 @@ def wait_for_nodes(
             assert time.monotonic() < end, f'only {node.get_node_names()} came up'
             time.sleep(0.05)
     finally:
-        leave(node)
+        shut_down(node)
 
 
 def test_a_launcher_hands_over_arguments_and_process(tmp_path: Path) -> None:

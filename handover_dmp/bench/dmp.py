@@ -70,8 +70,8 @@ def run(progress: Callable[[str], None]) -> list[Measurement]:
 def _demonstration() -> tuple[Array, Array]:
     """Give a reach with a bow in it."""
     u = np.linspace(0.0, 1.0, SAMPLES)
-    way = 10 * u**3 - 15 * u**4 + 6 * u**5
-    path = np.outer(1 - way, [0.1, 0.2, 0.3]) + np.outer(way, [0.6, 0.0, 0.5])
+    share = 10 * u**3 - 15 * u**4 + 6 * u**5
+    path = np.outer(1 - share, [0.1, 0.2, 0.3]) + np.outer(share, [0.6, 0.0, 0.5])
     path[:, 2] += 0.1 * np.sin(np.pi * u) ** 2
     return u * DURATION_S, path
 

@@ -239,7 +239,7 @@ class InvariantChecker:
             broken.append('the wrist command accelerates beyond its limit')
         told, tells = before.answer.velocities, period.answer.velocities
         if told is not None and tells is not None:
-            most = self.limits.acceleration * self.period_s * (1.0 + ROUNDING) + 1e-9
-            if np.any(np.abs(tells - told) > most):
+            maximum = self.limits.acceleration * self.period_s * (1.0 + ROUNDING) + 1e-9
+            if np.any(np.abs(tells - told) > maximum):
                 broken.append('a joint command accelerates beyond its limit')
         return broken

@@ -42,9 +42,9 @@ from handover_dmp.common.errors import HandoverError
 INPUTS = 1_000_000
 MINUTES = 60.0
 HANG_S = 10
-MOST_MB = 500
+MAX_MB = 500
 INSTRUMENTED = ['handover_dmp', 'c3d', 'mcap', 'mcap_ros2', 'yaml', 'csv']
-_LONGEST_INPUT = 4096
+_MAX_INPUT = 4096
 
 
 @dataclass(frozen=True)
@@ -260,7 +260,7 @@ def run(
         Measurement('fuzz: inputs', total, 'inputs', target=inputs, higher_is_better=True),
         Measurement('fuzz: tracebacks, hangs', crashes, 'readers', target=0.0),
         Measurement(
-            'fuzz: most memory', worst_mb, 'MB', target=MOST_MB, note='with Python and libraries'
+            'fuzz: most memory', worst_mb, 'MB', target=MAX_MB, note='with Python and libraries'
         ),
     ]
 
@@ -294,7 +294,7 @@ def _fuzz(name: str, count: int, seconds: int, progress: Callable[[str], None]) 
                 [
                     sys.executable, '-m', 'handover_dmp.bench.fuzz', name, str(corpus),
                     f'-runs={count}', f'-max_total_time={seconds}', f'-timeout={HANG_S}',
-                    f'-rss_limit_mb={MOST_MB}', f'-max_len={_LONGEST_INPUT}', '-seed=1',
+                    f'-rss_limit_mb={MAX_MB}', f'-max_len={_MAX_INPUT}', '-seed=1',
                     '-print_final_stats=1', f'-artifact_prefix={folder}/',
                 ],
                 stdout=stream,

@@ -30,7 +30,14 @@ from handover_dmp.common.errors import HandoverError
 from handover_dmp.handover.scenario import Scenario
 from handover_dmp.recording import read_bag
 from handover_dmp.runs.folder import keep_inputs
-from handover_dmp.topics import HAND_POSE, HUMAN_POSE, IK_STATUS, names_of_values, PHASE, STATE
+from handover_dmp.topics import (
+    DEMONSTRATOR_POSE,
+    HAND_POSE,
+    IK_STATUS,
+    names_of_values,
+    PHASE,
+    STATE,
+)
 import numpy as np
 from numpy.typing import NDArray
 
@@ -41,7 +48,7 @@ Array = NDArray[np.float64]
 
 SETTLING_S = 10.0
 """For the timers to find their places with the probes beside them, s."""
-LONGEST_WAIT_S = 60.0
+MAX_WAIT_S = 60.0
 ROUNDING_S = 1e-6
 PROBES = ('empty', 'urgent', 'sleep', 'echo', 'ping', 'listener')
 CONDUCTOR = 'conductor'
@@ -177,8 +184,8 @@ def _graph(
     lockstep: bool = False,
 ) -> Iterator[Graph]:
     """Run the five nodes, one handover after the other; the first is over when this is entered."""
-    from handover_dmp.nodes.conduct import graph_parameters
     from handover_dmp.nodes.graph import Graph
+    from handover_dmp.nodes.run_graph import graph_parameters
 
     keep_inputs(folder, scenario)
     parameters = graph_parameters(folder, scenario, {}, lockstep)
@@ -191,8 +198,8 @@ def _graph(
     with Graph(folder, parameters, lockstep=lockstep) as graph, _probe(CONDUCTOR, folder):
         if lockstep:
             graph.unpause()
-        if not graph.wait_for_state(('done',), LONGEST_WAIT_S, lambda: None):
-            raise HandoverError(f'no handover within {LONGEST_WAIT_S:.0f} s')
+        if not graph.wait_for_state(('done',), MAX_WAIT_S, lambda: None):
+            raise HandoverError(f'no handover within {MAX_WAIT_S:.0f} s')
         yield graph
 
 
@@ -208,25 +215,25 @@ def _probe(name: str, folder: Path) -> Iterator[None]:
 
 
 def _wait_for_probes(graph: Graph, folder: Path) -> None:
-    deadline_s = monotonic() + LONGEST_WAIT_S
+    deadline_s = monotonic() + MAX_WAIT_S
     while absent := [name for name in PROBES if not (folder / name).exists()]:
         graph.spin()
         if monotonic() > deadline_s:
-            raise HandoverError(f'{absent[0]} does not run within {LONGEST_WAIT_S:.0f} s')
+            raise HandoverError(f'{absent[0]} does not run within {MAX_WAIT_S:.0f} s')
 
 
 def _read(folder: Path, span: tuple[float, float]) -> WallClockRun:
     """Put together what the probes and the recorder have left."""
-    stamps: dict[str, list[float]] = {HAND_POSE.name: [], HUMAN_POSE.name: []}
+    stamps: dict[str, list[float]] = {HAND_POSE.name: [], DEMONSTRATOR_POSE.name: []}
     dmp, ik = [], []
     for topic, message, _ in read_bag(folder / 'bag', [*stamps, PHASE.name, IK_STATUS.name]):
         if topic in stamps:
             stamp = message.header.stamp
             stamps[topic].append((stamp.sec * 10**9 + stamp.nanosec) / 1e9)
         elif topic == PHASE.name:
-            dmp.append(_labelled(message, 'time_s', 'hand_stamp_s', 'hand_age_s', 'phase'))
+            dmp.append(_float_array(message, 'time_s', 'hand_stamp_s', 'hand_age_s', 'phase'))
         else:
-            ik.append(_labelled(message, 'time_s', 'command_stamp_s', 'command_age_s'))
+            ik.append(_float_array(message, 'time_s', 'command_stamp_s', 'command_age_s'))
     ticks, handovers = _ticks(folder)
     hand, person = map(np.array, stamps.values())
     # `hand_tracker` stamps the person's pose with its own time, the hand's with that of the pose
@@ -257,11 +264,11 @@ def _ticks(folder: Path) -> tuple[dict[str, Array], int]:
         if topic == STATE.name:
             handovers += message.data == 'done'
         else:
-            ticks[nodes[topic]].append(_labelled(message, 'time_s', 'period'))
+            ticks[nodes[topic]].append(_float_array(message, 'time_s', 'period'))
     return {node: np.array(rows) for node, rows in ticks.items()}, handovers
 
 
-def _labelled(message: Any, *names: str) -> list[float]:
+def _float_array(message: Any, *names: str) -> list[float]:
     values = dict(zip(names_of_values(message), message.data, strict=True))
     return [values[name] for name in names]
 

@@ -79,10 +79,8 @@ def run(progress: Callable[[str], None]) -> list[Measurement]:
 
 
 def _follower(ik: PriorityIk) -> Follower:
-    def step(
-        posture: Array, velocity: Array, position: Array, speed: Array
-    ) -> tuple[Array, float]:
-        solution = ik.solve(posture, velocity, WristTarget(position, speed), PERIOD_S)
+    def step(q: Array, velocity: Array, position: Array, speed: Array) -> tuple[Array, float]:
+        solution = ik.solve(q, velocity, WristTarget(position, speed), PERIOD_S)
         if not solution.solved:
             raise RuntimeError('no solution')
         return solution.joint_velocity, solution.speed_scale
@@ -117,20 +115,20 @@ def _times(
         # in turn, so that all meet the same machine, but each for as long as its caches need
         path = [loop(step * PERIOD_S) for step in range(BLOCK * block, BLOCK * (block + 1))]
         for name, follower in timed.items():
-            posture, velocity = states[name]
+            q, velocity = states[name]
             for position, speed in path:
                 begin = perf_counter()
                 with suppress(RuntimeError):
-                    velocity, _ = follower(posture, velocity, position, speed)
+                    velocity, _ = follower(q, velocity, position, speed)
                 spent[name].append(perf_counter() - begin)
-                posture = posture + velocity * PERIOD_S
-            states[name] = posture, velocity
+                q = q + velocity * PERIOD_S
+            states[name] = q, velocity
         for _ in path:
             begin = perf_counter()
             model.wrist_jacobian(states['ours'][0])
             floor.append(perf_counter() - begin)
     micro = {name: 1e6 * median(times) for name, times in spent.items()}
-    least = 1e6 * median(floor)
+    minimum = 1e6 * median(floor)
     others = {name: micro[name] for name in peers}
     return [
         Measurement(
@@ -138,42 +136,42 @@ def _times(
             micro['ours'],
             'µs',
             100.0,
-            least,
+            minimum,
             others,
             note='; '.join(filter(None, ('self-collision among them', note))),
         ),
-        Measurement('IK step without self-collision', micro['plain'], 'µs', None, least),
+        Measurement('IK step without self-collision', micro['plain'], 'µs', None, minimum),
     ]
 
 
 def _limits_kept(model: RobotModel, progress: Callable[[str], None]) -> list[Measurement]:
     """Count broken limits and failed steps under goals that jump, rush and cannot be reached."""
-    limits, chance = model.limits, np.random.default_rng(0)
+    limits, rng = model.limits, np.random.default_rng(0)
     ik = PriorityIk(model)
-    posture, velocity = model.home.copy(), np.zeros(model.dof)
+    q, velocity = model.home.copy(), np.zeros(model.dof)
     goal, speed = model.shoulder, np.zeros(3)
     broken = failed = 0
     for step in range(LONG_RUN):
         if step % 10_000 == 0:
             progress(f'limits of {model.name}: {step} of {LONG_RUN} steps')
         if step % 500 == 0:
-            posture, velocity = chance.uniform(limits.lower, limits.upper), np.zeros(model.dof)
-            at_limit = chance.random(model.dof) < 0.2
-            posture[at_limit] = limits.upper[at_limit]
+            q, velocity = rng.uniform(limits.lower, limits.upper), np.zeros(model.dof)
+            at_limit = rng.random(model.dof) < 0.2
+            q[at_limit] = limits.upper[at_limit]
             if step % 2500 == 0:
-                posture = np.clip(0.0, limits.lower, limits.upper)  # straight: singular
+                q = np.clip(0.0, limits.lower, limits.upper)  # straight: singular
         if step % 70 == 0:
-            goal = model.shoulder + chance.normal(size=3) * 0.7 * model.reach_m
-            speed = chance.normal(size=3) * chance.choice([0.0, 0.5, 3.0])
+            goal = model.shoulder + rng.normal(size=3) * 0.7 * model.reach_m
+            speed = rng.normal(size=3) * rng.choice([0.0, 0.5, 3.0])
         goal = goal + speed * PERIOD_S
-        solution = ik.solve(posture, velocity, WristTarget(goal, speed), PERIOD_S)
+        solution = ik.solve(q, velocity, WristTarget(goal, speed), PERIOD_S)
         change = np.abs(solution.joint_velocity - velocity) / PERIOD_S
         velocity = solution.joint_velocity
-        posture = posture + velocity * PERIOD_S
+        q = q + velocity * PERIOD_S
         broken += bool(
             np.any(np.abs(velocity) > limits.velocity * (1 + ROUNDING))
             or np.any(change > limits.acceleration * (1 + ROUNDING))
-            or not limits.inside(posture, tolerance=ROUNDING)
+            or not limits.inside(q, tolerance=ROUNDING)
         )
         failed += not solution.solved
     return [
@@ -220,13 +218,15 @@ def _quality(
     towards = np.array([1.0, 0.5, 0.3]) / np.linalg.norm([1.0, 0.5, 0.3])
     start, _ = model.wrist_pose(model.home)
     beyond = minimum_jerk(start, model.shoulder + (model.reach_m + 0.05) * towards, 1.5)
-    stretched = {
+    beyond_reach = {
         name: follow(model, follower, model.home, beyond, 5.0)
         for name, follower in {'ours': ours, **peers}.items()
     }
     edge = model.shoulder + model.reach_m * towards
-    standoff = {n: 1e3 * float(np.linalg.norm(r.wrist[-1] - edge)) for n, r in stretched.items()}
-    jerk = {name: run.rms_jerk(2.0) for name, run in stretched.items()}
+    standoff = {
+        n: 1e3 * float(np.linalg.norm(r.wrist[-1] - edge)) for n, r in beyond_reach.items()
+    }
+    jerk = {name: run.rms_jerk(2.0) for name, run in beyond_reach.items()}
     results += [
         _compared('IK, target 5 cm beyond reach, standoff', standoff, 'mm', 20.0, note),
         _compared('IK, target 5 cm beyond reach, RMS jerk at rest', jerk, 'rad/s³', 1.0, note),
@@ -235,9 +235,9 @@ def _quality(
     ends = start + [-0.1, -0.25, 0.0], start + [0.1, 0.25, 0.1]
     rush = minimum_jerk(*ends, 0.6, bulge=np.array([0.0, 0.0, 0.05]))
     curve = np.array([rush(time_s)[0] for time_s in np.linspace(0.0, 0.6, 2000)])
-    posture = model.inverse(ends[0])
+    q = model.inverse(ends[0])
     for stopping, target in ((False, 15.0), (True, 10.0)):
-        run = follow(model, ours, posture, rush, 2.5, phase_stopping=stopping)
+        run = follow(model, ours, q, rush, 2.5, phase_stopping=stopping)
         deviation = max(float(np.linalg.norm(curve - at, axis=1).min()) for at in run.wrist)
         results.append(
             Measurement(
@@ -293,10 +293,8 @@ def _pink(model: RobotModel) -> Follower:
     configuration = pink.Configuration(robot, robot.createData(), model.home)
     kept = [limits.ConfigurationLimit(robot), limits.VelocityLimit(robot)]
 
-    def step(
-        posture: Array, velocity: Array, position: Array, speed: Array
-    ) -> tuple[Array, float]:
-        configuration.update(np.clip(posture, model.limits.lower, model.limits.upper))
+    def step(q: Array, velocity: Array, position: Array, speed: Array) -> tuple[Array, float]:
+        configuration.update(np.clip(q, model.limits.lower, model.limits.upper))
         wrist.set_target(pin.SE3(np.eye(3), position + speed * PERIOD_S))
         try:
             answer = pink.solve_ik(
@@ -325,10 +323,8 @@ def _placo(model: RobotModel) -> Follower:
     posture_task.set_joints(dict(zip(model.joint_names, model.home, strict=True)))
     posture_task.configure('posture', 'soft', 1e-6)
 
-    def step(
-        posture: Array, velocity: Array, position: Array, speed: Array
-    ) -> tuple[Array, float]:
-        for name, value in zip(model.joint_names, posture, strict=True):
+    def step(q: Array, velocity: Array, position: Array, speed: Array) -> tuple[Array, float]:
+        for name, value in zip(model.joint_names, q, strict=True):
             robot.set_joint(name, value)
         robot.update_kinematics()
         wrist.target_world = position + speed * PERIOD_S

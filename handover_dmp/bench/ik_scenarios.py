@@ -100,23 +100,23 @@ def follow(
         What happened.
 
     """
-    posture, velocity, clock, rate = start.copy(), np.zeros(model.dof), 0.0, 1.0
-    joints, velocities, scales, targets = [posture], [], [], [path(0.0)[0]]
+    q, velocity, clock, rate = start.copy(), np.zeros(model.dof), 0.0, 1.0
+    joints, velocities, scales, targets = [q], [], [], [path(0.0)[0]]
     failed = 0
     for _ in range(round(duration_s / PERIOD_S)):
         position, speed = path(clock)
         try:
-            velocity, rate = follower(posture, velocity, position, speed)
+            velocity, rate = follower(q, velocity, position, speed)
         except RuntimeError:
             failed += 1
             velocity = np.zeros(model.dof)
-        posture = posture + velocity * PERIOD_S
+        q = q + velocity * PERIOD_S
         clock += (rate if phase_stopping else 1.0) * PERIOD_S
-        joints.append(posture)
+        joints.append(q)
         velocities.append(velocity)
         scales.append(rate)
         targets.append(path(clock)[0])
-    wrist = np.array([model.wrist_pose(posture)[0] for posture in joints])
+    wrist = np.array([model.wrist_pose(q)[0] for q in joints])
     return Run(
         np.array(joints), np.array(velocities), wrist, np.array(targets), np.array(scales), failed
     )
@@ -195,14 +195,14 @@ def _passable(
     duration_s: float,
 ) -> bool:
     """Say whether postures exist along a path, each near the one before and all well bent."""
-    posture = start
+    q = start
     for time_s in np.linspace(0.0, duration_s, 41)[1:]:
         try:
-            found = model.inverse(path(time_s)[0], q0=posture)
+            found = model.inverse(path(time_s)[0], q0=q)
         except UnreachableError:
             return False
-        agility = np.linalg.svd(model.wrist_jacobian(found)[:3], compute_uv=False)[-1]
-        if np.abs(found - posture).max() > 0.5 or agility < 0.2:
+        manipulability = np.linalg.svd(model.wrist_jacobian(found)[:3], compute_uv=False)[-1]
+        if np.abs(found - q).max() > 0.5 or manipulability < 0.2:
             return False
-        posture = found
+        q = found
     return True

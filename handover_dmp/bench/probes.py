@@ -33,9 +33,9 @@ from time import perf_counter, sleep, time
 from handover_dmp.common.settings import defaults
 from handover_dmp.handover.controller import MOVING
 from handover_dmp.nodes.conversions import NANOSECONDS, period_of
-from handover_dmp.nodes.housekeeping import Housekeeping
+from handover_dmp.nodes.once_per_second import OncePerSecond
 from handover_dmp.nodes.qos import qos_profile
-from handover_dmp.nodes.spinning import run
+from handover_dmp.nodes.spin import run
 from handover_dmp.topics import JOINT_COMMAND, Quality, STATE
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -47,7 +47,7 @@ from std_srvs.srv import Trigger
 PERIOD_S = 0.005
 JOINTS = 7
 LOOK_S = 0.02
-LONGEST_HANDOVER_S = 5.0
+MAX_HANDOVER_S = 5.0
 # The hand jumps back to its start, so `dmp` is to forget it after that, and only then to begin.
 AGAIN = (
     ('/robot_sim/reset', '/robot_sim/resume', '/hand_tracker/replay'),
@@ -64,8 +64,8 @@ class _Probe(Node):  # type: ignore[misc]
         self.declare_parameter('thread_priority', priority)
         self.times: list[float] = []
         self._file = file
-        self.housekeeping = Housekeeping(self)
-        self.housekeeping.add(file.touch)
+        self.once_per_second = OncePerSecond(self)
+        self.once_per_second.add(file.touch)
 
     def destroy_node(self) -> None:
         self._file.write_text('\n'.join(map(repr, self.times)), encoding='utf-8')
@@ -82,7 +82,7 @@ class EmptyTimer(_Probe):
 
     def _tick(self) -> None:
         self.times.append(time())
-        self.housekeeping.period_ended()
+        self.once_per_second.period_ended()
 
 
 class Echo(_Probe):
@@ -162,7 +162,7 @@ class Conductor(_Probe):
         self._answers = [self._orders[name].call_async(Trigger.Request()) for name in names]
         if names is AGAIN[-1]:
             self.times.append(time())
-            self._give_up_s = perf_counter() + LONGEST_HANDOVER_S
+            self._give_up_s = perf_counter() + MAX_HANDOVER_S
 
 
 def sleep_loop(file: Path) -> None:

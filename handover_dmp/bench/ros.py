@@ -33,7 +33,7 @@ import numpy as np
 
 PERIOD_S = 0.005
 DURATION_S = float(os.environ.get('HANDOVER_DMP_BENCH_SECONDS', '60'))
-LEAST_S = 5.0
+MIN_S = 5.0
 BESIDE_EACH_OTHER_HZ = {'dmp': 200.4, 'priority_ik': 201.1}
 """Rates of timers that pass through every offset from each other and from the hand's 200 Hz."""
 MESSAGES_IN_TURN = 4
@@ -79,7 +79,7 @@ def run(progress: Callable[[str], None]) -> list[Measurement]:
     alone = {
         node: {'phase_lock': False, 'rate_hz': rate} for node, rate in BESIDE_EACH_OTHER_HZ.items()
     }
-    shorter_s = max(DURATION_S / 3.0, LEAST_S)
+    shorter_s = max(DURATION_S / 3.0, MIN_S)
     free = run_by_the_wall_clock(scenario, shorter_s, alone, progress)
     simulated = run_in_lockstep(scenario, shorter_s, progress)
     return [

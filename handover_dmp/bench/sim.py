@@ -25,7 +25,7 @@ from handover_dmp.handover.lockstep import Handover
 from handover_dmp.handover.scenario import make_scenario
 from handover_dmp.robot.model import BasePlacement, RobotModel
 from handover_dmp.simulation.arm import SimulatedArm
-from handover_dmp.simulation.human import HumanFigure
+from handover_dmp.simulation.partner_figure import PartnerFigure
 from handover_dmp.simulation.self_check import check_models
 from handover_dmp.simulation.world import World
 from handover_dmp.view.scene import Scene
@@ -162,7 +162,7 @@ def _figure_ratio(model: RobotModel) -> float:
     """Measure with and without by turns; on a shared machine only their ratio holds."""
     hands = _hand_path()
     commands = _commands(model)
-    figure = HumanFigure(hands, np.array([0.5, 0.0, 1.0]))
+    figure = PartnerFigure(hands, np.array([0.5, 0.0, 1.0]))
     with SimulatedArm(model) as alone, SimulatedArm(model, figure=figure) as beside:
         _drive(alone, commands)
         _drive(beside, commands, hands)

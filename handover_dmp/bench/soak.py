@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 MINUTES = 30.0
 SEEDS = 4
 WARM_UP = 20
-MOST_FAULTS = 3
+MAX_FAULTS = 3
 FAULT_S = (0.02, 1.0)
 """Shortest and longest fault, s."""
 EXTRA_S = 12.0
@@ -48,7 +48,7 @@ TAKEN_UP_S = 0.5
 STOPPED_S = 0.6
 """Within which an arm that has stopped by itself stands still, s."""
 STILL_RAD_S = 0.01
-MOST_GROWTH = 5.0
+MAX_GROWTH = 5.0
 
 JOINT_STATE_FAULTS = ('stale', 'lack a joint', 'not finite', 'permuted', 'among unknown joints')
 TARGET_FAULTS = ('dmp silent', 'wrist command not finite')
@@ -212,7 +212,7 @@ class Soak:
         of_joint_states = [f'joint states {name}' for name in JOINT_STATE_FAULTS]
         names = (*of_the_tracker, *of_joint_states, *TARGET_FAULTS, *COMMAND_FAULTS, *ORDERS)
         spans = []
-        for _ in range(random.integers(0, MOST_FAULTS + 1)):
+        for _ in range(random.integers(0, MAX_FAULTS + 1)):
             from_s = random.uniform(0.2, duration_s)
             until_s = from_s + random.uniform(*FAULT_S)
             spans.append(Span(str(random.choice(names)), from_s, until_s))
@@ -221,7 +221,7 @@ class Soak:
     def _prepare(self, scenario: Scenario, spans: Sequence[Span]) -> Handover:
         handover = Handover(scenario)
         arm = FaultyArm(scenario.robot)
-        arm.reset(scenario.start_posture)
+        arm.reset(scenario.q_start)
         arm.spans = spans
         handover.arm.close()
         handover.arm = arm
@@ -246,10 +246,13 @@ class Soak:
         )
         orders = {span.name: span.from_s for span in spans if span.name in ORDERS}
         handover.begin()
-        longest_s = handover.longest_s + EXTRA_S
+        max_duration_s = handover.max_duration_s + EXTRA_S
         idle_since_s: float | None = None
         stopped_since_s: float | None = None
-        while handover.time_s < longest_s and handover.controller.state is not HandoverState.DONE:
+        while (
+            handover.time_s < max_duration_s
+            and handover.controller.state is not HandoverState.DONE
+        ):
             now_s = handover.time_s
             for name in [name for name, at_s in orders.items() if now_s >= at_s]:
                 getattr(handover.controller, name)()
@@ -287,7 +290,7 @@ def _not_still(period: Period, stopped_since_s: float | None, now_s: float) -> l
 
 
 def run(
-    progress: Callable[[str], None], minutes: float = MINUTES, most: int | None = None
+    progress: Callable[[str], None], minutes: float = MINUTES, maximum: int | None = None
 ) -> list[Measurement]:
     """
     Hand over again and again with faults at random until the time is over.
@@ -295,7 +298,7 @@ def run(
     Args:
         progress: told how far it is.
         minutes: how long, min of the wall clock.
-        most: handovers after which it ends before; None: as many as the time allows.
+        maximum: handovers after which it ends before; None: as many as the time allows.
 
     Returns:
         The figures.
@@ -305,7 +308,7 @@ def run(
     soak = Soak([make_scenario(seed=seed) for seed in range(SEEDS)])
     begun_s = monotonic()
     first = 0
-    while monotonic() - begun_s < 60.0 * minutes and soak.handovers != most:
+    while monotonic() - begun_s < 60.0 * minutes and soak.handovers != maximum:
         soak.hand_over()
         if soak.handovers == WARM_UP:
             first = soak.resident
@@ -335,7 +338,7 @@ def run(
             'soak: growth of the memory',
             growth,
             '%',
-            target=MOST_GROWTH,
+            target=MAX_GROWTH,
             note=f'after the first {WARM_UP} handovers',
         ),
     ]

@@ -136,8 +136,8 @@ def _measure(options: argparse.Namespace) -> int:
             except ModuleNotFoundError as error:
                 if str(error.name).startswith('handover_dmp'):
                     raise
-                way_out = GET_ROS if subject == 'ros' else "run: pip install 'handover_dmp[bench]'"
-                absent = f'{subject}: {error.name} is not installed; {way_out}'
+                remedy = GET_ROS if subject == 'ros' else "run: pip install 'handover_dmp[bench]'"
+                absent = f'{subject}: {error.name} is not installed; {remedy}'
                 if options.words:
                     raise HandoverError(absent) from error
                 skipped.append(absent)

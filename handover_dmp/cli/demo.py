@@ -37,8 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the verb."""
     try:
-        from handover_dmp.nodes.conduct import conduct
+        from handover_dmp.nodes.run_graph import run_graph
     except ModuleNotFoundError as error:
         raise HandoverError(f'{error.name} is not installed; {GET_ROS}') from error
-    in_time = partial(conduct, lockstep=not options.wall_clock)
+    in_time = partial(run_graph, lockstep=not options.wall_clock)
     return run_and_report(options, options.trial, options.model, in_time)

@@ -90,7 +90,7 @@ def run(options: argparse.Namespace) -> int:
         raise UsageError('--shift is no number')
     trial = condition(read_trial(options.trial) if options.trial else synthesize(trials=1)[0])
     motions = draw_figure1(
-        trial.times, trial.p2, options.output, mu=options.mu, shift=options.shift
+        trial.times, trial.demonstrator, options.output, mu=options.mu, shift=options.shift
     )
     if options.json:
         import json

@@ -158,7 +158,7 @@ def run(options: argparse.Namespace) -> int:
                 {
                     'file': file_name(trial),
                     'configuration': trial.configuration,
-                    'exchange': trial.exchange,
+                    'exchange': trial.direction,
                     'trial': trial.number,
                     'duration_s': trial.duration_s,
                     'rate_hz': trial.rate_hz,
@@ -195,9 +195,9 @@ def _check(options: argparse.Namespace) -> None:
 
 def _read(options: argparse.Namespace, source: Path) -> WristMotion:
     if options.format == 'bag':
-        from handover_dmp.mocap.bag import P1_TOPIC, P2_TOPIC, read_bag_wrists
+        from handover_dmp.mocap.bag import DEMONSTRATOR_TOPIC, PARTNER_TOPIC, read_bag_wrists
 
-        topics = [(options.p1 or [P1_TOPIC])[0], (options.p2 or [P2_TOPIC])[0]]
+        topics = [(options.p1 or [PARTNER_TOPIC])[0], (options.p2 or [DEMONSTRATOR_TOPIC])[0]]
         return read_bag_wrists(source, *topics)
     markers = [*(options.p1 or []), *(options.p2 or [])]
     if options.format == 'c3d':
@@ -233,12 +233,12 @@ def _whole(options: argparse.Namespace, source: Path, motion: WristMotion) -> Ha
     from handover_dmp.mocap.trial import describe
 
     told = describe_bag(source) if options.format == 'bag' else describe(source)
-    configuration, exchange, number = told
+    configuration, direction, number = told
     return motion.trial(
         0,
         len(motion.times),
         configuration=options.configuration or configuration,
-        exchange=options.exchange or exchange,
+        direction=options.exchange or direction,
         number=number,
     )
 
@@ -247,14 +247,14 @@ def _numbered(old: list[HandoverTrial], new: list[HandoverTrial]) -> list[Handov
     """Keep the numbers of trials where they are free, else take the next ones."""
     from dataclasses import replace
 
-    taken = {(trial.configuration, trial.exchange, trial.number) for trial in old}
+    taken = {(trial.configuration, trial.direction, trial.number) for trial in old}
     highest: Counter[tuple[str, str]] = Counter()
     for trial in old:
-        case = trial.configuration, trial.exchange
+        case = trial.configuration, trial.direction
         highest[case] = max(highest[case], trial.number)
     numbered = []
     for trial in new:
-        case = trial.configuration, trial.exchange
+        case = trial.configuration, trial.direction
         number = trial.number if (*case, trial.number) not in taken else highest[case] + 1
         highest[case] = max(highest[case], number)
         taken.add((*case, number))
@@ -279,9 +279,12 @@ def _report(output: Path, new: list[HandoverTrial], segmented: list[SegmentedMot
     for title in ('duration / s', 'rate / Hz', "P1's way / m", "P2's way / m", 'at end / m'):
         table.add_column(title, justify='right')
     for trial in new:
-        ways = [float(np.linalg.norm(path[-1] - path[0])) for path in (trial.p1, trial.p2)]
-        gap = float(np.linalg.norm(trial.p2[-1] - trial.p1[-1]))
-        numbers = [trial.duration_s, *ways, gap]
+        path_lengths = [
+            float(np.linalg.norm(path[-1] - path[0]))
+            for path in (trial.partner, trial.demonstrator)
+        ]
+        gap = float(np.linalg.norm(trial.demonstrator[-1] - trial.partner[-1]))
+        numbers = [trial.duration_s, *path_lengths, gap]
         cells = [f'{number:.2f}' for number in numbers]
         table.add_row(file_name(trial), trial.source, cells[0], f'{trial.rate_hz:.4g}', *cells[1:])
     console = Console(soft_wrap=True)

@@ -21,7 +21,7 @@ from pathlib import Path
 
 from handover_dmp.cli.recorded import add_source_and_output
 
-MOST_JOBS = 4
+MAX_JOBS = 4
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -107,7 +107,7 @@ def run(options: argparse.Namespace) -> int:
     folder = options.output or _folder(options.source)
     video = None if options.no_video else options.video or folder / 'handover.mp4'
     image = None if options.no_image else options.image or folder / 'handover.webp'
-    jobs = options.jobs or min(MOST_JOBS, os.cpu_count() or 1)
+    jobs = options.jobs or min(MAX_JOBS, os.cpu_count() or 1)
     began_s = monotonic()
     columns = (
         TextColumn('drawing'), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),

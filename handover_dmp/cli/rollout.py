@@ -94,7 +94,7 @@ def run(options: argparse.Namespace) -> int:
         header += ',sx,sy,sz'
     lines = [','.join(f'{value:.12g}' for value in row) for row in np.column_stack(columns)]
     write_text(options.output, '\n'.join([header, *lines]) + '\n')
-    away = rollout.positions[-1] - trial.p1[-1] - model.goal_offset
+    away = rollout.positions[-1] - trial.partner[-1] - model.goal_offset
     outcome = {
         'output': str(options.output),
         'samples': len(rollout.times),

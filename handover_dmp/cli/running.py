@@ -24,7 +24,7 @@ from typing import Any
 from handover_dmp.common.errors import UsageError
 
 Tell = Callable[[str, float], None]
-Conduct = Callable[[Path, Any, dict[str, Any], Tell], None]
+RunGraph = Callable[[Path, Any, dict[str, Any], Tell], None]
 
 
 def add_run_arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,7 +37,7 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run_and_report(
-    options: argparse.Namespace, trial: Path | None, model: Path | None, conduct: Conduct
+    options: argparse.Namespace, trial: Path | None, model: Path | None, run_graph: RunGraph
 ) -> int:
     """
     Set up a run, conduct it, report on it.
@@ -46,7 +46,7 @@ def run_and_report(
         options: those of `add_run_arguments`.
         trial: the handover to replay; none: the example.
         model: the learnt movement; none: learnt on the way.
-        conduct: runs the handover and leaves its bag in the folder.
+        run_graph: runs the handover and leaves its bag in the folder.
 
     Returns:
         0 if the object changed hands, else 1.
@@ -82,7 +82,7 @@ def run_and_report(
         )
         folder = new_run_folder(options.output, scenario.trial)
         keep_inputs(folder, scenario)
-        conduct(folder, scenario, run_info(scenario, options.scale), tell)
+        run_graph(folder, scenario, run_info(scenario, options.scale), tell)
         tell('drawing and reporting', 0.95)
         report = finish(folder, scenario)
     save_json(report, options.json)

@@ -104,7 +104,7 @@ def run(options: argparse.Namespace) -> int:
                 {
                     'file': file_name(trial),
                     'configuration': trial.configuration,
-                    'exchange': trial.exchange,
+                    'exchange': trial.direction,
                     'trial': trial.number,
                     'duration_s': trial.duration_s,
                 }

@@ -36,7 +36,7 @@ class ClassicalDmp(Primitive):
     meaning here.
     """
 
-    def weights_in_time(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def goal_weight_at_time(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """
         Give 1 − s.
 

@@ -44,7 +44,7 @@ class DecoupledDmp(Primitive):
     having needed to know where the goal would be. Fields: see `Primitive`.
     """
 
-    def weights_in_time(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def goal_weight_at_time(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """
         Give (7).
 

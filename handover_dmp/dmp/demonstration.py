@@ -26,7 +26,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 
 Array = NDArray[np.float64]
 
-LEAST_SAMPLES = 4
+MIN_SAMPLES = 4
 DEGREE = 5
 
 
@@ -119,8 +119,8 @@ def _spline(times: ArrayLike, positions: ArrayLike) -> tuple[Array, BSpline]:
         raise DataError(
             f'times {stamps.shape} and positions {points.shape} instead of (n,) and (n, d)'
         )
-    if stamps.size < LEAST_SAMPLES:
-        raise DataError(f'a demonstration of {stamps.size} samples; {LEAST_SAMPLES} are needed')
+    if stamps.size < MIN_SAMPLES:
+        raise DataError(f'a demonstration of {stamps.size} samples; {MIN_SAMPLES} are needed')
     if not (np.isfinite(stamps).all() and np.isfinite(points).all()):
         raise DataError('the demonstration holds a number that is not finite')
     if (np.diff(stamps) <= 0.0).any():

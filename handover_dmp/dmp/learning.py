@@ -37,7 +37,7 @@ AnyPrimitive = TypeVar('AnyPrimitive', bound=Primitive)
 
 REGRESSIONS = ('rvm', 'ridge')
 DEFAULT_BASIS = 100
-MOST_BASIS = 2000
+MAX_BASIS = 2000
 WIDTHS: dict[str, tuple[float, ...]] = {'rvm': (0.045, 0.15), 'ridge': ()}
 ROWS = 301  # rows of the regression for each demonstration, more if it has more samples
 RIDGE = 1e-13  # relative to the mean square of a column
@@ -205,10 +205,8 @@ def learn_jointly(
     if regression not in REGRESSIONS:
         raise UsageError(f'regression is {regression!r}; known: {", ".join(REGRESSIONS)}')
     kinds = WIDTHS[regression] if widths is None else tuple(widths)
-    if not max(2, 2 * len(kinds)) <= basis <= MOST_BASIS:
-        raise UsageError(
-            f'{basis} basis functions; there must be 2 a width and up to {MOST_BASIS}'
-        )
+    if not max(2, 2 * len(kinds)) <= basis <= MAX_BASIS:
+        raise UsageError(f'{basis} basis functions; there must be 2 a width and up to {MAX_BASIS}')
     if not all(0.0 < width <= 10.0 for width in kinds):
         raise UsageError(f'widths are {kinds}; they must be above 0 and up to 10')
     if not demonstrations:
@@ -245,7 +243,7 @@ def learn_jointly(
 def _rows(motion: Demonstration, primitive: Primitive) -> tuple[Array, Array]:
     """Give the rows (1 − w)K_sΦ and r of (9), (n, m) and (n, d)."""
     parameters = primitive.parameters
-    goal_weight = primitive.weights_in_time(motion.u)[:, None]
+    goal_weight = primitive.goal_weight_at_time(motion.u)[:, None]
     free = (1.0 - goal_weight) * primitive.shape_stiffness
     design = primitive.basis.activations(np.exp(-parameters.alpha * motion.u))
     design *= free

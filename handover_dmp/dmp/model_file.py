@@ -51,8 +51,8 @@ UNITS = {
 }
 
 LARGEST_FILE_BYTES = 64_000_000
-MOST_BASIS = 10_000
-MOST_DIMENSIONS = 100
+MAX_BASIS = 10_000
+MAX_DIMENSIONS = 100
 
 
 def save_model(model: Primitive, path: Path | str) -> None:
@@ -169,9 +169,9 @@ def _build(document: dict[str, Any]) -> Primitive:
     kind = document.get('kind')
     if not isinstance(kind, str) or kind not in KINDS:
         raise DataError(f'kind {str(kind)[:40]!r} is unknown; known: {", ".join(KINDS)}')
-    start = _array(document, 'start', (None,), MOST_DIMENSIONS)
+    start = _array(document, 'start', (None,), MAX_DIMENSIONS)
     basis = _member(document, 'basis', dict)
-    centres = _array(basis, 'centres', (None,), MOST_BASIS)
+    centres = _array(basis, 'centres', (None,), MAX_BASIS)
     sharpness = _array(basis, 'sharpness', (centres.size,))
     if not centres.size or not start.size:
         raise DataError('a model needs at least one dimension and one basis function')
@@ -257,13 +257,13 @@ def _finite(value: Any, name: str) -> float:
 
 
 def _array(
-    document: dict[str, Any], name: str, shape: tuple[int | None, ...], most: int = MOST_BASIS
+    document: dict[str, Any], name: str, shape: tuple[int | None, ...], maximum: int = MAX_BASIS
 ) -> NDArray[np.float64]:
     """Read nested lists of numbers of one shape; None stands for any length up to `most`."""
     values = _member(document, name, list)
     count = len(values) if shape[0] is None else shape[0]
-    if len(values) != count or count > most:
-        wanted = f'at most {most}' if shape[0] is None else str(count)
+    if len(values) != count or count > maximum:
+        wanted = f'at most {maximum}' if shape[0] is None else str(count)
         raise DataError(f'{name} has {len(values)} entries instead of {wanted}')
     if len(shape) == 1:
         return np.array([_finite(value, name) for value in values], dtype=float)

@@ -42,11 +42,11 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 Self = TypeVar('Self', bound='Primitive')
 
-LONGEST_DURATION_S = 3600.0
+MAX_DURATION_S = 3600.0
 SMALLEST_PHASE = 1e-300
 # A step that is longer than this part of τ while the stiffness changes is divided.
-LONGEST_VARYING = 0.05
-MOST_PARTS = 1000
+MAX_VARYING = 0.05
+MAX_PARTS = 1000
 GAUSS_POINTS = np.array([[GAUSS_A], [GAUSS_B]])
 _UNIT = np.array([[1.0], [0.0]])
 _OPTIONAL = ('goal_offset', 'start_velocity')
@@ -129,9 +129,9 @@ class Primitive(ABC):
     def __post_init__(self) -> None:
         """Check the shapes and make the arrays read-only."""
         duration = float(self.duration_s)
-        if not 0.0 < duration <= LONGEST_DURATION_S:
+        if not 0.0 < duration <= MAX_DURATION_S:
             raise DataError(
-                f'duration is {duration:g} s; it must be above 0 and up to {LONGEST_DURATION_S:g}'
+                f'duration is {duration:g} s; it must be above 0 and up to {MAX_DURATION_S:g}'
             )
         object.__setattr__(self, 'duration_s', duration)
         dimensions = np.size(self.start)
@@ -216,7 +216,7 @@ class Primitive(ABC):
         return replace(self, weights=np.asarray(weights, dtype=float), covariance=covariance)
 
     @abstractmethod
-    def weights_in_time(self, u: Array) -> Array:
+    def goal_weight_at_time(self, u: Array) -> Array:
         """
         Give the goal weight w at times in units of τ.
 
@@ -372,7 +372,7 @@ class Primitive(ABC):
             stamps,
             path[:, :, 0].T + x0,
             path[:, :, 1].T,
-            self.weights_in_time(u),
+            self.goal_weight_at_time(u),
             np.exp(-self.parameters.alpha * u),
             self._deviation(u) if deviation else None,
         )
@@ -466,8 +466,8 @@ class Primitive(ABC):
         smooth = min(h, (self._settled - u) / phase_rate)
         parts = smooth * phase_rate / self._longest
         if self._varies:
-            parts = max(parts, smooth / LONGEST_VARYING)
-        count = max(1, ceil(min(parts, MOST_PARTS) - 1e-6))
+            parts = max(parts, smooth / MAX_VARYING)
+        count = max(1, ceil(min(parts, MAX_PARTS) - 1e-6))
         rest = h - smooth
         if count == 1 and rest < self._longest:
             return [h]
@@ -571,7 +571,7 @@ class Primitive(ABC):
         k, tau = self.parameters.stiffness, self.duration_s
         points = GAUSS_POINTS * lengths
         at = begins + points
-        weight = self.weights_in_time(at)
+        weight = self.goal_weight_at_time(at)
         at *= TABLE_RATE
         np.minimum(at, LAST_NODE, out=at)
         index = at.astype(np.intp)

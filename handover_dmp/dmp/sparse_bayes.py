@@ -30,13 +30,13 @@ from scipy.linalg.lapack import dpotrf, dpotri
 
 Array = NDArray[np.float64]
 
-LEAST_GAIN = 1e-2  # in the logarithm of the evidence; smaller steps end the search
-LEAST_CHANGE = 1e-2  # of ln β
-MOST_STEPS = 1000
-LEAST_NOISE = 1e-9  # variance of the noise relative to the mean square of the target
+MIN_GAIN = 1e-2  # in the logarithm of the evidence; smaller steps end the search
+MIN_CHANGE = 1e-2  # of ln β
+MAX_STEPS = 1000
+MIN_NOISE = 1e-9  # variance of the noise relative to the mean square of the target
 ROUNDING = 1e-12
 ALIGNED = 1e-8  # of a candidate's square norm that the active ones leave: too little to add it
-LEAST_NORM = 1e-7  # of a candidate's column, relative to the largest
+MIN_NORM = 1e-7  # of a candidate's column, relative to the largest
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ def sparse_bayes(design: Array, target: Array, *, information: float = 1.0) -> S
     """
     power = information * float(target @ target)
     norms = np.sqrt(np.einsum('ij,ij->j', design, design) * information)
-    usable = np.flatnonzero(norms > LEAST_NORM * norms.max(initial=0.0))
+    usable = np.flatnonzero(norms > MIN_NORM * norms.max(initial=0.0))
     if power == 0.0 or usable.size == 0:
         return SparseWeights(np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 0)), 0.0)
     scale = 1.0 / norms[usable]
@@ -85,7 +85,7 @@ def sparse_bayes(design: Array, target: Array, *, information: float = 1.0) -> S
     gram = (columns.T @ columns) * np.outer(scale, scale) * information
     projection = (target @ columns) * scale * information
     search = _Search(gram, projection, information * target.size, power)
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         if not search.improve():
             break
     order = np.argsort(search.active)
@@ -131,7 +131,7 @@ class _Search:
         if self.active.size == 1 and better[self.active[0]] == 0.0:
             gain[self.active[0]] = 0.0
         best = int(np.argmax(gain))
-        gained = gain[best] > LEAST_GAIN
+        gained = gain[best] > MIN_GAIN
         if gained:
             if spread[best] == 0.0:
                 self.active = np.append(self.active, best)
@@ -141,7 +141,7 @@ class _Search:
             self._solve()
         self.beta = self._noise_precision()
         self._solve()
-        return bool(gained) or abs(np.log(self.beta / beta)) > LEAST_CHANGE
+        return bool(gained) or abs(np.log(self.beta / beta)) > MIN_CHANGE
 
     def _noise_precision(self) -> float:
         """Re-estimate β: samples less well determined weights, over the squared residual."""
@@ -151,7 +151,7 @@ class _Search:
         fitted = self.projection[active] - mean / (self.beta * self.spread[active])
         residual = self.power + mean @ (fitted - 2.0 * self.projection[active])
         variance = residual / max(self.samples - determined, 1.0)
-        return 1.0 / max(float(variance), LEAST_NOISE * self.power / self.samples)
+        return 1.0 / max(float(variance), MIN_NOISE * self.power / self.samples)
 
     def _solve(self) -> None:
         """Work out mean and covariance of the active weights, (22)."""

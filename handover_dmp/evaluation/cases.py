@@ -62,9 +62,9 @@ class Hands:
         positions = np.empty((len(trials), len(longest), 3))
         speeds = np.zeros_like(positions)
         for index, trial in enumerate(trials):
-            positions[index, : samples[index]] = trial.p1
-            positions[index, samples[index]:] = trial.p1[-1]  # fmt: skip
-            speeds[index, : samples[index]] = velocities(trial.times, trial.p1)
+            positions[index, : samples[index]] = trial.partner
+            positions[index, samples[index]:] = trial.partner[-1]  # fmt: skip
+            speeds[index, : samples[index]] = velocities(trial.times, trial.partner)
         return cls(longest - longest[0], positions, speeds, samples)
 
     def time_normalise(self, rollouts: Array, tested: Sequence[int]) -> Array:
@@ -95,13 +95,13 @@ class Case:
 
     Attributes:
         configuration: e.g. `engine_bay`.
-        exchange: `give` or `take`.
+        direction: `give` or `take`.
         trials: the trials, resampled to 200 Hz and low-passed, each starting at 0 s.
 
     """
 
     configuration: str
-    exchange: str
+    direction: str
     trials: tuple[HandoverTrial, ...]
 
     def __len__(self) -> int:
@@ -115,17 +115,17 @@ class Case:
     @cached_property
     def curves(self) -> Array:
         """(n, 101, 3) m, the time-normalised P2 of each trial."""
-        return np.stack([time_normalise(trial.times, trial.p2) for trial in self.trials])
+        return np.stack([time_normalise(trial.times, trial.demonstrator) for trial in self.trials])
 
     @cached_property
     def starts(self) -> Array:
         """(n, 3) m, where each P2 starts."""
-        return np.stack([trial.p2[0] for trial in self.trials])
+        return np.stack([trial.demonstrator[0] for trial in self.trials])
 
     @cached_property
     def goal_offsets(self) -> Array:
         """(n, 3) m, P2(end) − P1(end) of each trial."""
-        return np.stack([trial.p2[-1] - trial.p1[-1] for trial in self.trials])
+        return np.stack([trial.demonstrator[-1] - trial.partner[-1] for trial in self.trials])
 
     @cached_property
     def hands(self) -> Hands:
@@ -133,13 +133,13 @@ class Case:
         return Hands.of(self.trials)
 
 
-def make_cases(trials: Sequence[HandoverTrial], *, at_least: int = 2) -> list[Case]:
+def make_cases(trials: Sequence[HandoverTrial], *, min_trials: int = 2) -> list[Case]:
     """
     Sort trials into cases and condition them.
 
     Args:
         trials: of any configurations and exchanges, in any order.
-        at_least: how many trials a case must have.
+        min_trials: how many trials a case must have.
 
     Returns:
         The cases in order of their first trial, trials in order of their number.
@@ -152,15 +152,15 @@ def make_cases(trials: Sequence[HandoverTrial], *, at_least: int = 2) -> list[Ca
         raise DataError('the data set holds no trials')
     groups: dict[tuple[str, str], list[HandoverTrial]] = {}
     for trial in trials:
-        groups.setdefault((trial.configuration, trial.exchange), []).append(trial)
+        groups.setdefault((trial.configuration, trial.direction), []).append(trial)
     cases = []
-    for (configuration, exchange), group in groups.items():
-        if len(group) < at_least:
+    for (configuration, direction), group in groups.items():
+        if len(group) < min_trials:
             raise DataError(
-                f'{group[0].source or group[0].label}: {configuration} {exchange} has '
-                f'{len(group)} trial{"s" * (len(group) > 1)}, at least {at_least} are needed'
+                f'{group[0].source or group[0].label}: {configuration} {direction} has '
+                f'{len(group)} trial{"s" * (len(group) > 1)}, at least {min_trials} are needed'
             )
         group.sort(key=lambda trial: trial.number)
         conditioned = [condition(trial) for trial in group]
-        cases.append(Case(configuration, exchange, tuple(conditioned)))
+        cases.append(Case(configuration, direction, tuple(conditioned)))
     return cases

@@ -131,7 +131,7 @@ def _draw_motions(
 
 def _draw_weights(axes: Axes, u: Array, models: Sequence[DecoupledDmp]) -> None:
     for model, (colour, stroke) in zip(models, LINES, strict=False):
-        axes.plot(u, model.weights_in_time(u), color=colour, linestyle=stroke, linewidth=2.0)
+        axes.plot(u, model.goal_weight_at_time(u), color=colour, linestyle=stroke, linewidth=2.0)
         axes.axvline(model.parameters.mu, color=colour, linewidth=0.8, alpha=0.6)
     axes.set_ylabel('goal weight $w_g$')
     axes.set_xlabel('time [τ]')

@@ -35,16 +35,16 @@ from matplotlib.ticker import MaxNLocator
 import numpy as np
 from numpy.typing import NDArray
 
-P1_COLOUR, P2_COLOUR, DMP_COLOUR = '#c8372d', '#2f8f4e', '#1f5fb4'
+PARTNER_COLOUR, DEMONSTRATOR_COLOUR, DMP_COLOUR = '#c8372d', '#2f8f4e', '#1f5fb4'
 INSIDE_COLOUR, OUTSIDE_COLOUR = '#2f9e55', '#d64533'
 BAND_COLOURS = {3: '#e1e6ec', 1: '#aab6c4'}
 EXCHANGE_COLOUR = '#f3d9a4'
 AXES = 'XYZ'
 
-MOST_TRIALS = 8
+MAX_TRIALS = 8
 """Trials drawn one after the other; more would be a smear."""
 
-MOST_CURVES = 60
+MAX_CURVES = 60
 """Curves drawn in one panel, evenly chosen; the percentages beside them count all."""
 
 NARROWEST = 8.5
@@ -175,7 +175,7 @@ def _figures(numbers: str) -> str:
 def _traces(group: Sequence[Panel], title: str) -> Figure:
     figure, grid = _grid(1, width=12.0, height=5.6, top=0.72)
     axes = grid[:, 0]
-    trials = [(trial, panel.case) for panel in group for trial in panel.case.trials[:MOST_TRIALS]]
+    trials = [(trial, panel.case) for panel in group for trial in panel.case.trials[:MAX_TRIALS]]
     pause = 0.25 * float(np.mean([trial.duration_s for trial, _ in trials]))
     start, boundaries = 0.0, []
     for index, (trial, case) in enumerate(trials):
@@ -183,15 +183,15 @@ def _traces(group: Sequence[Panel], title: str) -> Figure:
             boundaries.append(start)
             start += pause
         at = start + trial.times - trial.times[0]
-        apart = np.linalg.norm(trial.p1 - trial.p2, axis=1)
+        apart = np.linalg.norm(trial.partner - trial.demonstrator, axis=1)
         touching = at[apart <= apart.min() + EXCHANGE_BAND_M]
         for dimension, axis in enumerate(axes):
             axis.axvspan(touching[0], touching[-1], color=EXCHANGE_COLOUR, lw=0)
-            axis.plot(at, trial.p1[:, dimension], color=P1_COLOUR, lw=1.6)
-            axis.plot(at, trial.p2[:, dimension], color=P2_COLOUR, lw=1.6)
+            axis.plot(at, trial.partner[:, dimension], color=PARTNER_COLOUR, lw=1.6)
+            axis.plot(at, trial.demonstrator[:, dimension], color=DEMONSTRATOR_COLOUR, lw=1.6)
         middle = (at[0] + at[-1]) / 2
         axes[0].annotate(
-            f'{trial.exchange} {trial.number}',
+            f'{trial.direction} {trial.number}',
             (middle, 1.0),
             xycoords=('data', 'axes fraction'),
             ha='center',
@@ -210,8 +210,8 @@ def _traces(group: Sequence[Panel], title: str) -> Figure:
         figure,
         f'Wrists of P1 and P2: {title}',
         [
-            Line2D([], [], color=P1_COLOUR, lw=2, label='P1'),
-            Line2D([], [], color=P2_COLOUR, lw=2, label='P2'),
+            Line2D([], [], color=PARTNER_COLOUR, lw=2, label='P1'),
+            Line2D([], [], color=DEMONSTRATOR_COLOUR, lw=2, label='P2'),
             Patch(color=EXCHANGE_COLOUR, label='exchange'),
         ],
     )
@@ -232,15 +232,17 @@ def _rollouts(group: Sequence[Panel], title: str) -> Figure:
         rollout = panel.rollouts[tested, : len(trial.times)]
         at = trial.times - trial.times[0]
         for dimension, axis in enumerate(column):
-            axis.plot(at, trial.p1[:, dimension], color=P1_COLOUR, lw=1.6)
+            axis.plot(at, trial.partner[:, dimension], color=PARTNER_COLOUR, lw=1.6)
             # Broad below narrow: both are seen where they lie on each other.
-            axis.plot(at, trial.p2[:, dimension], color=P2_COLOUR, lw=4.0, alpha=0.55)
+            axis.plot(
+                at, trial.demonstrator[:, dimension], color=DEMONSTRATOR_COLOUR, lw=4.0, alpha=0.55
+            )
             axis.plot(at, rollout[:, dimension], color=DMP_COLOUR, lw=1.6)
             axis.xaxis.set_major_locator(MaxNLocator(5))
         learnt = panel.case.trials[panel.representative].number
         what = 'the learnt trial' if tested == panel.representative else 'another trial'
         column[0].set_title(
-            f'{trial.exchange}: {what}\nlearnt from {learnt}, tested against {trial.number}'
+            f'{trial.direction}: {what}\nlearnt from {learnt}, tested against {trial.number}'
         )
         column[-1].set_xlabel('time, s')
     for dimension, axis in enumerate(axes[:, 0]):
@@ -249,8 +251,8 @@ def _rollouts(group: Sequence[Panel], title: str) -> Figure:
         figure,
         f'The DMP in the place of P2: {title}',
         [
-            Line2D([], [], color=P1_COLOUR, lw=2, label='P1'),
-            Line2D([], [], color=P2_COLOUR, lw=4, alpha=0.55, label='P2'),
+            Line2D([], [], color=PARTNER_COLOUR, lw=2, label='P1'),
+            Line2D([], [], color=DEMONSTRATOR_COLOUR, lw=4, alpha=0.55, label='P2'),
             Line2D([], [], color=DMP_COLOUR, lw=2, label='DMP'),
         ],
     )
@@ -261,7 +263,7 @@ def _shown(panel: Panel) -> tuple[int, int]:
     """Choose the learnt trial and, of the others, the one that turned out middling."""
     errors = []
     for index, trial in enumerate(panel.case.trials):
-        away = panel.rollouts[index, : len(trial.times)] - trial.p2
+        away = panel.rollouts[index, : len(trial.times)] - trial.demonstrator
         errors.append(float((away**2).sum(axis=1).mean()))
     others = [index for index in range(len(errors)) if index != panel.representative]
     others.sort(key=lambda index: errors[index])
@@ -276,7 +278,7 @@ def _bands(group: Sequence[Panel], title: str, learn: str) -> Figure:
     for column, panel in zip(axes.T, group, strict=True):
         envelope = Envelope.of(panel.case.curves)
         shown = panel.shown[learn]
-        chosen = np.unique(np.linspace(0, len(shown.curves) - 1, MOST_CURVES).astype(int))
+        chosen = np.unique(np.linspace(0, len(shown.curves) - 1, MAX_CURVES).astype(int))
         width = 1.4 if len(chosen) <= FEW_CURVES else 0.8
         for dimension, axis in enumerate(column):
             axis.margins(x=0.0)
@@ -295,7 +297,7 @@ def _bands(group: Sequence[Panel], title: str, learn: str) -> Figure:
                 pad=3,
             )
         figures = ', '.join(f'≤{k}σ {shown.within[k]:.0f} %' for k in BANDS)
-        column[0].set_title(f'{panel.case.exchange}\n{figures}\n', loc='left')
+        column[0].set_title(f'{panel.case.direction}\n{figures}\n', loc='left')
         column[-1].set_xlabel('time as a fraction of the duration')
     for dimension, axis in enumerate(axes[:, 0]):
         axis.set_ylabel(f'{AXES[dimension]}, m')

@@ -26,7 +26,7 @@ from handover_dmp.evaluation.scores import judge, Totals
 import numpy as np
 
 FOLDS = 5
-MOST_TRIALS = 20
+MAX_TRIALS = 20
 """Trials of a case that take part; more would cost their square and tell little more."""
 
 
@@ -172,20 +172,20 @@ def learn_mean_unseen(case: Case, part: Split, candidate: Candidate) -> Array:
     return np.asarray(judged.measures[:, 0].T)
 
 
-def thinned(case: Case, most: int = MOST_TRIALS) -> Case:
+def thinned(case: Case, maximum: int = MAX_TRIALS) -> Case:
     """
     Leave out trials of a large case, evenly.
 
     Args:
         case: any case.
-        most: trials to keep.
+        maximum: trials to keep.
 
     Returns:
         The case with at most that many.
 
     """
-    kept = np.unique(np.linspace(0, len(case) - 1, most).round().astype(int))
-    return Case(case.configuration, case.exchange, tuple(case.trials[i] for i in kept))
+    kept = np.unique(np.linspace(0, len(case) - 1, maximum).round().astype(int))
+    return Case(case.configuration, case.direction, tuple(case.trials[i] for i in kept))
 
 
 def _rollouts(case: Case, candidate: Candidate) -> Array:

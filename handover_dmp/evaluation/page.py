@@ -113,15 +113,15 @@ def _paper_table(rows: Sequence[Row], summary: Sequence[Row], learns: Sequence[s
     head += ''.join(f'<th class="group" colspan="3">learn {learn}</th>' for learn in learns)
     bands = ''.join(_cell('th', f'≤{k}σ', first=k == 1) for _ in learns for k in BANDS)
     ours = {
-        (row.configuration, row.exchange, row.learn): row.figures
+        (row.configuration, row.direction, row.learn): row.figures
         for row in (*rows, *summary)
         if row.method == 'decoupled'
     }
     lines = []
-    cases = dict.fromkeys((row.configuration, row.exchange, row.trials) for row in rows)
-    for configuration, exchange, trials in cases:
-        numbers = [ours[configuration, exchange, learn] for learn in learns]
-        lines.append(_line('', configuration.replace('_', ' '), exchange, trials, numbers))
+    cases = dict.fromkeys((row.configuration, row.direction, row.trials) for row in rows)
+    for configuration, direction, trials in cases:
+        numbers = [ours[configuration, direction, learn] for learn in learns]
+        lines.append(_line('', configuration.replace('_', ' '), direction, trials, numbers))
     trials = sum(number for _, _, number in cases)
     lines.append(_line('sum', 'all', '', trials, [ours['', '', learn] for learn in learns]))
     paper = ''.join(
@@ -137,14 +137,14 @@ def _paper_table(rows: Sequence[Row], summary: Sequence[Row], learns: Sequence[s
 
 
 def _line(
-    kind: str, configuration: str, exchange: str, trials: int, numbers: Sequence[Summary]
+    kind: str, configuration: str, direction: str, trials: int, numbers: Sequence[Summary]
 ) -> str:
     cells = ''.join(
         _cell('td', f'{figures.within[k]:.1f}', first=k == 1) for figures in numbers for k in BANDS
     )
     return (
         f'<tr class="{kind}"><td class="text">{escape(configuration)}</td>'
-        f'<td class="text">{exchange}</td><td>{trials}</td>{cells}</tr>'
+        f'<td class="text">{direction}</td><td>{trials}</td>{cells}</tr>'
     )
 
 

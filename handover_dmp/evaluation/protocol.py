@@ -34,8 +34,8 @@ from joblib import delayed, Parallel
 import numpy as np
 from numpy.typing import NDArray
 
-LEAST_TRIALS = 2
-LEAST_TRIALS_LEFT_OUT = 3
+MIN_TRIALS = 2
+MIN_TRIALS_LEFT_OUT = 3
 
 KEPT_ROLLOUTS = 400
 """Rollouts of a case that are kept for the figures."""
@@ -129,8 +129,8 @@ def evaluate(
 
     """
     protocol = protocol or Protocol()
-    at_least = LEAST_TRIALS_LEFT_OUT if protocol.leave_one_out else LEAST_TRIALS
-    cases = make_cases(trials, at_least=at_least)
+    min_trials = MIN_TRIALS_LEFT_OUT if protocol.leave_one_out else MIN_TRIALS
+    cases = make_cases(trials, min_trials=min_trials)
     units = [unit for case in cases for unit in _units(case, protocol)]
     total, done = sum(len(unit.tasks) for unit in units), 0
     blocks: list[list[_Block]] = []
@@ -237,14 +237,16 @@ def _table_of(blocks: Sequence[_Block], trials: int) -> Scores:
 
 
 def _judge_minimum_jerk(case: Case, protocol: Protocol) -> Scores:
-    reaches = [minimum_jerk(trial.p2[0], trial.p2[-1]) for trial in case.trials]
+    reaches = [
+        minimum_jerk(trial.demonstrator[0], trial.demonstrator[-1]) for trial in case.trials
+    ]
     band = _band(case, leave_one_out=protocol.leave_one_out)
     return judge(np.stack(reaches)[None], case.curves, band)
 
 
 def _judge_people(case: Case) -> Scores:
     """Hold each person's motion against the others': the ceiling for anything that imitates."""
-    if len(case) < LEAST_TRIALS_LEFT_OUT:
+    if len(case) < MIN_TRIALS_LEFT_OUT:
         nothing = np.zeros((1, len(case)))
         return Scores(nothing[..., None].repeat(3, axis=2), nothing, nothing, nothing > 0.0)
     others = Envelope.of_the_others(case.curves)
@@ -264,7 +266,7 @@ def _tabulate(cases: Sequence[CaseScores], protocol: Protocol) -> tuple[list[Row
         for (learn, method), scores in judged.scores.items():
             totals = scores.totals(once), scores.totals(counts)
             sums.setdefault((learn, method), []).append(totals)
-            place = case.configuration, case.exchange, learn, method
+            place = case.configuration, case.direction, learn, method
             rows.append(Row(*place, len(case), scores.curves, Summary.of(*totals)))
     trials = sum(len(judged.case) for judged in cases)
     summary = []

@@ -137,7 +137,7 @@ def learn_from_trials(
     chosen = list(sources)
     if len(chosen) == 1:
         trial = case.trials[chosen[0]]
-        times, positions = trial.times - trial.times[0], trial.p2
+        times, positions = trial.times - trial.times[0], trial.demonstrator
     else:
         positions = case.curves[chosen].mean(axis=0)
         times = np.linspace(0.0, case.durations_s[chosen].mean(), len(positions))

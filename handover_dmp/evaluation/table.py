@@ -55,7 +55,7 @@ class Row:
 
     Attributes:
         configuration: of the trials; empty in the summary.
-        exchange: `give` or `take`; empty in the summary.
+        direction: `give` or `take`; empty in the summary.
         learn: one of `LEARN`.
         method: one of `METHODS`.
         trials: number of trials.
@@ -65,7 +65,7 @@ class Row:
     """
 
     configuration: str
-    exchange: str
+    direction: str
     learn: str
     method: str
     trials: int
@@ -74,7 +74,7 @@ class Row:
 
     def as_json(self) -> dict[str, Any]:
         """Return the row as plain types; figures that do not exist are None."""
-        place = {'configuration': self.configuration, 'exchange': self.exchange}
+        place = {'configuration': self.configuration, 'exchange': self.direction}
         figures = self.figures
         return {
             **(place if self.configuration else {}),
@@ -109,7 +109,7 @@ def as_csv(rows: Sequence[Row]) -> str:
         header += [f'within_{k}_percent', f'within_{k}_low_percent', f'within_{k}_high_percent']
     writer.writerow([*header, 'rms_m', 'rms_low_m', 'rms_high_m', 'final_gap_m'])
     for row in rows:
-        line: list[object] = [row.configuration or 'all', row.exchange or 'all']
+        line: list[object] = [row.configuration or 'all', row.direction or 'all']
         line += [row.learn, row.method, row.trials, row.curves]
         for k in BANDS:
             percentages = (row.figures.within[k], *row.figures.within_interval[k])
@@ -169,14 +169,14 @@ def _paper_table(rows: Sequence[Row], summary: Sequence[Row]) -> Table:
             head = SHORT.get(learn, learn) if k == 1 else ''
             table.add_column(f'{head}\n≤{k}σ', justify='right', no_wrap=True)
     ours = {
-        (row.configuration, row.exchange, row.learn): row
+        (row.configuration, row.direction, row.learn): row
         for row in (*rows, *summary)
         if row.method == 'decoupled'
     }
-    cases = dict.fromkeys((row.configuration, row.exchange, row.trials) for row in rows)
-    for configuration, exchange, trials in cases:
-        cells = _within(ours, configuration, exchange, learns)
-        table.add_row(configuration, exchange, str(trials), *cells)
+    cases = dict.fromkeys((row.configuration, row.direction, row.trials) for row in rows)
+    for configuration, direction, trials in cases:
+        cells = _within(ours, configuration, direction, learns)
+        table.add_row(configuration, direction, str(trials), *cells)
     table.add_section()
     trials = sum(number for _, _, number in cases)
     table.add_row('all', '', str(trials), *_within(ours, '', '', learns), style='bold')
@@ -186,9 +186,9 @@ def _paper_table(rows: Sequence[Row], summary: Sequence[Row]) -> Table:
 
 
 def _within(
-    rows: dict[tuple[str, str, str], Row], configuration: str, exchange: str, learns: list[str]
+    rows: dict[tuple[str, str, str], Row], configuration: str, direction: str, learns: list[str]
 ) -> list[str]:
-    found = [rows[configuration, exchange, learn] for learn in learns]
+    found = [rows[configuration, direction, learn] for learn in learns]
     return [f'{row.figures.within[k]:.1f}' for row in found for k in BANDS]
 
 

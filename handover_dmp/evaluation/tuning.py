@@ -47,7 +47,7 @@ from joblib import delayed, Parallel
 import numpy as np
 from scipy.stats import qmc
 
-LEAST_TRIALS = 4
+MIN_TRIALS = 4
 CANDIDATES = 192
 REFINEMENTS = 3
 WITHIN = len(BANDS) - 1
@@ -210,7 +210,7 @@ def tune(
 
     """
     default = default or Learning()
-    cases = [thinned(case) for case in make_cases(trials, at_least=LEAST_TRIALS)]
+    cases = [thinned(case) for case in make_cases(trials, min_trials=MIN_TRIALS)]
     seeds = np.random.SeedSequence(seed).spawn(len(cases) + 2)
     splits = [split(case, own) for case, own in zip(cases, seeds, strict=False)]
     attempts = list(_changes(default))

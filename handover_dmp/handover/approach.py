@@ -16,26 +16,29 @@
 Coming to a hand that is not where the learnt movement expects it, without running past it.
 
 While w_g of (8) is 0, the primitive takes no notice of the hand: it goes as far as it was taught,
-through a hand that is nearer, and away from one that is on the other side. Two rules mend that:
+through a hand that is nearer, and away from one that is on the other side. Two rules mend that.
 
-- the place where the wrist is may bring the goal in, as the time does (7):
+The goal takes over by time, (7), or by place, whichever is more:
 
-      w_g = ½[1 + erf(max(ξ_time, ξ_near, ξ_detour)/√2)],
-      ξ_time = (u − μ)/σ,
-      ξ_near = min((ρ − n)/(0.4ρ), (b − β)/(0.25β)),
-      ξ_detour = (e − e_learnt − ε)/(0.25ε),
+    w_g = ½[1 + erf(ξ/√2)], ξ = max((u − μ)/σ, ξ_near, ξ_astray),
+    ξ_near = min((ρ − n)/(0.4ρ), (b − β)/(0.25β)),
+    ξ_astray = (a − a_learnt − ε)/(0.25ε),
 
-  with n = |g − x₀| − |x − x₀| the distance that is left, b = |y − x₀| − |g − x₀| how far beyond
-  the goal the shape leads, whose target is y = x + (K_s/K)(f + x₀ − x), and
-  e = (|x − x₀| + |g − x|)/|g − x₀| − 1 the detour over x;
+with n = |g − x₀| − |x − x₀| what is left of the distance, b = |y − x₀| − |g − x₀| how far the
+shape leads beyond the goal, y = x + (K_s/K)(f + x₀ − x) being where it leads, and
+a = |g − x|/|g − x₀| − 1 how much farther from the goal the wrist is than at its start.
 
-- the speed with which it comes nearer is bounded by what it can brake again. With d what is left
-  and v the speed at which that shrinks, seen from the moving hand, v ≤ V(d + m), where V is the
-  speed from which a part of the acceleration limit brakes within a distance. That holds for the
-  distance |g − x₀| − |x − x₀| along the way and for the distance |g − x| itself.
+And the wrist comes nearer no faster than it can brake again. For d = |g − x₀| − |x − x₀|, and for
+d = |g − x| itself, with m how far beyond the goal it may get:
 
-The first brings the wrist softly to the hand, the second holds whatever the first does. Where the
-hand is about as far as in the demonstration, neither changes anything to speak of.
+    −ḋ ≤ V(d + m), V(l) = √(2a(l − l₀/2)), and λl for l < l₀ = a/λ²,
+
+where a is a part of the acceleration limit; so braking at that rate keeps the bound for ever, and
+the rest of the limit is for what the hand does. The speed approaches its bound no faster than
+with a rate of its own, so that it does not hit it.
+
+The first rule brings the wrist softly to the hand, the second holds whatever the first does, and
+for a hand that is about as far as in the demonstration neither changes anything to speak of.
 """
 
 from __future__ import annotations
@@ -46,10 +49,13 @@ from math import dist, exp, hypot, inf, log, sqrt
 from operator import add, mul, sub
 from typing import NamedTuple
 
-from handover_dmp.common.settings import setting
+from handover_dmp.common.settings import defaults, setting
 from handover_dmp.dmp import DecoupledDmp, DmpState
 from handover_dmp.dmp.state import Vector
 import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
 
 SETTLED_DEVIATIONS = 5.0
 """Standard deviations from which on the weight is 0 or 1 to a millionth."""
@@ -61,9 +67,9 @@ FINAL_GAIN = 25.0
 """1/s; with which the bound on the speed falls with the last of the distance."""
 CLOSING_GAIN = 30.0
 """1/s; how fast the speed may come near to its bound, so that it does not hit it."""
-SMALLEST_M = 1e-6
+MIN_DISTANCE_M = 1e-6
 """Distances below have no direction."""
-SMALLEST_APART = 1e-6
+MIN_SINE_SQUARED = 1e-6
 """Square of the sine between two directions below which they are one."""
 
 
@@ -106,7 +112,7 @@ def learnt_detour(model: DecoupledDmp) -> float:
     """
     places = model.rollout(np.linspace(0.0, model.duration_s, 101), model.goal).positions
     distances = np.linalg.norm(places - model.goal, axis=1)
-    whole = max(float(np.linalg.norm(model.goal - model.start)), SMALLEST_M)
+    whole = max(float(np.linalg.norm(model.goal - model.start)), MIN_DISTANCE_M)
     return max(0.0, float(distances.max()) / whole - 1.0)
 
 
@@ -179,10 +185,8 @@ def _near(
     return min(near, beyond / (BEYOND_WIDTH * options.shape_beyond_m))
 
 
-def _astray(
-    model: DecoupledDmp, state: DmpState, goal: Vector, options: ApproachOptions
-) -> float:
-    whole = max(dist(goal, state.start), SMALLEST_M)
+def _astray(model: DecoupledDmp, state: DmpState, goal: Vector, options: ApproachOptions) -> float:
+    whole = max(dist(goal, state.start), MIN_DISTANCE_M)
     further = dist(goal, state.position) / whole - 1.0
     allowed = learnt_detour(model) + options.astray
     return (further - allowed) / (ASTRAY_WIDTH * options.astray)
@@ -194,12 +198,12 @@ class SpeedBound(NamedTuple):
 
     Attributes:
         direction: of length 1.
-        most: of the velocity along it, m/s.
+        max_speed: of the velocity along it, m/s.
 
     """
 
     direction: Vector
-    most: float
+    max_speed: float
 
     def excess(self, velocity: Vector) -> float:
         """
@@ -212,7 +216,7 @@ class SpeedBound(NamedTuple):
             m/s; negative where it keeps it.
 
         """
-        return _dot(velocity, self.direction) - self.most
+        return _dot(velocity, self.direction) - self.max_speed
 
 
 class Braking(NamedTuple):
@@ -263,7 +267,7 @@ class Braking(NamedTuple):
         """
         gone, way = _minus(state.position, state.start), _minus(goal, state.start)
         far, whole = hypot(*gone), hypot(*way)
-        if far < SMALLEST_M or _dot(gone, way) <= 0.0:
+        if far < MIN_DISTANCE_M or _dot(gone, way) <= 0.0:
             return FREE
         receding = _dot(goal_velocity, way) / whole
         return SpeedBound(_scaled(gone, 1.0 / far), receding + self.speed(whole - far))
@@ -283,7 +287,7 @@ class Braking(NamedTuple):
         """
         between = _minus(goal, state.position)
         distance = hypot(*between)
-        if distance < SMALLEST_M:
+        if distance < MIN_DISTANCE_M:
             return FREE
         direction = _scaled(between, 1.0 / distance)
         return SpeedBound(direction, _dot(goal_velocity, direction) + self.speed(distance))
@@ -319,7 +323,7 @@ def bounded(
         The state at the end of the period; the very one that is wanted where that keeps all bounds.
 
     """
-    most = acceleration_limit * dt
+    max_change = acceleration_limit * dt
     bounds: list[SpeedBound] = []
     if options.enabled and dt > 0.0:
         braking = Braking(
@@ -330,16 +334,58 @@ def bounded(
         bounds = _speed_bounds(braking, before, after, goal, goal_velocity, dt)
     wanted = _within(after.velocity, bounds)
     change = _minus(wanted, before.velocity)
-    if hypot(*change) <= most:
+    if hypot(*change) <= max_change:
         if wanted is after.velocity:
             return after
     else:
         needed = _minus(_within(before.velocity, bounds), before.velocity)
-        change = _shortened(needed, change, most)
+        change = _shortened(needed, change, max_change)
     velocity = _plus(before.velocity, change)
     mean = _plus(before.velocity, _scaled(change, 0.5))
     position = _plus(before.position, _scaled(mean, dt))
     return after._replace(position=position, velocity=velocity)
+
+
+def rollout_towards(
+    model: DecoupledDmp,
+    times: Array,
+    goals: Array,
+    goal_velocities: Array,
+    start: Array,
+    options: ApproachOptions | None = None,
+    acceleration_limit: float | None = None,
+) -> tuple[Array, Array]:
+    """
+    Run a movement against a hand as the wrist is commanded to go.
+
+    Args:
+        model: the movement.
+        times: s, (n,), rising.
+        goals: g at these times, m, (n, 3).
+        goal_velocities: ġ, m/s, (n, 3).
+        start: x₀, m, (3,).
+        options: of the approach; those of `config/` if left out.
+        acceleration_limit: m/s²; that of `config/` if left out.
+
+    Returns:
+        Positions, m, and velocities, m/s, (n, 3) each.
+
+    """
+    options = options or ApproachOptions()
+    limit = (
+        defaults('dmp')['acceleration_limit'] if acceleration_limit is None else acceleration_limit
+    )
+    state = model.initial_state(start.tolist())
+    states = [state]
+    for dt, goal, velocity in zip(
+        np.diff(times).tolist(), map(tuple, goals.tolist()), map(tuple, goal_velocities.tolist())
+    ):
+        ahead, _ = step_towards(model, state, goal, velocity, dt, 1.0, options)
+        state = bounded(state, ahead, goal, velocity, dt, limit, options)
+        states.append(state)
+    return np.array([each.position for each in states]), np.array(
+        [each.velocity for each in states]
+    )
 
 
 def _speed_bounds(
@@ -356,11 +402,11 @@ def _speed_bounds(
     bounds = []
     for bound in (braking.along_the_way, braking.straight):
         end = bound(after, moved, goal_velocity)
-        if end.most == inf:
+        if end.max_speed == inf:
             continue
         begin = bound(before, goal, goal_velocity)
-        left = 0.0 if begin.most == inf else max(0.0, -begin.excess(before.velocity))
-        bounds.append(SpeedBound(end.direction, end.most - kept * left))
+        left = 0.0 if begin.max_speed == inf else max(0.0, -begin.excess(before.velocity))
+        bounds.append(SpeedBound(end.direction, end.max_speed - kept * left))
     return bounds
 
 
@@ -375,20 +421,20 @@ def _within(velocity: Vector, bounds: list[SpeedBound]) -> Vector:
             return nearest
     first, second = bounds
     alike = _dot(first.direction, second.direction)
-    apart = max(1.0 - alike * alike, SMALLEST_APART)
+    apart = max(1.0 - alike * alike, MIN_SINE_SQUARED)
     over_first, over_second = first.excess(velocity), second.excess(velocity)
     less = _scaled(first.direction, -(over_first - alike * over_second) / apart)
     lesser = _scaled(second.direction, -(over_second - alike * over_first) / apart)
     return _plus(velocity, _plus(less, lesser))
 
 
-def _shortened(needed: Vector, wanted: Vector, most: float) -> Vector:
+def _shortened(needed: Vector, wanted: Vector, max_size: float) -> Vector:
     """Go from the change that is needed towards the one that is wanted, as far as is allowed."""
     size = hypot(*needed)
-    if size > most:
-        return _scaled(needed, most / size)
+    if size > max_size:
+        return _scaled(needed, max_size / size)
     further = _minus(wanted, needed)
-    a, b, c = _dot(further, further), _dot(needed, further), size * size - most * most
+    a, b, c = _dot(further, further), _dot(needed, further), size * size - max_size * max_size
     return _plus(needed, _scaled(further, (sqrt(b * b - a * c) - b) / a))
 
 

@@ -104,7 +104,7 @@ class WristCommand(NamedTuple):
     goal_weight: float
     hand_age_s: float
 
-    def numbers(self, time_s: float) -> dict[str, float]:
+    def status_values(self, time_s: float) -> dict[str, float]:
         """
         Name the values of `/handover/phase`.
 
@@ -163,7 +163,7 @@ class HandoverController:
         self._hand: Vector | None = None
         self.hand_stamp_s = nan
         self._hand_arrival_s: float | None = None
-        self.exchange: Vector | None = None
+        self.exchange_position: Vector | None = None
         self._estimator.reset()
         self._signal_s: float | None = None
         self._exchange_since_s: float | None = None
@@ -277,7 +277,7 @@ class HandoverController:
             held = self._anchored(self._primitive)
             self._primitive = self.model.initial_state(held.position, held.velocity)
         self._exchange_since_s = None
-        self.exchange = None
+        self.exchange_position = None
         self._signal_s = None
         self._goal_weight = float(self.model.goal_weight(self._primitive.phase))
         self.state = HandoverState.REACHING
@@ -395,7 +395,7 @@ class HandoverController:
         arrived = gap < self.options.exchange_distance_m and relative < self.options.exchange_speed
         if arrived and self._goal_weight > 0.5:
             self.state = HandoverState.EXCHANGE
-            self.exchange = self._wrist
+            self.exchange_position = self._wrist
             self._exchange_since_s = now_s
 
     def _command(self, primitive: DmpState, age: float) -> WristCommand:

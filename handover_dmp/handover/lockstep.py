@@ -45,7 +45,7 @@ Array = NDArray[np.float64]
 NANOSECONDS = 1_000_000_000
 REPLAY_AT_S = 0.5
 AFTERWARDS_S = 0.2
-LONGEST_EXTRA_S = 5.0
+MAX_EXTRA_S = 5.0
 STILL = np.zeros(3)
 
 
@@ -102,7 +102,7 @@ class Handover:
         self.controller = HandoverController(scenario.model, options)
         self.wrist_controller = WristController(scenario.robot, PriorityIk(scenario.robot))
         self.arm = SimulatedArm(scenario.robot)
-        self.arm.reset(scenario.start_posture)
+        self.arm.reset(scenario.q_start)
         self.hand = TrackedHand(Replay.from_trial(trial), sensor)
         self._time_ns = 0
         self._phase_rate = 1.0
@@ -114,9 +114,9 @@ class Handover:
         return self._time_ns / NANOSECONDS
 
     @property
-    def longest_s(self) -> float:
+    def max_duration_s(self) -> float:
         """Return the simulated time after which a handover that is not done will not be, s."""
-        return self.hand.start_s + self.scenario.trial.duration_s + LONGEST_EXTRA_S
+        return self.hand.start_s + self.scenario.trial.duration_s + MAX_EXTRA_S
 
     def begin(self, replay_at_s: float = REPLAY_AT_S) -> None:
         """
@@ -183,9 +183,11 @@ class Handover:
         """
         self.begin()
         periods: list[Period] = []
-        while self.controller.state is not HandoverState.DONE and self.time_s < self.longest_s:
+        while (
+            self.controller.state is not HandoverState.DONE and self.time_s < self.max_duration_s
+        ):
             periods.append(self.step())
-            progress(self.time_s / self.longest_s)
+            progress(self.time_s / self.max_duration_s)
         periods += [self.step() for _ in range(round(AFTERWARDS_S / self.period_s))]
         return periods
 

@@ -22,10 +22,11 @@ from pathlib import Path
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.settings import defaults
 from handover_dmp.dmp import DecoupledDmp, load_model
-from handover_dmp.handover.teaching import learn_from_trials, rollout_against
+from handover_dmp.handover.approach import rollout_towards
+from handover_dmp.handover.teaching import hand_goal, learn_from_trials
 from handover_dmp.mocap import condition, HandoverTrial, read_trial, synthesize
 from handover_dmp.robot.model import BasePlacement, RobotModel
-from handover_dmp.robot.placement import place_base
+from handover_dmp.robot.placement import choose_base_placement
 import numpy as np
 from numpy.typing import NDArray
 
@@ -43,7 +44,7 @@ class Scenario:
         trial: the recorded handover, at 200 Hz; its P1 is the partner, its P2 for comparison.
         model: the learnt movement.
         robot: the arm, placed.
-        start_posture: (n,), rad, with the wrist where P2's was at the start.
+        q_start: (n,), rad, with the wrist where P2's was at the start.
         taught_by: what the movement was learnt from.
         seed: of all that is drawn at random.
 
@@ -52,7 +53,7 @@ class Scenario:
     trial: HandoverTrial
     model: DecoupledDmp
     robot: RobotModel
-    start_posture: Array
+    q_start: Array
     seed: int
 
 
@@ -67,9 +68,9 @@ def example_trials(seed: int = 0) -> tuple[HandoverTrial, HandoverTrial]:
         One to learn from, and of the others the one whose partner moves farthest to run against.
 
     """
-    trials = [t for t in synthesize(seed) if (t.configuration, t.exchange) == EXAMPLE]
+    trials = [t for t in synthesize(seed) if (t.configuration, t.direction) == EXAMPLE]
     taught, *others = trials
-    return taught, max(others, key=lambda t: float(np.linalg.norm(t.p1[-1] - t.p1[0])))
+    return taught, max(others, key=lambda t: float(np.linalg.norm(t.partner[-1] - t.partner[0])))
 
 
 def example_model(seed: int = 0) -> DecoupledDmp:
@@ -137,13 +138,13 @@ def _trial_of_bag(path: Path) -> HandoverTrial:
     from handover_dmp.mocap.bag import describe_bag, read_bag_wrists
 
     wrists = read_bag_wrists(path)
-    configuration, exchange, number = describe_bag(path)
+    configuration, direction, number = describe_bag(path)
     return HandoverTrial(
         wrists.times,
-        wrists.p1,
-        wrists.p2,
+        wrists.partner,
+        wrists.demonstrator,
         configuration=configuration,
-        exchange=exchange,
+        direction=direction,
         number=number,
         source=str(path),
     )
@@ -161,11 +162,11 @@ def scaled(trial: HandoverTrial, factor: float) -> HandoverTrial:
         The scaled handover.
 
     """
-    centre = trial.p2[-1]
+    centre = trial.demonstrator[-1]
     return replace(
         trial,
-        p1=centre + factor * (trial.p1 - centre),
-        p2=centre + factor * (trial.p2 - centre),
+        partner=centre + factor * (trial.partner - centre),
+        demonstrator=centre + factor * (trial.demonstrator - centre),
     )
 
 
@@ -207,19 +208,23 @@ def make_scenario(
         taught = replayed = scaled(recorded_trial(trial, cutoff_hz=0.0), scale)
     learnt = learn_from_trials([taught]) if model is None else read_model(model)
     replayed = condition(replayed, cutoff_hz=defaults('hand_tracker')['cutoff_hz'])
-    way = expected_way(learnt, replayed)
+    wrist_path = expected_path(learnt, replayed)
     arm = RobotModel.load(robot)
-    arm = arm.placed(base if base is not None else place_base(way, arm, partner=replayed.p1[-1]))
+    arm = arm.placed(
+        base
+        if base is not None
+        else choose_base_placement(wrist_path, arm, partner=replayed.partner[-1])
+    )
     return Scenario(
         trial=replayed,
         model=learnt,
         robot=arm,
-        start_posture=arm.inverse(way[0]),
+        q_start=arm.inverse(wrist_path[0]),
         seed=seed,
     )
 
 
-def expected_way(model: DecoupledDmp, trial: HandoverTrial) -> Array:
+def expected_path(model: DecoupledDmp, trial: HandoverTrial) -> Array:
     """
     Foretell the way of the wrist against a recorded hand.
 
@@ -231,5 +236,7 @@ def expected_way(model: DecoupledDmp, trial: HandoverTrial) -> Array:
         (n, 3), m, from where P2 started to where the movement comes to rest.
 
     """
-    way: Array = rollout_against(model, trial).positions
-    return np.vstack([way, trial.p1[-1] + model.goal_offset])
+    goals, velocities = hand_goal(trial, model)
+    start = trial.demonstrator[0]
+    wrist_path, _ = rollout_towards(model, trial.times, goals, velocities, start)
+    return np.vstack([wrist_path, trial.partner[-1] + model.goal_offset])

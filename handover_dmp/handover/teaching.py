@@ -67,7 +67,7 @@ def learn_from_trials(
         raise DataError('no trial to learn from')
     smoothed = [condition(trial) for trial in trials]
     teach = learn_jointly if jointly else learn_mean
-    motions = [(trial.times, trial.p2) for trial in smoothed]
+    motions = [(trial.times, trial.demonstrator) for trial in smoothed]
     model: Primitive = (learn_jointly if len(trials) == 1 else teach)(
         motions,
         parameters,
@@ -76,7 +76,7 @@ def learn_from_trials(
         source=_source(trials, jointly),
         primitive=primitive,
     )
-    offset = np.mean([trial.p2[-1] - trial.p1[-1] for trial in smoothed], axis=0)
+    offset = np.mean([trial.demonstrator[-1] - trial.partner[-1] for trial in smoothed], axis=0)
     return model.with_goal_offset(offset)
 
 
@@ -99,7 +99,7 @@ def hand_goal(
 
     """
     at = trial.times if times is None else np.asarray(times, dtype=float)
-    stamps, positions, velocities = smooth(trial.times, trial.p1)
+    stamps, positions, velocities = smooth(trial.times, trial.partner)
     goals = np.column_stack([np.interp(at, stamps, column) for column in positions.T])
     rates = np.column_stack([np.interp(at, stamps, column) for column in velocities.T])
     return goals + model.goal_offset, rates
@@ -129,7 +129,7 @@ def rollout_against(
     count = int(trial.duration_s * rate_hz + 1e-6) + 1
     times = trial.times[0] + np.arange(count) / rate_hz
     goals, _ = hand_goal(trial, model, times)
-    return model.rollout(times, goals, start=trial.p2[0], deviation=deviation)
+    return model.rollout(times, goals, start=trial.demonstrator[0], deviation=deviation)
 
 
 def reproduction_error(model: Primitive, trial: HandoverTrial) -> float:
@@ -147,11 +147,11 @@ def reproduction_error(model: Primitive, trial: HandoverTrial) -> float:
     smoothed = condition(trial)
     motion = model.with_duration(smoothed.duration_s).rollout(
         smoothed.times,
-        smoothed.p2[-1],
-        start=smoothed.p2[0],
+        smoothed.demonstrator[-1],
+        start=smoothed.demonstrator[0],
         velocity=model.start_velocity * (model.duration_s / smoothed.duration_s),
     )
-    return float(np.linalg.norm(motion.positions - smoothed.p2, axis=1).max())
+    return float(np.linalg.norm(motion.positions - smoothed.demonstrator, axis=1).max())
 
 
 def _source(trials: Sequence[HandoverTrial], jointly: bool) -> str:

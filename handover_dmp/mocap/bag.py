@@ -24,20 +24,22 @@ from typing import Any
 
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.filtering import interpolate
-from handover_dmp.mocap.markers import LONGEST_GAP_S, WristMotion
-from handover_dmp.mocap.trial import describe, EXCHANGES
+from handover_dmp.mocap.markers import MAX_GAP_S, WristMotion
+from handover_dmp.mocap.trial import describe, DIRECTIONS
 from handover_dmp.topics import INFO
 import numpy as np
 from numpy.typing import NDArray
 
-P1_TOPIC = '/hand/pose'
-P2_TOPIC = '/human/pose'
-_LEAST_POSES = 4
-_MOST_POSES = 2_000_000
+PARTNER_TOPIC = '/hand/pose'
+DEMONSTRATOR_TOPIC = '/human/pose'
+_MIN_POSES = 4
+_MAX_POSES = 2_000_000
 
 
 def read_bag_wrists(
-    path: str | Path, p1_topic: str = P1_TOPIC, p2_topic: str = P2_TOPIC
+    path: str | Path,
+    partner_topic: str = PARTNER_TOPIC,
+    demonstrator_topic: str = DEMONSTRATOR_TOPIC,
 ) -> WristMotion:
     """
     Read the wrists of both partners from a bag.
@@ -48,8 +50,8 @@ def read_bag_wrists(
 
     Args:
         path: a rosbag2 folder or an MCAP file.
-        p1_topic: poses of P1's wrist.
-        p2_topic: poses of P2's wrist.
+        partner_topic: poses of P1's wrist.
+        demonstrator_topic: poses of P2's wrist.
 
     Returns:
         Both wrists where their topics overlap in time, in metres.
@@ -59,17 +61,24 @@ def read_bag_wrists(
 
     """
     path = Path(path)
-    (p1_times, p1), (p2_times, p2) = _read_poses(path, p1_topic, p2_topic)
-    start = p1_times[0]
-    inside = (p1_times >= p2_times[0]) & (p1_times <= p2_times[-1])
+    (partner_times, partner), (demonstrator_times, demonstrator) = _read_poses(
+        path, partner_topic, demonstrator_topic
+    )
+    start = partner_times[0]
+    inside = (partner_times >= demonstrator_times[0]) & (partner_times <= demonstrator_times[-1])
     # Between two poses of P2 that are far apart, nothing is known of it.
-    after = np.clip(np.searchsorted(p2_times, p1_times), 1, len(p2_times) - 1)
-    inside &= p2_times[after] - p2_times[after - 1] <= LONGEST_GAP_S
-    times = p1_times[inside]
+    after = np.clip(
+        np.searchsorted(demonstrator_times, partner_times), 1, len(demonstrator_times) - 1
+    )
+    inside &= demonstrator_times[after] - demonstrator_times[after - 1] <= MAX_GAP_S
+    times = partner_times[inside]
     if len(times) == 0:
-        raise DataError(f'{path}: {p1_topic} and {p2_topic} do not overlap in time')
+        raise DataError(f'{path}: {partner_topic} and {demonstrator_topic} do not overlap in time')
     return WristMotion(
-        times - start, p1[inside], interpolate(p2_times, p2)(times), source=path.name
+        times - start,
+        partner[inside],
+        interpolate(demonstrator_times, demonstrator)(times),
+        source=path.name,
     ).checked()
 
 
@@ -94,12 +103,12 @@ def describe_bag(path: str | Path) -> tuple[str, str, int]:
     told = bag_custom_data(path)
     if 'exchange' not in told:
         told = _run_info(path)
-    configuration, exchange, number = describe(Path(path))
-    if told.get('exchange') in EXCHANGES:
-        exchange = told['exchange']
+    configuration, direction, number = describe(Path(path))
+    if told.get('exchange') in DIRECTIONS:
+        direction = told['exchange']
     if re.fullmatch('[0-9]{1,9}', told.get('trial', ''), re.ASCII):
         number = int(told['trial'])
-    return told.get('configuration') or configuration, exchange, number
+    return told.get('configuration') or configuration, direction, number
 
 
 def _run_info(path: str | Path) -> dict[str, str]:
@@ -129,10 +138,10 @@ def _read_poses(path: Path, *topics: str) -> list[tuple[NDArray[np.float64], NDA
         found[topic].append([(stamp_ns - zero_ns) * 1e-9, *place])
         if frames.setdefault(topic, frame) != frame:
             raise DataError(f'{path}: {topic} changes from frame {frames[topic]!r} to {frame!r}')
-        if len(found[topic]) > _MOST_POSES:
-            raise DataError(f'{path}: more than {_MOST_POSES} poses on {topic}')
+        if len(found[topic]) > _MAX_POSES:
+            raise DataError(f'{path}: more than {_MAX_POSES} poses on {topic}')
     for topic in topics:
-        if len(found[topic]) < _LEAST_POSES:
+        if len(found[topic]) < _MIN_POSES:
             raise DataError(f'{path}: {len(found[topic])} poses on {topic}')
     if len(set(frames.values())) > 1:
         first, second = topics
@@ -149,7 +158,7 @@ def _in_order(
     if not np.isfinite(rows).all():
         raise DataError(f'{path}: a pose on {topic} is not finite')
     _, unique = np.unique(rows[:, 0], return_index=True)
-    if len(unique) < _LEAST_POSES:
+    if len(unique) < _MIN_POSES:
         raise DataError(f'{path}: {len(unique)} stamps on {topic}')
     return rows[unique, 0], rows[unique, 1:]
 

@@ -34,7 +34,7 @@ from handover_dmp.mocap.markers import choose, MarkerRecording, METRES
 from handover_dmp.mocap.tables import LARGEST_RECORDING_BYTES, quote, read_bytes
 import numpy as np
 
-_MOST_POINTS = 5_000_000
+_MAX_POINTS = 5_000_000
 # Sign of the last word of a point that was not seen.
 _RESIDUAL = 3
 
@@ -74,11 +74,11 @@ def _read(reader: c3d.Reader, path: Path, markers: Sequence[str] | None) -> Mark
     names = [label.strip() for label in reader.point_labels][: reader.point_used]
     count = reader.last_frame - reader.first_frame + 1
     rate = float(reader.point_rate)
-    if not (names and 0 < count <= _MOST_POINTS and 0.0 < rate <= 1e5):
+    if not (names and 0 < count <= _MAX_POINTS and 0.0 < rate <= 1e5):
         raise DataError(f'{path}: {len(names)} markers, {count} frames at {rate:g} Hz')
     chosen = choose(names, markers)
     columns = list(chosen.values())
-    if count * max(len(columns), 1) > _MOST_POINTS:
+    if count * max(len(columns), 1) > _MAX_POINTS:
         raise DataError(
             f'{path}: {count} frames of {len(columns)} markers are more than can be held'
         )

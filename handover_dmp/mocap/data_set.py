@@ -28,7 +28,7 @@ import shutil
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.tables import quote, read_bytes, read_records, save
 from handover_dmp.mocap.trial import (
-    EXCHANGES,
+    DIRECTIONS,
     HandoverTrial,
     INDEX_COLUMNS,
     INDEX_NAME,
@@ -66,7 +66,7 @@ def read_data_set(folder: str | Path) -> list[HandoverTrial]:
     names: set[tuple[str, str, int]] = set()
     for line, row in read_records(index, INDEX_COLUMNS):
         trial = _read_row(folder, row, f'{index}: line {line}')
-        name = (trial.configuration, trial.exchange, trial.number)
+        name = (trial.configuration, trial.direction, trial.number)
         if name in names:
             raise DataError(f'{index}: line {line}: {trial.label} is there twice')
         names.add(name)
@@ -144,7 +144,7 @@ def check_no_data_set(folder: Path) -> None:
 def file_name(trial: HandoverTrial) -> str:
     """Return the name of a trial's file, `<configuration>_<exchange>_<number>.csv`."""
     configuration = re.sub(r'[^A-Za-z0-9_-]+', '-', trial.configuration).strip('-') or 'unnamed'
-    return f'{configuration}_{trial.exchange}_{trial.number}.csv'
+    return f'{configuration}_{trial.direction}_{trial.number}.csv'
 
 
 def _with_rows(index: Path | None, trials: Sequence[HandoverTrial]) -> str:
@@ -160,7 +160,7 @@ def _with_rows(index: Path | None, trials: Sequence[HandoverTrial]) -> str:
         table, [name.strip() for name in header], extrasaction='ignore', lineterminator=end
     )
     for trial in trials:
-        row = (file_name(trial), trial.configuration, trial.exchange, trial.number)
+        row = (file_name(trial), trial.configuration, trial.direction, trial.number)
         values = (*row, f'{trial.rate_hz:g}', trial.source)
         writer.writerow(dict(zip(_COLUMNS, values, strict=True)))
     return old.rstrip('\r\n ') + end + table.getvalue()
@@ -172,7 +172,7 @@ def _read_row(folder: Path, row: dict[str, str], where: str) -> HandoverTrial:
         raise DataError(f'{where}: file {quote(file)} is not the name of a file in this folder')
     if not row['configuration']:
         raise DataError(f'{where}: configuration is empty')
-    if row['exchange'] not in EXCHANGES:
+    if row['exchange'] not in DIRECTIONS:
         raise DataError(f"{where}: exchange {quote(row['exchange'])} instead of 'give' or 'take'")
     if not re.fullmatch('[0-9]{1,9}', row['trial'], re.ASCII):
         raise DataError(f'{where}: trial {quote(row["trial"])} is not a number')
@@ -182,7 +182,7 @@ def _read_row(folder: Path, row: dict[str, str], where: str) -> HandoverTrial:
     return read_trial(
         path,
         configuration=row['configuration'],
-        exchange=row['exchange'],
+        direction=row['exchange'],
         number=int(row['trial']),
     )
 
@@ -190,9 +190,11 @@ def _read_row(folder: Path, row: dict[str, str], where: str) -> HandoverTrial:
 def _check_frames(folder: Path, trials: Sequence[HandoverTrial]) -> None:
     cases: defaultdict[tuple[str, str], list[HandoverTrial]] = defaultdict(list)
     for trial in trials:
-        cases[trial.configuration, trial.exchange].append(trial)
+        cases[trial.configuration, trial.direction].append(trial)
     for case in cases.values():
-        ends = np.array([np.concatenate([trial.p1[-1], trial.p2[-1]]) for trial in case])
+        ends = np.array(
+            [np.concatenate([trial.partner[-1], trial.demonstrator[-1]]) for trial in case]
+        )
         # Of two, neither is the odd one: the first is what the other is held against.
         usual = ends[0] if len(case) == 2 else np.median(ends, axis=0)
         apart = (ends - usual).reshape(len(case), 2, 3)
@@ -201,6 +203,6 @@ def _check_frames(folder: Path, trials: Sequence[HandoverTrial]) -> None:
         if distances[worst] > SAME_FRAME_M:
             raise DataError(
                 f'{folder / case[worst].source}: its exchange lies {distances[worst]:.2g} m '
-                f'from the others of {case[worst].configuration} {case[worst].exchange}; '
+                f'from the others of {case[worst].configuration} {case[worst].direction}; '
                 'are the frames the same?'
             )

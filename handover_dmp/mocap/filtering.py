@@ -41,7 +41,7 @@ from scipy.linalg import solveh_banded
 
 RATE_HZ = 200.0
 CUTOFF_HZ = 6.0
-_MOST_SAMPLES = 2_000_000
+_MAX_SAMPLES = 2_000_000
 _DEGREE = 3
 # Third differences of the coefficients of a cubic spline are its third derivative.
 _THIRD_DIFFERENCE = np.array([-1.0, 3.0, -3.0, 1.0])
@@ -65,8 +65,10 @@ def condition(
         DataError: rate or cut-off make no sense, or fewer than 10 samples would remain.
 
     """
-    times, positions, _ = smooth(trial.times, np.hstack([trial.p1, trial.p2]), rate_hz, cutoff_hz)
-    return replace(trial, times=times, p1=positions[:, :3], p2=positions[:, 3:])
+    times, positions, _ = smooth(
+        trial.times, np.hstack([trial.partner, trial.demonstrator]), rate_hz, cutoff_hz
+    )
+    return replace(trial, times=times, partner=positions[:, :3], demonstrator=positions[:, 3:])
 
 
 def smooth(
@@ -97,7 +99,7 @@ def smooth(
     elapsed = stamps - stamps[0]
     # A hair's breadth more, for stamps that were rounded when they were written.
     intervals = math.floor(elapsed[-1] * rate_hz + 1e-6)
-    if intervals > _MOST_SAMPLES:
+    if intervals > _MAX_SAMPLES:
         raise DataError(f'{elapsed[-1]:g} s at {rate_hz:g} Hz are more than can be held')
     spline = _fit(elapsed, samples, period, cutoff_hz)
     new = np.arange(intervals + 1) * period

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 METRES = {'m': 1.0, 'cm': 0.01, 'mm': 0.001}
 # Unseen for longer than this, a hand may have been anywhere.
-LONGEST_GAP_S = 0.25
+MAX_GAP_S = 0.25
 _NAMES_SHOWN = 20
 
 
@@ -64,8 +64,8 @@ class MarkerRecording:
 
     def wrists(
         self,
-        p1: Sequence[str],
-        p2: Sequence[str],
+        partner: Sequence[str],
+        demonstrator: Sequence[str],
         *,
         unit: str | None = None,
         up: str | None = None,
@@ -74,8 +74,8 @@ class MarkerRecording:
         Take the wrists of both partners out of the recording.
 
         Args:
-            p1: markers of P1's wrist; the middle between them is the wrist.
-            p2: markers of P2's wrist.
+            partner: markers of P1's wrist; the middle between them is the wrist.
+            demonstrator: markers of P2's wrist.
             unit: of the file, where it does not tell or is wrong.
             up: `z` or `y`, where the file does not tell or is wrong.
 
@@ -88,7 +88,7 @@ class MarkerRecording:
         """
         seen = np.ones(len(self.times), dtype=bool)
         wrists = []
-        for names in (p1, p2):
+        for names in (partner, demonstrator):
             wrist = METRES[unit or self.unit] * np.mean(
                 [self._find(name) for name in names], axis=0
             )
@@ -111,15 +111,15 @@ class WristMotion:
 
     Attributes:
         times: (n,) s, strictly increasing; gaps are where not both were seen.
-        p1: (n, 3) m, z up.
-        p2: (n, 3) m, z up.
+        partner: (n, 3) m, z up.
+        demonstrator: (n, 3) m, z up.
         source: where it comes from, in words.
 
     """
 
     times: NDArray[np.float64]
-    p1: NDArray[np.float64]
-    p2: NDArray[np.float64]
+    partner: NDArray[np.float64]
+    demonstrator: NDArray[np.float64]
     source: str
 
     def checked(self) -> WristMotion:
@@ -137,8 +137,8 @@ class WristMotion:
             raise DataError(f'{self.source}: the two wrists are never seen together')
         for first, end in self.spans():
             part = slice(first, end)
-            both = np.hstack([self.p1[part], self.p2[part]])
-            fault = find_fault(self.times[part], both, longest_s=np.inf, least=1)
+            both = np.hstack([self.partner[part], self.demonstrator[part]])
+            fault = find_fault(self.times[part], both, max_duration_s=np.inf, minimum=1)
             if fault:
                 at = f'{self.times[first + (fault.row or 0)]:.3f} s: '
                 raise DataError(f'{self.source}: {at}{fault.what}')
@@ -146,12 +146,12 @@ class WristMotion:
 
     def spans(self) -> list[tuple[int, int]]:
         """Return first index and end of every stretch without a gap."""
-        breaks = np.flatnonzero(np.diff(self.times) > LONGEST_GAP_S) + 1
+        breaks = np.flatnonzero(np.diff(self.times) > MAX_GAP_S) + 1
         edges = [0, *breaks.tolist(), len(self.times)]
         return list(pairwise(edges))
 
     def trial(
-        self, first: int, end: int, *, configuration: str, exchange: str, number: int
+        self, first: int, end: int, *, configuration: str, direction: str, number: int
     ) -> HandoverTrial:
         """
         Cut a trial out.
@@ -160,7 +160,7 @@ class WristMotion:
             first: index of its first sample.
             end: index after its last sample.
             configuration: where it took place.
-            exchange: `give` or `take`.
+            direction: `give` or `take`.
             number: of the trial.
 
         Returns:
@@ -174,15 +174,15 @@ class WristMotion:
             raise DataError(f'{self.source}: no samples to make a trial of')
         times = self.times[first:end]
         gaps = np.diff(times)
-        if len(gaps) and gaps.max() > LONGEST_GAP_S:
+        if len(gaps) and gaps.max() > MAX_GAP_S:
             at = f'{times[int(np.argmax(gaps))]:.3f} s'
             raise DataError(f'{self.source}: {at}: a wrist is out of sight for {gaps.max():.2g} s')
         return HandoverTrial(
             times=np.round(times - float(times[0]), 6),
-            p1=self.p1[first:end],
-            p2=self.p2[first:end],
+            partner=self.partner[first:end],
+            demonstrator=self.demonstrator[first:end],
             configuration=configuration,
-            exchange=exchange,
+            direction=direction,
             number=number,
             source=self.source,
         )

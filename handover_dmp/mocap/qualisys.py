@@ -33,8 +33,8 @@ from handover_dmp.mocap.markers import choose, MarkerRecording
 from handover_dmp.mocap.tables import iterate_lines, parse_number, parse_numbers, quote
 import numpy as np
 
-_MOST_VALUES = 10_000_000
-_MOST_HEADER_LINES = 10_000
+_MAX_VALUES = 10_000_000
+_MAX_HEADER_LINES = 10_000
 _NOT_SEEN = {'', 'nan', 'null', '-'}
 
 
@@ -62,13 +62,13 @@ def read_qualisys(path: str | Path, markers: Sequence[str] | None = None) -> Mar
         cells = line.split('\t')
         where = f'{path}: line {number}'
         if layout is None and cells[0][:1].isalpha() and not _not_seen(cells[0]):
-            if len(header) > _MOST_HEADER_LINES:
+            if len(header) > _MAX_HEADER_LINES:
                 raise DataError(f'{where}: still no frames')
             header[cells[0].strip()] = [cell.strip() for cell in cells[1:]]
         # Tabs alone are a frame in which no marker was seen.
         elif line.strip(' '):
             layout = layout or _layout(header, markers, len(cells), where)
-            if len(values) > _MOST_VALUES:
+            if len(values) > _MAX_VALUES:
                 raise DataError(f'{where}: more than can be held')
             values.extend(layout.values(cells, where))
             stamps.append(layout.stamp(cells, len(stamps), where))

@@ -57,10 +57,10 @@ class Segmentation:
         apart_m: wrists must part to this, m, before they can exchange again.
         moving_speed: a hand slower than this rests, m/s.
         reach_speed: a hand that reaches gets faster than this, m/s.
-        least_reach_m: P2's wrist goes at least this far, m.
+        min_reach_m: P2's wrist goes at least this far, m.
         margin_s: rest to keep before the first hand starts, s.
-        shortest_s: shorter ones are no handovers, s.
-        longest_s: longer ones are no single handovers, s.
+        min_duration_s: shorter ones are no handovers, s.
+        max_duration_s: longer ones are no single handovers, s.
         giver: `first_mover`, `p2` (all are gives), `p1` (all are takes), `p2_then_p1` or
             `p1_then_p2` (to and fro).
 
@@ -73,10 +73,10 @@ class Segmentation:
     apart_m: float = 0.65
     moving_speed: float = 0.05
     reach_speed: float = 0.2
-    least_reach_m: float = 0.15
+    min_reach_m: float = 0.15
     margin_s: float = 0.1
-    shortest_s: float = 0.4
-    longest_s: float = 6.0
+    min_duration_s: float = 0.4
+    max_duration_s: float = 6.0
     giver: str = 'first_mover'
 
     def __post_init__(self) -> None:
@@ -85,12 +85,12 @@ class Segmentation:
         rising = (
             ('near_m', self.near_m, 'apart_m', self.apart_m),
             ('moving_speed', self.moving_speed, 'reach_speed', self.reach_speed),
-            ('shortest_s', self.shortest_s, 'longest_s', self.longest_s),
+            ('min_duration_s', self.min_duration_s, 'max_duration_s', self.max_duration_s),
         )
         for low_name, low, high_name, high in rising:
             if not 0.0 < low <= high < math.inf:
                 raise UsageError(f'{low_name} {low} and {high_name} {high} are not in order')
-        if not (0.0 <= self.margin_s < math.inf and 0.0 < self.least_reach_m < math.inf):
+        if not (0.0 <= self.margin_s < math.inf and 0.0 < self.min_reach_m < math.inf):
             raise UsageError('margin_s or least_reach_m is out of range')
 
 
@@ -101,13 +101,13 @@ class Segment(NamedTuple):
     Attributes:
         start_s: its beginning on the clock of the recording, s.
         exchange_s: when the wrists have met, s.
-        exchange: `give` or `take`.
+        direction: `give` or `take`.
 
     """
 
     start_s: float
     exchange_s: float
-    exchange: str
+    direction: str
 
 
 class Passage(NamedTuple):
@@ -154,15 +154,15 @@ class SegmentedMotion:
 
         """
         trials: list[HandoverTrial] = []
-        for start_s, exchange_s, exchange in self.segments:
+        for start_s, exchange_s, direction in self.segments:
             first, end = np.searchsorted(self.motion.times, [start_s - 1e-9, exchange_s + 1e-9])
-            number = 1 + sum(trial.exchange == exchange for trial in trials)
+            number = 1 + sum(trial.direction == direction for trial in trials)
             trials.append(
                 self.motion.trial(
                     int(first),
                     int(end),
                     configuration=configuration,
-                    exchange=exchange,
+                    direction=direction,
                     number=number,
                 )
             )
@@ -186,12 +186,12 @@ def segment(motion: WristMotion, thresholds: Segmentation | None = None) -> Segm
     passages: list[Passage] = []
     for first, end in motion.spans():
         times = motion.times[first:end]
-        if len(times) < 4 or times[-1] - times[0] < thresholds.shortest_s:
+        if len(times) < 4 or times[-1] - times[0] < thresholds.min_duration_s:
             continue
-        stretch = _Stretch.of(motion, first, end)
+        section = _Section.of(motion, first, end)
         free_from = 0
-        for near, apart in stretch.meetings(thresholds):
-            found = stretch.handover(free_from, near, apart, thresholds)
+        for near, apart in section.meetings(thresholds):
+            found = section.handover(free_from, near, apart, thresholds)
             free_from = apart
             if isinstance(found, Passage):
                 passages.append(found)
@@ -202,19 +202,19 @@ def segment(motion: WristMotion, thresholds: Segmentation | None = None) -> Segm
     if thresholds.giver in known:
         order = known[thresholds.giver]
         segments = [
-            found._replace(exchange=order[number % 2]) for number, found in enumerate(segments)
+            found._replace(direction=order[number % 2]) for number, found in enumerate(segments)
         ]
     return SegmentedMotion(motion, thresholds, segments, passages)
 
 
 @dataclass(frozen=True, eq=False)
-class _Stretch:
+class _Section:
     """
     A stretch of the recording without gaps, smoothed, at an even rate.
 
     Attributes:
         times: (m,) s.
-        p2: (m, 3) m.
+        demonstrator: (m, 3) m.
         distance: (m,) m, from wrist to wrist.
         speeds: (m,) m/s each, of P1 and of P2.
         closing: (m,) m/s, speed of the wrists relative to each other.
@@ -222,18 +222,18 @@ class _Stretch:
     """
 
     times: NDArray[np.float64]
-    p2: NDArray[np.float64]
+    demonstrator: NDArray[np.float64]
     distance: NDArray[np.float64]
     speeds: tuple[NDArray[np.float64], NDArray[np.float64]]
     closing: NDArray[np.float64]
 
     @classmethod
-    def of(cls, motion: WristMotion, first: int, end: int) -> _Stretch:
-        both = np.hstack([motion.p1[first:end], motion.p2[first:end]])
+    def of(cls, motion: WristMotion, first: int, end: int) -> _Section:
+        both = np.hstack([motion.partner[first:end], motion.demonstrator[first:end]])
         times, positions, velocities = smooth(motion.times[first:end], both, RATE_HZ)
         return cls(
             times=times,
-            p2=positions[:, 3:],
+            demonstrator=positions[:, 3:],
             distance=np.linalg.norm(positions[:, 3:] - positions[:, :3], axis=1),
             speeds=(
                 np.linalg.norm(velocities[:, :3], axis=1),
@@ -259,27 +259,29 @@ class _Stretch:
         self, free_from: int, near: int, apart: int, thresholds: Segmentation
     ) -> Segment | Passage:
         """Find exchange and start of the handover in which the wrists meet from near to apart."""
-        exchange = self._exchange(near, apart, thresholds)
-        at_s = float(self.times[exchange])
+        meeting = self._exchange(near, apart, thresholds)
+        at_s = float(self.times[meeting])
 
-        p1_speed, p2_speed = self.speeds
-        onset = _onset(p2_speed, free_from, exchange, thresholds)
+        partner_speed, demonstrator_speed = self.speeds
+        onset = _onset(demonstrator_speed, free_from, meeting, thresholds)
         if onset is None:
             return Passage(at_s, 'P2 does not reach')
-        way = float(np.linalg.norm(self.p2[exchange] - self.p2[onset]))
-        if way < thresholds.least_reach_m:
-            return Passage(at_s, f'P2 reaches only {way:.2f} m')
-        start, p1_first = onset, False
-        p1_onset = _onset(p1_speed, free_from, exchange, thresholds)
-        reaching = slice(onset, exchange + 1)
-        if p1_onset is not None and (p1_speed[reaching] > thresholds.reach_speed).any():
-            start = min(onset, p1_onset)
-            p1_first = _started(p1_speed, p1_onset, exchange) < _started(p2_speed, onset, exchange)
+        reach_m = float(np.linalg.norm(self.demonstrator[meeting] - self.demonstrator[onset]))
+        if reach_m < thresholds.min_reach_m:
+            return Passage(at_s, f'P2 reaches only {reach_m:.2f} m')
+        start, partner_first = onset, False
+        partner_onset = _onset(partner_speed, free_from, meeting, thresholds)
+        reaching = slice(onset, meeting + 1)
+        if partner_onset is not None and (partner_speed[reaching] > thresholds.reach_speed).any():
+            start = min(onset, partner_onset)
+            partner_first = _started(partner_speed, partner_onset, meeting) < _started(
+                demonstrator_speed, onset, meeting
+            )
         start = max(start - round(thresholds.margin_s * RATE_HZ), free_from)
         start_s = float(self.times[start])
-        if not thresholds.shortest_s <= at_s - start_s <= thresholds.longest_s:
+        if not thresholds.min_duration_s <= at_s - start_s <= thresholds.max_duration_s:
             return Passage(at_s, f'lasts {at_s - start_s:.2f} s')
-        return Segment(start_s, at_s, 'take' if p1_first else 'give')
+        return Segment(start_s, at_s, 'take' if partner_first else 'give')
 
     def _exchange(self, near: int, apart: int, thresholds: Segmentation) -> int:
         together = self.distance[near:apart]
@@ -292,10 +294,10 @@ class _Stretch:
 
 
 def _onset(
-    speed: NDArray[np.float64], free_from: int, exchange: int, thresholds: Segmentation
+    speed: NDArray[np.float64], free_from: int, meeting: int, thresholds: Segmentation
 ) -> int | None:
     """Return where the last reach before the exchange left its rest."""
-    fast = np.flatnonzero(speed[free_from: exchange + 1] > thresholds.reach_speed)  # fmt: skip
+    fast = np.flatnonzero(speed[free_from: meeting + 1] > thresholds.reach_speed)  # fmt: skip
     if len(fast) == 0:
         return None
     last_fast = free_from + int(fast[-1])
@@ -303,9 +305,9 @@ def _onset(
     return free_from + int(rests[-1]) if len(rests) else free_from
 
 
-def _started(speed: NDArray[np.float64], onset: int, exchange: int) -> int:
+def _started(speed: NDArray[np.float64], onset: int, meeting: int) -> int:
     """Return where a hand has started to reach, in proportion to how fast it gets."""
-    reach = speed[onset: exchange + 1]  # fmt: skip
+    reach = speed[onset: meeting + 1]  # fmt: skip
     return onset + int(np.argmax(reach > _STARTED * reach.max()))
 
 

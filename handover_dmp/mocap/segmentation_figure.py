@@ -45,9 +45,9 @@ def draw_segmentation(segmented: SegmentedMotion, path: str | Path) -> None:
     """
     path = Path(path)
     motion, thresholds = segmented.motion, segmented.thresholds
-    least, inches_a_second, most = _WIDTH_IN
+    minimum, inches_a_second, maximum = _WIDTH_IN
     duration = float(motion.times[-1] - motion.times[0])
-    width = min(max(least, inches_a_second * duration), most)
+    width = min(max(minimum, inches_a_second * duration), maximum)
     figure = Figure(figsize=(width, 5.6), layout='constrained')
     if path.suffix.lstrip('.').lower() not in figure.canvas.get_supported_filetypes():
         raise UsageError(f'{path}: no kind of picture by its suffix; .png or .svg will do')
@@ -55,7 +55,7 @@ def draw_segmentation(segmented: SegmentedMotion, path: str | Path) -> None:
     for first, end in motion.spans():
         if end - first < 4:
             continue
-        both = np.hstack([motion.p1[first:end], motion.p2[first:end]])
+        both = np.hstack([motion.partner[first:end], motion.demonstrator[first:end]])
         times, positions, velocities = smooth(motion.times[first:end], both)
         distance = np.linalg.norm(positions[:, 3:] - positions[:, :3], axis=1)
         top.plot(times, distance, color='black', lw=1.4)
@@ -75,7 +75,7 @@ def draw_segmentation(segmented: SegmentedMotion, path: str | Path) -> None:
         axes.set_ylim(bottom=0.0)
         axes.grid(alpha=0.25)
         axes.spines[['top', 'right']].set_visible(False)
-    gives = sum(found.exchange == 'give' for found in segmented.segments)
+    gives = sum(found.direction == 'give' for found in segmented.segments)
     takes = len(segmented.segments) - gives
     left_out = len(segmented.passages)
     top.set_title(
@@ -88,13 +88,13 @@ def draw_segmentation(segmented: SegmentedMotion, path: str | Path) -> None:
 
 
 def _mark_handovers(segmented: SegmentedMotion, top: Axes, bottom: Axes) -> None:
-    for start_s, exchange_s, exchange in segmented.segments:
+    for start_s, exchange_s, direction in segmented.segments:
         for axes in (top, bottom):
-            axes.axvspan(start_s, exchange_s, color=_TINTS[exchange], alpha=0.7, lw=0)
+            axes.axvspan(start_s, exchange_s, color=_TINTS[direction], alpha=0.7, lw=0)
             axes.axvline(exchange_s, color='black', lw=0.8)
         middle = 0.5 * (start_s + exchange_s)
         top.text(
-            middle, 0.04, exchange, transform=top.get_xaxis_transform(), ha='center', fontsize=9
+            middle, 0.04, direction, transform=top.get_xaxis_transform(), ha='center', fontsize=9
         )
     for at_s, reason in segmented.passages:
         top.axvline(at_s, color='gray', lw=1.0, ls=':')

@@ -40,7 +40,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from handover_dmp.common.errors import UsageError
-from handover_dmp.mocap.trial import EXCHANGES, HandoverTrial
+from handover_dmp.mocap.trial import DIRECTIONS, HandoverTrial
 import numpy as np
 from numpy.random import RandomState
 from numpy.typing import NDArray
@@ -156,23 +156,23 @@ def synthesize(
     if not 0.0 <= noise_m <= 0.1:
         raise UsageError(f'noise of {noise_m:g} m is not between 0 and 0.1')
     return [
-        _make_trial(seed, configuration, exchange, number, rate_hz, noise_m)
+        _make_trial(seed, configuration, direction, number, rate_hz, noise_m)
         for configuration in configurations
-        for exchange in EXCHANGES
+        for direction in DIRECTIONS
         for number in range(1, trials + 1)
     ]
 
 
 def _make_trial(
-    seed: int, configuration: str, exchange: str, number: int, rate_hz: float, noise_m: float
+    seed: int, configuration: str, direction: str, number: int, rate_hz: float, noise_m: float
 ) -> HandoverTrial:
     scene = _SCENES[configuration]
-    place = CONFIGURATIONS.index(configuration), EXCHANGES.index(exchange)
+    place = CONFIGURATIONS.index(configuration), DIRECTIONS.index(direction)
     random = RandomState(np.array([seed, *place, number], dtype=np.uint32))
 
     duration = scene.duration_s * _bounded(random, 1.0, _DURATION_SPREAD)
     onset = random.uniform(0.04, 0.12)
-    lead, mechanic_duration = _mechanic_timing(random, exchange, number, duration)
+    lead, mechanic_duration = _mechanic_timing(random, direction, number, duration)
     # The clock starts when the first hand is about to move.
     onset += max(lead, 0.0)
     mechanic_onset = onset - lead
@@ -185,33 +185,33 @@ def _make_trial(
     goal = meeting + np.array(scene.offset) + _spread(random, _OFFSET_SPREAD_M)
 
     if mechanic_duration > 0.0:
-        p1 = _reach(random, times, mechanic_onset, mechanic_duration, work, meeting)
+        partner = _reach(random, times, mechanic_onset, mechanic_duration, work, meeting)
     else:
-        p1 = np.tile(meeting, (len(times), 1))
-    p1 += _sway(random, times)
-    p2 = _reach(random, times, onset, duration, rest, goal)
+        partner = np.tile(meeting, (len(times), 1))
+    partner += _sway(random, times)
+    demonstrator = _reach(random, times, onset, duration, rest, goal)
     curve = np.array(scene.curve) * _bounded(random, 1.0, _CURVE_SPREAD)
-    p2 += _bump((times - onset) / duration)[:, None] * curve
+    demonstrator += _bump((times - onset) / duration)[:, None] * curve
 
-    p1 += noise_m * random.standard_normal(p1.shape)
-    p2 += noise_m * random.standard_normal(p2.shape)
+    partner += noise_m * random.standard_normal(partner.shape)
+    demonstrator += noise_m * random.standard_normal(demonstrator.shape)
     return HandoverTrial(
         times=np.round(times, 6),
-        p1=np.round(p1, 6),
-        p2=np.round(p2, 6),
+        partner=np.round(partner, 6),
+        demonstrator=np.round(demonstrator, 6),
         configuration=configuration,
-        exchange=exchange,
+        direction=direction,
         number=number,
         source=f'synthetic (seed {seed})',
     )
 
 
 def _mechanic_timing(
-    random: RandomState, exchange: str, number: int, duration: float
+    random: RandomState, direction: str, number: int, duration: float
 ) -> tuple[float, float]:
     """Return how long before P2 the mechanic starts (s), and for how long he reaches (s)."""
     reach = 0.8 * duration * _bounded(random, 1.0, _DURATION_SPREAD)
-    if exchange == 'take':
+    if direction == 'take':
         # He brings the tool out, the assistant follows.
         return random.uniform(0.05, 0.30), reach
     lead = random.uniform(-0.30, 0.0)

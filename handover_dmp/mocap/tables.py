@@ -30,11 +30,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 LARGEST_TEXT_BYTES = 16_000_000
-MOST_ROWS = 200_000
+MAX_ROWS = 200_000
 LARGEST_RECORDING_BYTES = 150_000_000
-MOST_RECORDING_LINES = 500_000
-_LONGEST_LINE_BYTES = 1_000_000
-_LONGEST_QUOTE = 40
+MAX_RECORDING_LINES = 500_000
+_MAX_LINE_BYTES = 1_000_000
+_MAX_QUOTE = 40
 # What float() takes beyond this (underscores, digits of other scripts) is no number in a file.
 _NUMBER = re.compile(r'[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?', re.ASCII)
 _NOT_FINITE = re.compile(r'[-+]?(nan|inf|infinity)', re.ASCII | re.IGNORECASE)
@@ -114,10 +114,10 @@ def iterate_lines(path: Path) -> Iterator[tuple[int, str]]:
 
     """
     for number, raw in enumerate(io.BytesIO(read_bytes(path, LARGEST_RECORDING_BYTES)), start=1):
-        if len(raw) > _LONGEST_LINE_BYTES:
-            raise DataError(f'{path}: line {number}: longer than {_LONGEST_LINE_BYTES} bytes')
-        if number > MOST_RECORDING_LINES:
-            raise DataError(f'{path}: more than {MOST_RECORDING_LINES} lines')
+        if len(raw) > _MAX_LINE_BYTES:
+            raise DataError(f'{path}: line {number}: longer than {_MAX_LINE_BYTES} bytes')
+        if number > MAX_RECORDING_LINES:
+            raise DataError(f'{path}: more than {MAX_RECORDING_LINES} lines')
         try:
             line = raw.decode('utf-8-sig' if number == 1 else 'utf-8')
         except UnicodeDecodeError:
@@ -146,8 +146,8 @@ def read_table(path: Path, header: Sequence[str]) -> NDArray[np.float64]:
         raise DataError(
             f'{path}: line 1: header {quote(lines[0])} instead of {",".join(header)!r}'
         )
-    if len(lines) > MOST_ROWS:
-        raise DataError(f'{path}: more than {MOST_ROWS} lines')
+    if len(lines) > MAX_ROWS:
+        raise DataError(f'{path}: more than {MAX_ROWS} lines')
     values = np.empty((len(lines) - 1, len(header)))
     for number, line in enumerate(lines[1:], start=2):
         values[number - 2] = parse_numbers(line.split(','), header, f'{path}: line {number}')
@@ -170,8 +170,8 @@ def read_records(path: Path, columns: Sequence[str]) -> list[tuple[int, dict[str
 
     """
     lines = read_lines(path)
-    if len(lines) > MOST_ROWS:
-        raise DataError(f'{path}: more than {MOST_ROWS} lines')
+    if len(lines) > MAX_ROWS:
+        raise DataError(f'{path}: more than {MAX_ROWS} lines')
     rows = csv.reader(lines, strict=True)
     records = []
     try:
@@ -264,4 +264,4 @@ def parse_number(cell: str, name: str, where: str) -> float:
 
 def quote(text: str) -> str:
     """Return a text for an error message: on one line, and not longer than one."""
-    return repr(text if len(text) <= _LONGEST_QUOTE else text[:_LONGEST_QUOTE] + '…')
+    return repr(text if len(text) <= _MAX_QUOTE else text[:_MAX_QUOTE] + '…')

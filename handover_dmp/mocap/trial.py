@@ -26,16 +26,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 HEADER = ('t', 'p1_x', 'p1_y', 'p1_z', 'p2_x', 'p2_y', 'p2_z')
-EXCHANGES = ('give', 'take')
+DIRECTIONS = ('give', 'take')
 INDEX_NAME = 'trials.csv'
 INDEX_COLUMNS = ('file', 'configuration', 'exchange', 'trial')
 
-LEAST_SAMPLES = 10
+MIN_SAMPLES = 10
 LARGEST_COORDINATE_M = 100.0
 LARGEST_STAMP_S = 1e12
 SHORTEST_PERIOD_S = 1e-5
-LONGEST_GAP_S = 2.0
-LONGEST_DURATION_S = 600.0
+MAX_GAP_S = 2.0
+MAX_DURATION_S = 600.0
 # A hand is neither this fast nor does a dropped sample hide such a way: the frame has changed.
 JUMP_M = 0.3
 JUMP_SPEED = 15.0
@@ -54,10 +54,10 @@ class HandoverTrial:
 
     Attributes:
         times: (n,) seconds, strictly increasing, n >= 10.
-        p1: (n, 3) metres, wrist of P1.
-        p2: (n, 3) metres, wrist of P2.
+        partner: (n, 3) metres, wrist of P1.
+        demonstrator: (n, 3) metres, wrist of P2.
         configuration: where it took place, e.g. `engine_bay`.
-        exchange: `give` (P2 gives to P1) or `take` (P2 takes from P1).
+        direction: `give` (P2 gives to P1) or `take` (P2 takes from P1).
         number: number of the trial within its configuration and exchange.
         source: where it comes from, in words.
 
@@ -67,34 +67,34 @@ class HandoverTrial:
     """
 
     times: NDArray[np.float64]
-    p1: NDArray[np.float64]
-    p2: NDArray[np.float64]
+    partner: NDArray[np.float64]
+    demonstrator: NDArray[np.float64]
     configuration: str = 'unnamed'
-    exchange: str = 'give'
+    direction: str = 'give'
     number: int = 1
     source: str = ''
 
     def __post_init__(self) -> None:
-        for name in ('times', 'p1', 'p2'):
+        for name in ('times', 'partner', 'demonstrator'):
             array = np.array(getattr(self, name), dtype=np.float64)
             array.setflags(write=False)
             object.__setattr__(self, name, array)
-        shapes = (self.times.shape, self.p1.shape, self.p2.shape)
+        shapes = (self.times.shape, self.partner.shape, self.demonstrator.shape)
         count = len(self.times) if self.times.ndim else 0
         if shapes != ((count,), (count, 3), (count, 3)):
             raise DataError(f'{self.label}: shapes {shapes} instead of (n,), (n, 3), (n, 3)')
-        if self.exchange not in EXCHANGES:
+        if self.direction not in DIRECTIONS:
             raise DataError(
-                f"{self.label}: exchange {self.exchange!r} instead of 'give' or 'take'"
+                f"{self.label}: exchange {self.direction!r} instead of 'give' or 'take'"
             )
-        if fault := find_fault(self.times, np.hstack([self.p1, self.p2])):
+        if fault := find_fault(self.times, np.hstack([self.partner, self.demonstrator])):
             where = '' if fault.row is None else f'sample {fault.row}: '
             raise DataError(f'{self.label}: {where}{fault.what}')
 
     @property
     def label(self) -> str:
         """Name for people: configuration, exchange and number."""
-        return f'{self.configuration} {self.exchange} {self.number}'
+        return f'{self.configuration} {self.direction} {self.number}'
 
     @property
     def duration_s(self) -> float:
@@ -126,8 +126,8 @@ def find_fault(
     times: NDArray[np.float64],
     positions: NDArray[np.float64],
     *,
-    least: int = LEAST_SAMPLES,
-    longest_s: float = LONGEST_DURATION_S,
+    minimum: int = MIN_SAMPLES,
+    max_duration_s: float = MAX_DURATION_S,
 ) -> Fault | None:
     """
     Find the first reason why samples cannot be those of one handover.
@@ -135,20 +135,20 @@ def find_fault(
     Args:
         times: (n,) s.
         positions: (n, 3 k) m, the coordinates of k points side by side.
-        least: samples that there must be.
-        longest_s: time from the first to the last that there may be, s.
+        minimum: samples that there must be.
+        max_duration_s: time from the first to the last that there may be, s.
 
     Returns:
         The fault, or None.
 
     """
-    if len(times) < least:
-        return Fault(None, f'{len(times)} samples, at least {least} are needed')
+    if len(times) < minimum:
+        return Fault(None, f'{len(times)} samples, at least {minimum} are needed')
     finite = np.isfinite(times) & np.isfinite(positions).all(axis=1)
     if not finite.all():
         return Fault(int(np.argmin(finite)), 'a value is not a finite number')
     checks = (
-        _time_fault(times, longest_s),
+        _time_fault(times, max_duration_s),
         _place_fault(positions),
         _jump_fault(times, positions),
     )
@@ -160,7 +160,7 @@ def read_trial(
     path: str | Path,
     *,
     configuration: str | None = None,
-    exchange: str | None = None,
+    direction: str | None = None,
     number: int | None = None,
 ) -> HandoverTrial:
     """
@@ -174,7 +174,7 @@ def read_trial(
     Args:
         path: the file.
         configuration: what the trial is a trial of, where it is known.
-        exchange: `give` or `take`, where it is known.
+        direction: `give` or `take`, where it is known.
         number: number of the trial, where it is known.
 
     Returns:
@@ -189,19 +189,19 @@ def read_trial(
     if fault := find_fault(values[:, 0], values[:, 1:]):
         where = '' if fault.row is None else f'line {fault.row + 2}: '
         raise DataError(f'{path}: {where}{fault.what}')
-    if None in (configuration, exchange, number):
+    if None in (configuration, direction, number):
         known = _from_index(path) or describe(path)
         configuration = known[0] if configuration is None else configuration
-        exchange = known[1] if exchange is None else exchange
+        direction = known[1] if direction is None else direction
         number = known[2] if number is None else number
-    if exchange not in EXCHANGES:
-        raise DataError(f"{path}: exchange {exchange!r} instead of 'give' or 'take'")
+    if direction not in DIRECTIONS:
+        raise DataError(f"{path}: exchange {direction!r} instead of 'give' or 'take'")
     return HandoverTrial(
         times=values[:, 0],
-        p1=values[:, 1:4],
-        p2=values[:, 4:7],
+        partner=values[:, 1:4],
+        demonstrator=values[:, 4:7],
         configuration=str(configuration),
-        exchange=exchange,
+        direction=direction,
         number=int(number or 0),
         source=path.name,
     )
@@ -238,18 +238,18 @@ def write_trial(trial: HandoverTrial, path: str | Path) -> None:
         DataError: it cannot be written there.
 
     """
-    rows = np.column_stack([trial.times, trial.p1, trial.p2]).tolist()
+    rows = np.column_stack([trial.times, trial.partner, trial.demonstrator]).tolist()
     lines = [','.join(HEADER), *(','.join(map(repr, row)) for row in rows)]
     save(Path(path), '\n'.join(lines) + '\n')
 
 
-def _time_fault(times: NDArray[np.float64], longest_s: float) -> Fault | None:
+def _time_fault(times: NDArray[np.float64], max_duration_s: float) -> Fault | None:
     if abs(times[0]) > LARGEST_STAMP_S:
         return Fault(0, f'time {times[0]:g} s is absurd')
     periods = np.diff(times)
-    wrong = (periods < SHORTEST_PERIOD_S) | (periods > LONGEST_GAP_S)
+    wrong = (periods < SHORTEST_PERIOD_S) | (periods > MAX_GAP_S)
     if not wrong.any():
-        if times[-1] - times[0] > longest_s:
+        if times[-1] - times[0] > max_duration_s:
             return Fault(None, f'{times[-1] - times[0]:.0f} s are too long for one handover')
         return None
     row = int(np.argmax(wrong)) + 1
@@ -258,7 +258,7 @@ def _time_fault(times: NDArray[np.float64], longest_s: float) -> Fault | None:
         return Fault(row, f'time runs backwards, from {before:g} to {now:g} s')
     if now == before:
         return Fault(row, f'time {now:g} s is repeated')
-    if now - before > LONGEST_GAP_S:
+    if now - before > MAX_GAP_S:
         return Fault(row, f'no sample for {now - before:.3g} s before this one')
     return Fault(row, f'only {now - before:.3g} s after the sample before')
 

@@ -25,7 +25,7 @@ from handover_dmp.recording.bag_writer import BagWriter
 from handover_dmp.recording.message_definitions import message_definition
 from handover_dmp.recording.messages import header, Message, pose_stamped
 from handover_dmp.recording.qos import LATCHED, SENSOR
-from handover_dmp.topics import FRAME, HAND_POSE, HUMAN_POSE, SIGNAL, Topic
+from handover_dmp.topics import DEMONSTRATOR_POSE, FRAME, HAND_POSE, SIGNAL, Topic
 import numpy as np
 from numpy.typing import NDArray
 
@@ -63,11 +63,11 @@ def write_trial_bag(trial: HandoverTrial, folder: Path | str, compression: str =
     """
     about = {
         'configuration': trial.configuration,
-        'exchange': trial.exchange,
+        'exchange': trial.direction,
         'trial': str(trial.number),
         'source': trial.source,
     }
-    topics = ((HAND_POSE, SENSOR), (HUMAN_POSE, SENSOR), (SIGNAL, LATCHED))
+    topics = ((HAND_POSE, SENSOR), (DEMONSTRATOR_POSE, SENSOR), (SIGNAL, LATCHED))
     for topic, _ in topics:
         message_definition(topic.type_name)  # where one is missing, no empty bag is left
     with BagWriter(folder, compression=compression, custom_data=about) as bag:
@@ -84,13 +84,15 @@ def _rows(trial: HandoverTrial) -> Iterator[Row]:
     before = range(-round(REST_BEFORE_S * 1e9 / step_ns), 0)
     after = range(1, round(REST_AFTER_S * 1e9 / step_ns) + 1)
     for count in before:
-        yield _pose(HAND_POSE, times_ns[0] + count * step_ns, trial.p1[0])
+        yield _pose(HAND_POSE, times_ns[0] + count * step_ns, trial.partner[0])
     yield START_NS, SIGNAL.name, header(START_NS, FRAME)
-    for time_ns, p1, p2 in zip(times_ns, trial.p1, trial.p2, strict=True):
-        yield _pose(HAND_POSE, time_ns, p1)
-        yield _pose(HUMAN_POSE, time_ns, p2)
+    for time_ns, partner, demonstrator in zip(
+        times_ns, trial.partner, trial.demonstrator, strict=True
+    ):
+        yield _pose(HAND_POSE, time_ns, partner)
+        yield _pose(DEMONSTRATOR_POSE, time_ns, demonstrator)
     for count in after:
-        yield _pose(HAND_POSE, times_ns[-1] + count * step_ns, trial.p1[-1])
+        yield _pose(HAND_POSE, times_ns[-1] + count * step_ns, trial.partner[-1])
 
 
 def _pose(topic: Topic, time_ns: int, position: NDArray[np.float64]) -> Row:

@@ -117,7 +117,7 @@ def rotation_of(message: PoseStamped) -> NDArray[np.float64] | None:
     return matrix
 
 
-def labelled(
+def to_float_array(
     values: Mapping[str, float], *, into: Float64MultiArray | None = None
 ) -> Float64MultiArray:
     """
@@ -147,7 +147,7 @@ def velocities_of(
     return (linear.x, linear.y, linear.z), (angular.x, angular.y, angular.z)
 
 
-def answering(
+def to_joint_command(
     time_ns: int, velocities: Iterable[float], *, into: Float64MultiArray | None = None
 ) -> Float64MultiArray:
     """

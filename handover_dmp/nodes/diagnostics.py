@@ -103,7 +103,7 @@ class Diagnostics:
         self._periods = periods
         self._condition = condition
         self._publisher = node.advertise(DIAGNOSTICS)
-        node.housekeeping.add(self.publish)
+        node.once_per_second.add(self.publish)
 
     def publish(self) -> None:
         """Publish now."""

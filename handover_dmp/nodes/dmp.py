@@ -26,6 +26,7 @@ from time import monotonic
 from geometry_msgs.msg import PoseStamped
 from handover_dmp.dmp import DecoupledDmp, relearn
 from handover_dmp.dmp.parameters import RANGES
+from handover_dmp.handover.approach import ApproachOptions
 from handover_dmp.handover.controller import (
     HandoverController,
     HandoverOptions,
@@ -34,7 +35,6 @@ from handover_dmp.handover.controller import (
 )
 from handover_dmp.handover.scenario import example_model, read_model
 from handover_dmp.nodes.conversions import (
-    labelled,
     NANOSECONDS,
     nanoseconds,
     pose_message,
@@ -43,6 +43,7 @@ from handover_dmp.nodes.conversions import (
     quaternion_of,
     rotation_of,
     stamp,
+    to_float_array,
     twist_message,
     values_of,
 )
@@ -52,7 +53,7 @@ from handover_dmp.nodes.markers import Markers
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import declare, HAND, on_change, Parameter, TIMER, Values
 from handover_dmp.nodes.punctual_timer import PunctualTimer
-from handover_dmp.nodes.spinning import run
+from handover_dmp.nodes.spin import run
 from handover_dmp.topics import (
     FRAME,
     HAND_POSE,
@@ -69,12 +70,12 @@ from handover_dmp.tracking import GoalEstimator, HandFilter
 import numpy as np
 from std_msgs.msg import Float64MultiArray, Header, String
 
-LONGEST_STALL_S = 0.5
+MAX_STALL_S = 0.5
 """Beyond this, by the clock of the periods or of the processor, a motion is not taken up again."""
 WAKING_PERIODS = 10
 """After a stall in motion, periods that may still be some that were asked for during it."""
-LONGEST_GAP_S = 0.05
-"""What `LONGEST_STALL_S` is in these."""
+MAX_GAP_S = 0.05
+"""What `MAX_STALL_S` is in these."""
 PRIMITIVE = (
     Parameter('stiffness', 'K of (8)', *RANGES['stiffness']),
     Parameter('damping', 'D of (8); 0: critical, 2 sqrt(K)', *RANGES['damping']),
@@ -96,6 +97,19 @@ HANDOVER = (
     Parameter('acceleration_limit', 'of the wrist command, m/s2', 0.1, 1000.0),
     Parameter('tracking_error_limit_m', 'how far the command may run ahead, m', 0.001, 10.0),
     Parameter('phase_stopping', 'whether an arm that cannot keep up slows the phase'),
+)
+APPROACH = (
+    Parameter('approach.enabled', 'whether the wrist never passes a hand that is nearer'),
+    Parameter('approach.near_m', 'distance left where the goal takes over, m', 0.001, 1.0),
+    Parameter('approach.shape_beyond_m', 'if the shape leads so far beyond it, m', 0.001, 10.0),
+    Parameter(
+        'approach.astray',
+        'or if the wrist gets farther from it than at its start, part',
+        0.01,
+        10.0,
+    ),
+    Parameter('approach.beyond_m', 'how far beyond the goal the wrist may get, m', 0.0, 1.0),
+    Parameter('approach.braking_share', 'of the acceleration limit, to brake', 0.05, 1.0),
 )
 HAND_FILTER = (
     Parameter('hand_filter.acceleration_noise', 'of the hand, m/s2/sqrt(Hz)', 1e-6, 1e3),
@@ -120,6 +134,7 @@ class Dmp(HandoverNode):
         *TIMER,
         *HAND,
         *HANDOVER,
+        *APPROACH,
         *(replace(parameter, read_only=True) for parameter in HAND_FILTER),
     )  # fmt: skip
 
@@ -132,7 +147,7 @@ class Dmp(HandoverNode):
         self._controller = HandoverController(
             _with_parameters(learnt, self.values), _options(self.values), _estimator(self.values)
         )
-        on_change(self, HANDOVER + PRIMITIVE, self._prepare)
+        on_change(self, HANDOVER + APPROACH + PRIMITIVE, self._prepare)
         period_s = 1.0 / self.values['rate_hz']
         self._period_ns = round(period_s * NANOSECONDS)
         self._periods = Periods(period_s)
@@ -164,7 +179,7 @@ class Dmp(HandoverNode):
         if not self.lockstep:
             self._timer = PunctualTimer(self, period_s, self._tick)
         Diagnostics(self, self._periods, self._condition)
-        self._say()
+        self._publish_state()
 
     def _connect(self) -> None:
         self._pose_command = self.advertise(POSE_COMMAND)
@@ -301,17 +316,17 @@ class Dmp(HandoverNode):
         self._pose = pose_message(time, command.position, self._orientation, into=self._pose)
         self._twist = twist_message(time, command.velocity, into=self._twist)
         known = {'hand_stamp_s': self._controller.hand_stamp_s, 'period': self._periods.count}
-        self._values = labelled({**command.numbers(now_s), **known}, into=self._values)
+        self._values = to_float_array({**command.status_values(now_s), **known}, into=self._values)
         self._publish()
-        self._say()
+        self._publish_state()
         controller = self._controller
-        self._markers.update(time, controller.hand, controller.wrist, controller.exchange)
+        self._markers.update(time, controller.hand, controller.wrist, controller.exchange_position)
 
     def _watch_time(self, now_s: float, arrival_s: float) -> None:
         """Take up nothing that began before this node did, or before it stalled for long."""
         last_s, self._stepped_s = self._stepped_s, arrival_s
         stepped_s, self._stepped_monotonic_s = self._stepped_monotonic_s, monotonic()
-        stalled = self._stepped_monotonic_s - stepped_s > LONGEST_STALL_S
+        stalled = self._stepped_monotonic_s - stepped_s > MAX_STALL_S
         self._since_stall = 0 if stalled and self._stepped_in_motion else self._since_stall + 1
         if last_s is None or arrival_s < last_s:
             self._begun_s = now_s
@@ -321,8 +336,8 @@ class Dmp(HandoverNode):
             return
         # the first periods after a stall may be some that were asked for during it
         woken = self._since_stall < WAKING_PERIODS
-        longest_s = LONGEST_GAP_S if woken else LONGEST_STALL_S
-        if 0 <= arrival_s - last_s <= longest_s:
+        max_duration_s = MAX_GAP_S if woken else MAX_STALL_S
+        if 0 <= arrival_s - last_s <= max_duration_s:
             return
         if self._controller.state in MOVING:
             self._fault('time jumped, or this node stalled: aborted')
@@ -340,7 +355,7 @@ class Dmp(HandoverNode):
             self._twist_command.publish(self._twist)
             self._phase.publish(self._values)
 
-    def _say(self) -> None:
+    def _publish_state(self) -> None:
         state = self._controller.state.value
         if state != self._said:
             self._said = state
@@ -370,12 +385,16 @@ class Dmp(HandoverNode):
 
 
 def _options(values: Values) -> HandoverOptions:
-    return HandoverOptions(**{parameter.name: values[parameter.name] for parameter in HANDOVER})
+    rules = {parameter.name: values[parameter.name] for parameter in HANDOVER}
+    return HandoverOptions(**rules, approach=ApproachOptions(**_nested(values, APPROACH)))
 
 
 def _estimator(values: Values) -> GoalEstimator:
-    names = (parameter.name for parameter in HAND_FILTER)
-    return GoalEstimator(HandFilter(**{name.partition('.')[2]: values[name] for name in names}))
+    return GoalEstimator(HandFilter(**_nested(values, HAND_FILTER)))
+
+
+def _nested(values: Values, parameters: Sequence[Parameter]) -> Values:
+    return {parameter.name.partition('.')[2]: values[parameter.name] for parameter in parameters}
 
 
 def _with_parameters(model: DecoupledDmp, values: Values) -> DecoupledDmp:

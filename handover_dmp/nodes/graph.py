@@ -36,13 +36,13 @@ from typing import Any
 from handover_dmp.common.errors import HandoverError
 from handover_dmp.common.resources import share_path
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
-from handover_dmp.nodes.leaving import leave
 from handover_dmp.nodes.qos import message_class, qos_profile
-from handover_dmp.nodes.spinning import LONGEST_END_S, PARENT_VARIABLE, STDERR
+from handover_dmp.nodes.shutdown import shut_down
+from handover_dmp.nodes.spin import MAX_END_S, PARENT_VARIABLE, STDERR
 from handover_dmp.topics import (
     CLOCK,
+    DEMONSTRATOR_POSE,
     HAND_POSE,
-    HUMAN_POSE,
     IK_STATUS,
     JOINT_COMMAND,
     JOINT_STATES,
@@ -65,7 +65,7 @@ import yaml
 
 NODES = ('recorder', 'hand_tracker', 'dmp', 'priority_ik', 'robot_sim')
 RECORDED_AND_READ = (HAND_POSE, WRIST_POSE, POSE_COMMAND, TWIST_COMMAND, IK_STATUS, JOINT_STATES)
-RECORDED_ALONE = (HUMAN_POSE, PHASE)
+RECORDED_ALONE = (DEMONSTRATOR_POSE, PHASE)
 START_TIMEOUT_S = 90.0
 CALL_TIMEOUT_S = 30.0
 ANSWER_S = 2.0
@@ -328,8 +328,8 @@ class Graph:
         ends += [(topic.name, 1) for topic in RECORDED_ALONE]
         ends.append((JOINT_COMMAND.name, 2))
         return all(
-            self.node.count_publishers(name) >= 1 and self.node.count_subscribers(name) >= least
-            for name, least in ends
+            self.node.count_publishers(name) >= 1 and self.node.count_subscribers(name) >= minimum
+            for name, minimum in ends
         )
 
     def _wait_for(self, condition: Callable[[], bool], timeout_s: float, fault: str) -> None:
@@ -362,10 +362,10 @@ class Graph:
             except subprocess.TimeoutExpired:
                 process.kill()
         # as in a node: what hangs in DDS ends here all the same, and says where it was
-        faulthandler.dump_traceback_later(LONGEST_END_S, exit=True, file=STDERR)
+        faulthandler.dump_traceback_later(MAX_END_S, exit=True, file=STDERR)
         try:
             self._executor.shutdown()
-            leave(self.node)
+            shut_down(self.node)
         finally:
             faulthandler.cancel_dump_traceback_later()
         return {name: process.wait() for name, process in self.processes.items()}

@@ -27,8 +27,8 @@ from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.lockstep import Lockstep
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import Parameter, Values
-from handover_dmp.nodes.spinning import run
-from handover_dmp.topics import CLOCK, FRAME, HAND_POSE, HUMAN_POSE, SIGNAL
+from handover_dmp.nodes.spin import run
+from handover_dmp.topics import CLOCK, DEMONSTRATOR_POSE, FRAME, HAND_POSE, SIGNAL
 from handover_dmp.tracking.playback import HandSample, PlayedBag, PlayedTrial
 from handover_dmp.tracking.sensor_model import SensorModel
 from std_msgs.msg import Header
@@ -69,7 +69,7 @@ class HandTracker(HandoverNode):
         self._messages: list[PoseStamped] = []
         self._person: list[PoseStamped] = []
         self._hand_pose = self.advertise(HAND_POSE)
-        self._human_pose = self.advertise(HUMAN_POSE)
+        self._demonstrator_pose = self.advertise(DEMONSTRATOR_POSE)
         self._signal = self.advertise(SIGNAL)
         self.serve('replay', self._replay)
         if values['replay_at_s'] >= 0.0:
@@ -100,14 +100,14 @@ class HandTracker(HandoverNode):
         self._periods.tick()
         now_s = time_ns / NANOSECONDS
         self._messages = [_message(sample) for sample in self._played.hand(now_s)]
-        self._person = [_message(sample) for sample in self._played.human(now_s)]
+        self._person = [_message(sample) for sample in self._played.demonstrator(now_s)]
         self._publish()
 
     def _publish(self) -> None:
         for message in self._messages:
             self._hand_pose.publish(message)
         for message in self._person:
-            self._human_pose.publish(message)
+            self._demonstrator_pose.publish(message)
 
     def _condition(self) -> tuple[str, dict[str, str]]:
         return '', {'replay starts at (s)': f'{self._played.start_s:.3f}'}

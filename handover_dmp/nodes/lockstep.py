@@ -35,7 +35,7 @@ ASK_AGAIN_S = 0.15
 PATIENCE_WHEN_GONE_S = ASK_AGAIN_S
 HEAD_START_S = 3 * ASK_AGAIN_S
 JUMP_PERIODS = 10
-LONGEST_LATENESS_S = 0.1
+MAX_LATENESS_S = 0.1
 
 
 class Lockstep:
@@ -139,7 +139,7 @@ class Pace:
         """
         Tell how long to wait before the next period.
 
-        A period that came late is made up by the next ones; later than `LONGEST_LATENESS_S`, as
+        A period that came late is made up by the next ones; later than `MAX_LATENESS_S`, as
         after a pause, time goes on from where it is.
 
         Args:
@@ -151,6 +151,6 @@ class Pace:
 
         """
         self._due_s += period_s
-        if self._due_s < now_s - LONGEST_LATENESS_S:
+        if self._due_s < now_s - MAX_LATENESS_S:
             self._due_s = now_s
         return max(0.0, self._due_s - now_s)

@@ -61,7 +61,11 @@ class Markers:
         self._count = 0
 
     def update(
-        self, time: Time, hand: Position | None, wrist: Position | None, exchange: Position | None
+        self,
+        time: Time,
+        hand: Position | None,
+        wrist: Position | None,
+        exchange_position: Position | None,
     ) -> None:
         """
         Show where all is now.
@@ -70,21 +74,21 @@ class Markers:
             time: stamp of the markers.
             hand: of the partner, m.
             wrist: of the robot, m.
-            exchange: where the object changed hands, m.
+            exchange_position: where the object changed hands, m.
 
         """
         self._count += 1
         if self._count % EVERY:
             return
         markers = [self._path]
-        if self._exchanged and exchange is None:  # another handover
+        if self._exchanged and exchange_position is None:  # another handover
             self._hand.clear()
             self._wrist.clear()
             markers.append(Marker(ns='exchange', action=Marker.DELETE))
-        self._exchanged = exchange is not None
+        self._exchanged = exchange_position is not None
         markers += self._hand.to(hand) + self._wrist.to(wrist)
-        if exchange is not None:
-            self._exchange.pose.position = _point(exchange)
+        if exchange_position is not None:
+            self._exchange.pose.position = _point(exchange_position)
             markers.append(self._exchange)
         for marker in markers:
             marker.header.stamp = time

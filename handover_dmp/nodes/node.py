@@ -23,7 +23,7 @@ from typing import Any, ClassVar
 from builtin_interfaces.msg import Time
 from handover_dmp.common.errors import UsageError
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
-from handover_dmp.nodes.housekeeping import Housekeeping
+from handover_dmp.nodes.once_per_second import OncePerSecond
 from handover_dmp.nodes.parameters import COMMON, declare, Parameter
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.topics import Topic
@@ -62,7 +62,7 @@ class HandoverNode(Node):  # type: ignore[misc]
         if self.lockstep and not (self.simulated or self.MAKES_TIME):
             raise UsageError(f'{self.NAME}: lockstep is for use_sim_time alone')
         self.add_on_set_parameters_callback(_keep_the_clock)
-        self.housekeeping = Housekeeping(self)
+        self.once_per_second = OncePerSecond(self)
 
     def advertise(self, topic: Topic) -> Publisher:
         """
@@ -127,7 +127,7 @@ class HandoverNode(Node):  # type: ignore[misc]
 
         def period() -> None:
             callback()
-            self.housekeeping.period_ended()
+            self.once_per_second.period_ended()
 
         return self.create_timer(period_s, period, clock=clock)
 

@@ -25,14 +25,14 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from handover_dmp.nodes.conversions import (
-    answering,
-    labelled,
     NANOSECONDS,
     nanoseconds,
     pose_message,
     position_of,
     quaternion_of,
     rotation_of,
+    to_float_array,
+    to_joint_command,
     velocities_of,
 )
 from handover_dmp.nodes.diagnostics import Diagnostics, Periods
@@ -40,7 +40,7 @@ from handover_dmp.nodes.lockstep import HEAD_START_S, Lockstep
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import ARM, HAND, on_change, Parameter, TIMER, Values
 from handover_dmp.nodes.punctual_timer import PunctualTimer
-from handover_dmp.nodes.spinning import run
+from handover_dmp.nodes.spin import run
 from handover_dmp.robot.model import BasePlacement, RobotModel
 from handover_dmp.robot.priority_ik import IkOptions, ORIENTATIONS, PriorityIk, WristTarget
 from handover_dmp.robot.separation import Partner
@@ -59,7 +59,7 @@ from handover_dmp.tracking import GoalEstimator
 import numpy as np
 from sensor_msgs.msg import JointState
 
-LONGEST_STEP = 4.0
+MAX_STEP = 4.0
 TIMEOUTS = (
     Parameter('joint_state_timeout_s', 'older: the arm brakes without looking, s', 0.005, 10.0),
     Parameter('command_timeout_s', 'older: the arm brakes, s', 0.005, 10.0),
@@ -77,9 +77,9 @@ TASKS = (
     Parameter('elbow_distance', 'kept from the partner if possible, m', 0.0, 2.0),
     Parameter('elbow_gain', 'for that, 1/s', 0.0, 50.0),
     Parameter('braking_share', 'of the acceleration limit', 0.01, 1.0),
-    Parameter('stretch_activation', 'singular value that limits outward speed, m', 0.0, 2.0),
-    Parameter('stretch_least', 'singular value at the end of reach, m', 0.0, 2.0),
-    Parameter('stretch_rate', 'towards it, 1/s', 0.0, 50.0),
+    Parameter('singularity_activation', 'singular value that limits outward speed, m', 0.0, 2.0),
+    Parameter('singularity_min', 'singular value at the end of reach, m', 0.0, 2.0),
+    Parameter('singularity_rate', 'towards it, 1/s', 0.0, 50.0),
     Parameter('separation', 'whether the wrist is slowed near the hand'),
     Parameter('separation_distance', 'to the hand, m', 0.0, 5.0),
     Parameter('separation_speed', 'within it, relative to the hand, m/s', 0.0, 5.0),
@@ -282,7 +282,7 @@ class PriorityIkNode(HandoverNode):
             self._take(self._pose, None, now_s)
             self._pose = None
         elapsed_s = self._period_s if last_s is None else max(now_s - last_s, 0.0)
-        elapsed_s = min(elapsed_s, LONGEST_STEP * self._period_s)
+        elapsed_s = min(elapsed_s, MAX_STEP * self._period_s)
         self._solve(now_s, elapsed_s, time_ns)
         # only now, since a period that is due would have to wait for it
         self._publish_wrist()
@@ -293,14 +293,16 @@ class PriorityIkNode(HandoverNode):
         self._fault = command.reason
         self._commands = command.velocities is not None
         if command.velocities is not None:
-            self._command = answering(time_ns, command.velocities.tolist(), into=self._command)
+            self._command = to_joint_command(
+                time_ns, command.velocities.tolist(), into=self._command
+            )
         followed = {
             'command_stamp_s': self._followed_s,
             'command_age_s': now_s - self._follows_since_s,
             'period': self._periods.count,
         }
-        numbers = {**command.numbers(time_ns / NANOSECONDS), **followed}
-        self._status = labelled(numbers, into=self._status)
+        numbers = {**command.status_values(time_ns / NANOSECONDS), **followed}
+        self._status = to_float_array(numbers, into=self._status)
         self._active = command.solution.active_limits if command.solution else ()
         self._publish()
 
@@ -316,7 +318,7 @@ class PriorityIkNode(HandoverNode):
             command = self._controller.stop('told to end', self._period_s)
             if command.velocities is None:
                 return
-            self._joint_command.publish(answering(self.now_ns(), command.velocities))
+            self._joint_command.publish(to_joint_command(self.now_ns(), command.velocities))
             sleep(self._period_s)
 
     # Condition

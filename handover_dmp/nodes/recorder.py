@@ -26,7 +26,7 @@ from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import Parameter
 from handover_dmp.nodes.qos import message_class, qos_profile
-from handover_dmp.nodes.spinning import run
+from handover_dmp.nodes.spin import run
 from handover_dmp.recording import BagWriter, Qos
 from handover_dmp.recording.messages import string
 from handover_dmp.topics import CLOCK, INFO, Quality, TOPICS

@@ -28,7 +28,7 @@ from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.lockstep import ASK_AGAIN_S, HEAD_START_S, Pace
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import ARM, declare, on_change, Parameter, Values
-from handover_dmp.nodes.spinning import run
+from handover_dmp.nodes.spin import run
 from handover_dmp.robot.model import BasePlacement, RobotModel
 from handover_dmp.simulation.arm import ArmOptions, ArmState, SimulatedArm
 from handover_dmp.simulation.self_check import check_models
@@ -40,9 +40,9 @@ from std_msgs.msg import Float64MultiArray, String
 LOOK_S = 0.02
 PATIENCE_WHEN_LOST_S = 0.5
 
-LEAST_FACTOR = 0.01
+MIN_FACTOR = 0.01
 """Slower, and a period would keep the node from its services and from ending."""
-LONGEST_STEP_S = 1.0
+MAX_STEP_S = 1.0
 """Where the clock of another simulator leaps further, it has begun or begun anew."""
 
 CHANGEABLE = (
@@ -182,7 +182,7 @@ class RobotSim(HandoverNode):
         now_s = self.arrival_s()
         elapsed_s = now_s - self._stepped_s
         self._stepped_s = now_s
-        leapt = self.simulated and not 0.0 <= elapsed_s <= LONGEST_STEP_S
+        leapt = self.simulated and not 0.0 <= elapsed_s <= MAX_STEP_S
         if not (self._paused or leapt):
             self._arm.advance(elapsed_s)
         self._publish()
@@ -240,8 +240,8 @@ class RobotSim(HandoverNode):
 
 def _check_factor(values: Values) -> None:
     factor = values['real_time_factor']
-    if 0.0 < factor < LEAST_FACTOR:
-        raise UsageError(f'real_time_factor is {factor:g}: 0, or at least {LEAST_FACTOR:g}')
+    if 0.0 < factor < MIN_FACTOR:
+        raise UsageError(f'real_time_factor is {factor:g}: 0, or at least {MIN_FACTOR:g}')
 
 
 def main() -> int:

@@ -45,13 +45,22 @@ Style = dict[str, Any]
 # so that nothing hangs on telling red from green.
 HAND: Style = {'color': '#c8372d', 'linewidth': 1.8, 'linestyle': '-', 'zorder': 2.2}
 ROBOT: Style = {'color': '#1f4e9c', 'linewidth': 2.2, 'linestyle': '-', 'zorder': 2.3}
-HUMAN: Style = {'color': '#4caf72', 'linewidth': 1.8, 'linestyle': (0, (5, 2)), 'zorder': 2.1}
+DEMONSTRATOR: Style = {
+    'color': '#4caf72',
+    'linewidth': 1.8,
+    'linestyle': (0, (5, 2)),
+    'zorder': 2.1,
+}
 COMMAND: Style = {'color': '#111111', 'linewidth': 1.0, 'linestyle': (0, (1, 1.5)), 'zorder': 2.4}
 LIMIT: Style = {'color': '#8a1c7c', 'linewidth': 1.0, 'linestyle': (0, (6, 2, 1, 2))}
 QUIET: Style = {'color': '#59626d', 'linewidth': 1.5, 'linestyle': '-'}
 EXCHANGE_COLOUR = '#f3d9a4'
 FEEDBACK_COLOUR = '#e3e7ec'
-HAND_NAME, ROBOT_NAME, HUMAN_NAME = "partner's hand (P1)", 'robot wrist', 'human in its place (P2)'
+HAND_NAME, ROBOT_NAME, DEMONSTRATOR_NAME = (
+    "partner's hand (P1)",
+    'robot wrist',
+    'human in its place (P2)',
+)
 
 STYLE: Style = {
     'font.size': 10,
@@ -316,7 +325,7 @@ def draw_inverse_kinematics(run: RunRecord) -> Figure | None:
     if not panels:
         return None
     with _panels(len(panels), 1.35, run) as (figure, axes):
-        for ax, (key, label, factor, span, least) in zip(axes, panels, strict=True):
+        for ax, (key, label, factor, span, minimum) in zip(axes, panels, strict=True):
             step: Style = {'drawstyle': 'steps-post'} if key == 'active_limits' else {}
             ax.plot(run.ik_times, run.ik[key] * factor, **QUIET, **step)
             ax.set_ylabel(label)
@@ -324,7 +333,7 @@ def draw_inverse_kinematics(run: RunRecord) -> Figure | None:
                 ax.set_ylim(span)
             else:
                 ax.set_ylim(
-                    0.0, 1.08 * max(least, float(np.nanmax(run.ik[key], initial=0.0)) * factor)
+                    0.0, 1.08 * max(minimum, float(np.nanmax(run.ik[key], initial=0.0)) * factor)
                 )
                 ax.yaxis.set_major_locator(MaxNLocator(3, integer=key == 'active_limits'))
     return figure
@@ -413,7 +422,7 @@ def _tracks(run: RunRecord) -> list[tuple[Array, Array, Style, str]]:
     tracks = [
         (run.hand_times, run.hand_positions, HAND, HAND_NAME),
         (run.wrist_times, run.wrist_positions, ROBOT, ROBOT_NAME),
-        (run.human_times, run.human_positions, HUMAN, HUMAN_NAME),
+        (run.demonstrator_times, run.demonstrator_positions, DEMONSTRATOR, DEMONSTRATOR_NAME),
     ]
     return [track for track in tracks if len(track[0])]
 

@@ -27,8 +27,8 @@ import numpy as np
 # the wrist follows the hand alone where the goal has all the weight
 FEEDBACK_WEIGHT = 0.99
 # below this speed a hand at rest and its noise would be taken for a moving one
-LEAST_HAND_SPEED = 0.05
-LEAST_FEEDBACK_SAMPLES = 20
+MIN_HAND_SPEED = 0.05
+MIN_FEEDBACK_SAMPLES = 20
 # a lag that is known no better than this is not known
 LARGEST_LAG_ERROR_S = 0.01
 # 1/s, of springs that bring a wrist to its goal in a second and in a twentieth of one
@@ -36,7 +36,7 @@ DECAYS = np.geomspace(3.0, 60.0, 60)
 # a hundredth of a millimetre is less than any tracker or arm can tell
 RESOLUTION_M = 1e-5
 # what comes less often is no stream
-LEAST_RATE_SAMPLES = 10
+MIN_RATE_SAMPLES = 10
 # of the limits: measured joint states carry the noise of the simulator or of the encoders
 LIMIT_TOLERANCE = 0.01
 
@@ -59,10 +59,11 @@ def measure(run: RunRecord) -> Numbers:
         'states': [{'time_s': time_s, 'state': state} for time_s, state in run.states],
         **_durations(run),
         **_exchange(run),
+        **_against_demonstration(run),
         **_speeds(run),
         'lag': lag_behind_hand(run),
         'arm_lag': lag_behind_command(run),
-        'to_human': _to_human(run),
+        'to_human': _to_demonstrator(run),
         'limits': joint_limits(run),
         **_hand_age(run),
         'inverse_kinematics': _inverse_kinematics(run),
@@ -121,9 +122,9 @@ def lag_behind_hand(run: RunRecord) -> Numbers:
     begin = run.reaching_time_s or 0.0
     span = run.exchange_span_s
     end = span[1] if span else run.end_time_s
-    moving = np.linalg.norm(speeds, axis=1) > LEAST_HAND_SPEED
+    moving = np.linalg.norm(speeds, axis=1) > MIN_HAND_SPEED
     chosen = (weight >= FEEDBACK_WEIGHT) & moving & (times >= begin) & (times <= end)
-    if chosen.sum() < LEAST_FEEDBACK_SAMPLES:
+    if chosen.sum() < MIN_FEEDBACK_SAMPLES:
         return nothing
     times, speeds = times[chosen], speeds[chosen]
     behind = goal_at(run, times) - resample(run.wrist_times, run.wrist_positions, times)
@@ -160,8 +161,8 @@ def lag_behind_command(run: RunRecord) -> Numbers:
     span = run.exchange_span_s
     end = span[1] if span else run.end_time_s
     chosen = (times >= (run.reaching_time_s or 0.0)) & (times <= end)
-    chosen &= np.linalg.norm(speeds, axis=1) > LEAST_HAND_SPEED
-    if chosen.sum() < LEAST_FEEDBACK_SAMPLES:
+    chosen &= np.linalg.norm(speeds, axis=1) > MIN_HAND_SPEED
+    if chosen.sum() < MIN_FEEDBACK_SAMPLES:
         return nothing
     times, speeds = times[chosen], speeds[chosen]
     command = resample(run.command_times, run.command_positions, times)
@@ -271,7 +272,7 @@ def topic_rates(run: RunRecord) -> dict[str, Numbers]:
             # every node sends there, each on its own clock
             continue
         periods = np.diff(np.unique(stamps)) * 1e3
-        if len(stamps) < LEAST_RATE_SAMPLES or periods.sum() <= 0:
+        if len(stamps) < MIN_RATE_SAMPLES or periods.sum() <= 0:
             continue
         errors = np.abs(periods - np.median(periods))
         arrivals = np.diff(np.sort(run.arrivals[topic])) * 1e3
@@ -311,8 +312,8 @@ def node_status(run: RunRecord) -> dict[str, Numbers]:
 
 
 def _durations(run: RunRecord) -> Numbers:
-    begin, exchange, done = (run.time_of(name) for name in ('reaching', 'exchange', 'done'))
-    reach = exchange - begin if begin is not None and exchange is not None else None
+    begin, exchange_s, done = (run.time_of(name) for name in ('reaching', 'exchange', 'done'))
+    reach = exchange_s - begin if begin is not None and exchange_s is not None else None
     handover = done - begin if begin is not None and done is not None else None
     return {
         'duration_s': run.end_time_s,
@@ -337,12 +338,35 @@ def _exchange(run: RunRecord) -> Numbers:
     }
 
 
+def _against_demonstration(run: RunRecord) -> Numbers:
+    """
+    Compare the hand's distance with the one that was learnt, and find how far the wrist passed it.
+
+    Both along the line from where the wrist started to the goal.
+    """
+    begin, span = run.reaching_time_s, run.exchange_span_s
+    end = span[1] if span else run.end_time_s
+    times = run.wrist_times[(run.wrist_times >= (begin or 0.0)) & (run.wrist_times <= end)]
+    if begin is None or len(times) < 2:
+        return {'hand_distance_share': None, 'beyond_goal_max_m': None}
+    goals, wrist = goal_at(run, times), resample(run.wrist_times, run.wrist_positions, times)
+    line = goals - wrist[0]
+    distance = np.linalg.norm(line, axis=1)
+    line /= np.maximum(distance, RESOLUTION_M)[:, None]
+    learnt = run.learnt_distance_m
+    met = int(np.searchsorted(times, span[0])) if span else -1
+    return {
+        'hand_distance_share': float(distance[met] / learnt) if learnt else None,
+        'beyond_goal_max_m': float(((wrist - goals) * line).sum(axis=1).max()),
+    }
+
+
 def _speeds(run: RunRecord) -> Numbers:
     found: Numbers = {}
     for name, times, positions in (
         ('wrist', run.wrist_times, run.wrist_positions),
         ('hand', run.hand_times, run.hand_positions),
-        ('human', run.human_times, run.human_positions),
+        ('human', run.demonstrator_times, run.demonstrator_positions),
     ):
         even, velocities = velocity(times, positions)
         speeds = np.linalg.norm(velocities, axis=1)
@@ -365,23 +389,23 @@ def _from_bell(run: RunRecord, times: Array, speeds: Array) -> float | None:
     return float(np.sqrt((miss**2).mean()) / bell.peak) if reach.any() else None
 
 
-def _to_human(run: RunRecord) -> Numbers:
+def _to_demonstrator(run: RunRecord) -> Numbers:
     """Compare with the person whose place the robot takes, from reaching to the exchange's end."""
     begin = run.reaching_time_s or 0.0
     span = run.exchange_span_s
     end = span[1] if span else run.end_time_s
-    if len(run.human_times) < 2:
+    if len(run.demonstrator_times) < 2:
         return {'rms_m': None, 'largest_m': None, 'at_exchange_m': None}
-    begin = max(begin, run.human_times[0], run.wrist_times[0])
-    end = min(end, run.human_times[-1], run.wrist_times[-1])
+    begin = max(begin, run.demonstrator_times[0], run.wrist_times[0])
+    end = min(end, run.demonstrator_times[-1], run.wrist_times[-1])
     if end <= begin:
         return {'rms_m': None, 'largest_m': None, 'at_exchange_m': None}
     times = np.arange(begin, end, 1 / RATE_HZ)
 
     def distance(at: Array) -> Array:
         wrist = resample(run.wrist_times, run.wrist_positions, at)
-        human = resample(run.human_times, run.human_positions, at)
-        apart: Array = np.linalg.norm(wrist - human, axis=1)
+        demonstrator = resample(run.demonstrator_times, run.demonstrator_positions, at)
+        apart: Array = np.linalg.norm(wrist - demonstrator, axis=1)
         return apart
 
     apart = distance(times)

@@ -31,8 +31,8 @@ WINDOW_S = 0.1
 ORDER = 3
 # where the speed passes this share of its peak, a reach begins
 ONSET = 0.05
-LEAST_SAMPLES = 10
-LEAST_SPEED = 1e-3
+MIN_SAMPLES = 10
+MIN_SPEED = 1e-3
 
 
 def resample(times: Array, values: Array, at: Array) -> Array:
@@ -118,7 +118,7 @@ def bell_of(times: Array, speeds: Array, until_s: float | None = None) -> Bell |
     """
     if until_s is not None:
         times, speeds = times[times <= until_s], speeds[times <= until_s]
-    if len(speeds) < LEAST_SAMPLES or speeds.max() < LEAST_SPEED:
+    if len(speeds) < MIN_SAMPLES or speeds.max() < MIN_SPEED:
         return None
     top = int(np.argmax(speeds))
     slow = np.flatnonzero(speeds[:top] < ONSET * speeds[top])

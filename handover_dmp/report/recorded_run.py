@@ -28,9 +28,9 @@ from handover_dmp.common.errors import DataError
 from handover_dmp.recording import bag_files, read_bag
 from handover_dmp.topics import (
     CLOCK,
+    DEMONSTRATOR_POSE,
     DIAGNOSTICS,
     HAND_POSE,
-    HUMAN_POSE,
     IK_STATUS,
     INFO,
     JOINT_COMMAND,
@@ -50,14 +50,14 @@ Array = NDArray[np.float64]
 
 NEEDED = (HAND_POSE, WRIST_POSE, JOINT_STATES)
 OPTIONAL = (
-    CLOCK, HUMAN_POSE, POSE_COMMAND, TWIST_COMMAND, JOINT_COMMAND, STATE, PHASE, IK_STATUS,
+    CLOCK, DEMONSTRATOR_POSE, POSE_COMMAND, TWIST_COMMAND, JOINT_COMMAND, STATE, PHASE, IK_STATUS,
     DIAGNOSTICS, ROBOT_DESCRIPTION, INFO,
 )  # fmt: skip
 # the log time of a message and the clock of its graph are the same up to delays of this size,
 # or the recorder used another clock
 SAME_CLOCK_NS = 10**9
-LEAST_SAMPLES = 5
-MOST_JOINTS = 64
+MIN_SAMPLES = 5
+MAX_JOINTS = 64
 
 
 @dataclass(frozen=True)
@@ -117,8 +117,8 @@ class RunRecord:
         start_ns: time of zero, ns.
         hand_times: (a,) s, and
         hand_positions: (a, 3) m, the partner's wrist as tracked.
-        human_times: (b,) s, and
-        human_positions: (b, 3) m, where the person was whose place the robot takes.
+        demonstrator_times: (b,) s, and
+        demonstrator_positions: (b, 3) m, where the person was whose place the robot takes.
         wrist_times: (c,) s, and
         wrist_positions: (c, 3) m, the robot's wrist as measured.
         command_times: (d,) s, and
@@ -150,8 +150,8 @@ class RunRecord:
     start_ns: int
     hand_times: Array
     hand_positions: Array
-    human_times: Array
-    human_positions: Array
+    demonstrator_times: Array
+    demonstrator_positions: Array
     wrist_times: Array
     wrist_positions: Array
     command_times: Array
@@ -212,6 +212,12 @@ class RunRecord:
         """(3,) m: goal of the wrist minus hand, as the learnt model has it; zeros if not told."""
         return _vector(self.info.get('goal_offset_m'), 3, self.source)
 
+    @property
+    def learnt_distance_m(self) -> float | None:
+        """How far the hand was at the end of the demonstration, from its start, m."""
+        distance = self.info.get('learnt_distance_m')
+        return float(distance) if isinstance(distance, int | float) and distance > 0 else None
+
 
 def load_run(path: Path | str) -> RunRecord:
     """
@@ -231,7 +237,7 @@ def load_run(path: Path | str) -> RunRecord:
     bag_files(path)
     samples = _collect(path)
     for topic in NEEDED:
-        if len(samples.values[topic.name]) < LEAST_SAMPLES:
+        if len(samples.values[topic.name]) < MIN_SAMPLES:
             count = len(samples.values[topic.name])
             raise DataError(f'{path}: not a recorded run: {count} messages on {topic.name}')
     return _assemble(path, samples)
@@ -271,7 +277,7 @@ def _collect(path: Path) -> _Samples:
     readers: dict[str, Callable[[Any], Any]] = {
         CLOCK.name: lambda message: _nanoseconds(message.clock),
         HAND_POSE.name: _position,
-        HUMAN_POSE.name: _position,
+        DEMONSTRATOR_POSE.name: _position,
         WRIST_POSE.name: _position,
         POSE_COMMAND.name: _position,
         TWIST_COMMAND.name: lambda message: _xyz(message.twist.linear),
@@ -343,7 +349,7 @@ def _assemble(path: Path, samples: _Samples) -> RunRecord:
     else:
         joint_command_times, joint_commands = none, np.zeros((0, count))
     hand_times, hand = track(HAND_POSE.name, 3)
-    human_times, human = track(HUMAN_POSE.name, 3)
+    demonstrator_times, demonstrator = track(DEMONSTRATOR_POSE.name, 3)
     wrist_times, wrist = track(WRIST_POSE.name, 3)
     command_times, command = track(POSE_COMMAND.name, 3)
     twist_times, twist = track(TWIST_COMMAND.name, 3)
@@ -353,7 +359,7 @@ def _assemble(path: Path, samples: _Samples) -> RunRecord:
     # an arm whose joints are not known still says that it is not commanded
     ik_times, ik = track(IK_STATUS.name, len(ik_labels) or 1, partly=True)
     for needed, times in zip(NEEDED, (hand_times, wrist_times, joint_times), strict=True):
-        if len(times) < LEAST_SAMPLES:
+        if len(times) < MIN_SAMPLES:
             raise DataError(f'{path}: not a recorded run: {needed.name} has no proper positions')
     return RunRecord(
         source=path,
@@ -363,8 +369,8 @@ def _assemble(path: Path, samples: _Samples) -> RunRecord:
         start_ns=start_ns,
         hand_times=hand_times,
         hand_positions=hand,
-        human_times=human_times,
-        human_positions=human,
+        demonstrator_times=demonstrator_times,
+        demonstrator_positions=demonstrator,
         wrist_times=wrist_times,
         wrist_positions=wrist,
         command_times=command_times,
@@ -426,7 +432,7 @@ def _joints(
     names: tuple[str, ...] = rows[0][0]
     if isinstance(told, list) and set(told) == set(names):
         names = tuple(told)
-    if not 0 < len(names) <= MOST_JOINTS or len(set(names)) != len(names):
+    if not 0 < len(names) <= MAX_JOINTS or len(set(names)) != len(names):
         raise DataError(f'{path}: {JOINT_STATES.name}: {len(names)} joints of {len(set(names))}')
     # velocities are optional in a joint state
     told_velocities = all(len(row[2]) == len(row[0]) for row in rows)

@@ -29,6 +29,8 @@ from handover_dmp.report.metrics import measure, Numbers
 from handover_dmp.report.page import as_html, as_markdown, Page, Section, Table
 from handover_dmp.report.recorded_run import load_run, RunRecord
 
+MUCH_NEARER, MUCH_FARTHER = 0.5, 1.5
+"""Parts of the learnt distance beyond which a hand is not where the demonstration had it."""
 SCENES = {
     'scene_start': 'The scene when the arm begins to move',
     'scene_middle': 'half way',
@@ -121,13 +123,23 @@ def _page(run: RunRecord, report: Numbers, pictures: list[Picture], scenes: list
 
 
 def _summary(report: Numbers) -> Table:
-    lag, human, limits = report['lag'], report['to_human'], report['limits']
+    lag, demonstrator, limits = report['lag'], report['to_human'], report['limits']
     kinematics = report['inverse_kinematics']
     rows = [
         (
             'gap between wrist and goal when the exchange began',
             _number(report['exchange_gap_m'], 1e3, 'mm', 1),
             f'{_number(report["exchange_gap_least_m"], 1e3, "mm", 1)} at the least during it',
+        ),
+        (
+            'distance of the hand, against the demonstration',
+            _share(report['hand_distance_share']),
+            _nearer_or_farther(report['hand_distance_share']),
+        ),
+        (
+            'wrist beyond the goal, at the farthest',
+            _number(report['beyond_goal_max_m'], 1e3, 'mm', 1),
+            'along the line from where it started; negative: never there',
         ),
         (
             'lag behind the moving hand',
@@ -156,9 +168,9 @@ def _summary(report: Numbers) -> Table:
         _fact('peak speed of the hand', report['hand_peak_speed_m_s'], 'm/s'),
         (
             'distance to the person in its place, RMS',
-            _number(human['rms_m'], 1e3, 'mm', 0),
-            f'{_number(human["largest_m"], 1e3, "mm", 0)} at the most, '
-            f'{_number(human["at_exchange_m"], 1e3, "mm", 0)} at the exchange',
+            _number(demonstrator['rms_m'], 1e3, 'mm', 0),
+            f'{_number(demonstrator["largest_m"], 1e3, "mm", 0)} at the most, '
+            f'{_number(demonstrator["at_exchange_m"], 1e3, "mm", 0)} at the exchange',
         ),
         ('limits of the joints', _yes(limits['met'], 'kept', 'NOT KEPT'), _limits_note(limits)),
         (
@@ -173,6 +185,12 @@ def _summary(report: Numbers) -> Table:
         ),
     ]
     return Table((), tuple(rows))
+
+
+def _nearer_or_farther(share: float | None) -> str:
+    if share is None or MUCH_NEARER <= share <= MUCH_FARTHER:
+        return ''
+    return f'much {"nearer" if share < MUCH_NEARER else "farther"} than it was learnt'
 
 
 def _limits_note(limits: Numbers) -> str:

@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 
 CLEAR_AT_HOME = 0.04
 """Pairs nearer than this at home, m, are as good as neighbours: their capsules are too wide."""
-SAMPLED_POSTURES = 60
+SAMPLED_CONFIGURATIONS = 60
 NEVER_NEAR = 0.06
 """Pairs that no search brings nearer than this, m, need no watching."""
 TOUCHING = 1e-6
@@ -303,42 +303,44 @@ class CollisionModel:
     ) -> list[tuple[int, int]]:
         low = np.maximum(model.limits.lower, -np.pi)
         high = np.minimum(model.limits.upper, np.pi)
-        chance = np.random.default_rng(0)
-        postures = [model.home, *chance.uniform(low, high, (SAMPLED_POSTURES, model.dof))]
+        rng = np.random.default_rng(0)
+        configurations = [model.home, *rng.uniform(low, high, (SAMPLED_CONFIGURATIONS, model.dof))]
         for i, j in watched:
             self._geometry.addCollisionPair(pin.CollisionPair(i, j))
         data = self._geometry.createData()
-        distances = np.empty((len(postures), len(watched)))
-        for posture, row in zip(postures, distances, strict=True):
-            pin.updateGeometryPlacements(self._model, self._data, self._geometry, data, posture)
+        distances = np.empty((len(configurations), len(watched)))
+        for configuration, row in zip(configurations, distances, strict=True):
+            pin.updateGeometryPlacements(
+                self._model, self._data, self._geometry, data, configuration
+            )
             row[:] = self._all_distances(data)
         rare = (distances[0] > CLEAR_AT_HOME) & (np.mean(distances <= 0.0, axis=0) < 0.9)
         for k in np.flatnonzero(rare & (distances.min(axis=0) > NEVER_NEAR)).tolist():
-            starts = [postures[at] for at in np.argsort(distances[:, k])[:SEARCHES]]
+            starts = [configurations[at] for at in np.argsort(distances[:, k])[:SEARCHES]]
             rare[k] = min(self._nearest(data, k, q, low, high) for q in starts) <= NEVER_NEAR
         self._geometry.removeAllCollisionPairs()
         return [pair for pair, keep in zip(watched, rare, strict=True) if keep]
 
-    def _nearest(self, data: Any, k: int, posture: Array, low: Array, high: Array) -> float:
+    def _nearest(self, data: Any, k: int, configuration: Array, low: Array, high: Array) -> float:
         """Search downhill for the least distance of a pair."""
         pair = self._geometry.collisionPairs[k]
         moving = self._moved_apart(pair.first, pair.second)
-        least, stride = np.inf, 0.3
+        minimum, stride = np.inf, 0.3
         while stride > 0.01:
-            jacobian = pin.computeJointJacobians(self._model, self._data, posture)
+            jacobian = pin.computeJointJacobians(self._model, self._data, configuration)
             pin.updateGeometryPlacements(self._model, self._data, self._geometry, data)
             result = pin.computeDistance(self._geometry, data, k)
-            if result.min_distance > least - 1e-4:
+            if result.min_distance > minimum - 1e-4:
                 stride /= 2.0
-            least = min(least, result.min_distance)
-            if least <= NEVER_NEAR:
+            minimum = min(minimum, result.min_distance)
+            if minimum <= NEVER_NEAR:
                 break
             row, _ = _rate(result, jacobian, moving)
             steepest = float(np.abs(row).max())
             if steepest < 1e-6:
                 break
-            posture = np.clip(posture - stride / steepest * row, low, high)
-        return least
+            configuration = np.clip(configuration - stride / steepest * row, low, high)
+        return minimum
 
 
 def _capsule(shape: Any, scale: Array) -> tuple[Array, Array, float]:

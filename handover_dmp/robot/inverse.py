@@ -35,7 +35,7 @@ ATTEMPTS = 12
 POLISHING_STEPS = 20
 
 
-def posture_at(
+def inverse_kinematics(
     model: RobotModel, position: Array, rotation: Array | None, q0: Array | None
 ) -> Array:
     """
@@ -63,16 +63,16 @@ def posture_at(
     high = np.where(np.isfinite(model.limits.upper), model.limits.upper, near + 2.0 * np.pi)
     near = np.clip(near, low, high)
     goal = np.asarray(position, dtype=float)
-    chance = np.random.default_rng(0)
+    rng = np.random.default_rng(0)
     closest = np.inf
     for attempt in range(ATTEMPTS):
-        start = near if attempt == 0 else chance.uniform(low, high)
-        posture = _near_pose(model, goal, rotation, near, start, low, high)
-        posture = _polished(model, goal, rotation, posture, low, high)
-        error = _pose_error(model, posture, goal, rotation)
+        start = near if attempt == 0 else rng.uniform(low, high)
+        q = _near_pose(model, goal, rotation, near, start, low, high)
+        q = _polished(model, goal, rotation, q, low, high)
+        error = _pose_error(model, q, goal, rotation)
         closest = min(closest, float(np.linalg.norm(error[:3])))
         if np.linalg.norm(error[:3]) < TOLERANCE and np.linalg.norm(error[3:]) < TOLERANCE:
-            return posture
+            return q
     if closest < TOLERANCE:
         raise UnreachableError(
             f'{model.name} can bring its wrist to {_metres(goal)} but not with that rotation', 0.0
@@ -126,13 +126,13 @@ def greatest_reach(model: RobotModel) -> float:
     low = np.maximum(model.limits.lower, -np.pi)
     high = np.minimum(model.limits.upper, np.pi)
 
-    def cost(posture: Array) -> tuple[float, Array]:
-        jacobian = model.wrist_jacobian(posture)[:3]
+    def cost(q: Array) -> tuple[float, Array]:
+        jacobian = model.wrist_jacobian(q)[:3]
         arm = model.pinocchio_data.oMf[model.wrist_frame_id].translation - centre
         return -0.5 * float(arm @ arm), -(jacobian.T @ arm)
 
-    chance = np.random.default_rng(0)
-    starts = [np.clip(model.home, low, high), *chance.uniform(low, high, (7, model.dof))]
+    rng = np.random.default_rng(0)
+    starts = [np.clip(model.home, low, high), *rng.uniform(low, high, (7, model.dof))]
     bounds = list(zip(low, high, strict=True))
     best = max(
         -minimize(cost, start, jac=True, method='L-BFGS-B', bounds=bounds).fun for start in starts
@@ -140,9 +140,9 @@ def greatest_reach(model: RobotModel) -> float:
     return float(np.sqrt(2.0 * best))
 
 
-def _pose_error(model: RobotModel, posture: Array, goal: Array, rotation: Array | None) -> Array:
+def _pose_error(model: RobotModel, q: Array, goal: Array, rotation: Array | None) -> Array:
     """Give what is missing to the pose, (3,) or (6,), m and rad, along the axes of `world`."""
-    position, current = model.wrist_pose(posture)
+    position, current = model.wrist_pose(q)
     if rotation is None:
         return goal - position
     return np.concatenate([goal - position, current @ pin.log3(current.T @ rotation)])
@@ -160,12 +160,12 @@ def _near_pose(
     rows = 3 if rotation is None else 6
     held = POSTURE_WEIGHT * np.eye(model.dof)
 
-    def residual(posture: Array) -> Array:
-        error = _pose_error(model, posture, goal, rotation)
-        return np.concatenate([error, POSTURE_WEIGHT * (posture - near)])
+    def residual(q: Array) -> Array:
+        error = _pose_error(model, q, goal, rotation)
+        return np.concatenate([error, POSTURE_WEIGHT * (q - near)])
 
-    def slope(posture: Array) -> Array:
-        return np.vstack([-model.wrist_jacobian(posture)[:rows], held])
+    def slope(q: Array) -> Array:
+        return np.vstack([-model.wrist_jacobian(q)[:rows], held])
 
     inset = 1e-9 * (high - low)
     start = np.clip(start, low + inset, high - inset)
@@ -174,21 +174,21 @@ def _near_pose(
 
 
 def _polished(
-    model: RobotModel, goal: Array, rotation: Array | None, posture: Array, low: Array, high: Array
+    model: RobotModel, goal: Array, rotation: Array | None, q: Array, low: Array, high: Array
 ) -> Array:
     rows = 3 if rotation is None else 6
     free = np.ones(model.dof, dtype=bool)
     for _ in range(POLISHING_STEPS):
-        error = _pose_error(model, posture, goal, rotation)
+        error = _pose_error(model, q, goal, rotation)
         if np.linalg.norm(error) < 1e-3 * TOLERANCE:
             break
-        jacobian = model.wrist_jacobian(posture)[:rows] * free
+        jacobian = model.wrist_jacobian(q)[:rows] * free
         step = np.linalg.lstsq(jacobian, error, rcond=1e-6)[0]
         step *= min(1.0, 0.3 / max(float(np.abs(step).max()), 1e-12))
-        moved = posture + step
-        posture = np.clip(moved, low, high)
-        free &= posture == moved
-    return posture
+        moved = q + step
+        q = np.clip(moved, low, high)
+        free &= q == moved
+    return q
 
 
 def _metres(point: Array) -> str:

@@ -240,9 +240,9 @@ class RobotModel:
             UnreachableError: there is none.
 
         """
-        from handover_dmp.robot.inverse import posture_at
+        from handover_dmp.robot.inverse import inverse_kinematics
 
-        return posture_at(self, position, rotation, q0)
+        return inverse_kinematics(self, position, rotation, q0)
 
     @cached_property
     def shoulder(self) -> Array:
@@ -457,17 +457,17 @@ def _home(entry: descriptions.ArmEntry, limits: JointLimits, model: Any, wrist_i
         low = np.maximum(limits.lower, -np.pi)
         high = np.minimum(limits.upper, np.pi)
         middle, half = (low + high) / 2.0, (high - low) / 2.0
-        chances = np.random.default_rng(0).uniform(-0.6, 0.6, (300, len(low)))
-        chances[0] = 0.0
+        samples = np.random.default_rng(0).uniform(-0.6, 0.6, (300, len(low)))
+        samples[0] = 0.0
         data = model.createData()
 
-        def agility(posture: Array) -> float:
-            jacobian = pin.computeFrameJacobian(
-                model, data, posture, wrist_id, pin.LOCAL_WORLD_ALIGNED
-            )[:3]
+        def manipulability(q: Array) -> float:
+            jacobian = pin.computeFrameJacobian(model, data, q, wrist_id, pin.LOCAL_WORLD_ALIGNED)[
+                :3
+            ]
             return float(np.linalg.svd(jacobian, compute_uv=False)[-1])
 
-        postures = middle + chances * half
-        home = postures[int(np.argmax([agility(posture) for posture in postures]))]
+        configurations = middle + samples * half
+        home = configurations[int(np.argmax([manipulability(q) for q in configurations]))]
     home.flags.writeable = False
     return home

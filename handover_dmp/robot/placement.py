@@ -42,11 +42,11 @@ ABOVE = np.array([-0.3, -0.15, 0.0, 0.15, 0.3])
 
 EASY_SPEED = 1.5
 """A wrist speed that is fast for a handover, m/s."""
-LEAST_HASTE = 0.3
+MIN_SPEED_WEIGHT = 0.3
 """The arm can move at this share at least of what it must be able to where the way is fastest."""
 EASY_MARGIN = 0.4
 """A good distance of a joint from its limits, rad."""
-EASY_AGILITY = 0.25
+EASY_MANIPULABILITY = 0.25
 """A good smallest singular value, m."""
 LEFT_BONUS = 0.01
 """Decides between mirror images: people reach with the right hand, so the body is to its left."""
@@ -55,16 +55,18 @@ BEHIND_START = 0.15
 
 
 @dataclass(frozen=True)
-class _Way:
+class _WristPath:
     """The way, seen from where the arm may stand."""
 
     points: Array
-    haste: Array
+    speed_weight: Array
     forwards: Array
     leftwards: Array
 
 
-def place_base(path: Array, model: RobotModel, *, partner: Array | None = None) -> BasePlacement:
+def choose_base_placement(
+    path: Array, model: RobotModel, *, partner: Array | None = None
+) -> BasePlacement:
     """
     Find where the arm stands best for a way of its wrist.
 
@@ -88,24 +90,24 @@ def place_base(path: Array, model: RobotModel, *, partner: Array | None = None) 
         UnreachableError: the way cannot be followed from any placement.
 
     """
-    way = _way(np.asarray(path, dtype=float), partner)
+    wrist_path = _wrist_path(np.asarray(path, dtype=float), partner)
     reach = model.reach_m
-    middle = way.points.mean(axis=0)
+    middle = wrist_path.points.mean(axis=0)
     offsets = np.array(list(itertools.product(BEHIND, ASIDE, ABOVE))) * reach
     ranked = sorted(
-        (_distance_cost(way, _shoulder(way, middle, offset), reach), tuple(offset))
+        (_distance_cost(wrist_path, _shoulder(wrist_path, middle, offset), reach), tuple(offset))
         for offset in offsets
     )
     best = _Trial(-np.inf, np.zeros(3), np.inf)
     for _, offset in ranked[:TRIED]:
-        best = max(best, _tried(model, way, middle, np.array(offset)), key=_Trial.key)
+        best = max(best, _tried(model, wrist_path, middle, np.array(offset)), key=_Trial.key)
     spacing = 0.075 * reach
     for _ in range(REFINEMENTS):
         centre = best.offset
         for axis, side in itertools.product(range(3), (-1.0, 1.0)):
             offset = centre.copy()
             offset[axis] += side * spacing
-            best = max(best, _tried(model, way, middle, offset), key=_Trial.key)
+            best = max(best, _tried(model, wrist_path, middle, offset), key=_Trial.key)
         spacing /= 2.0
     if best.missing_m > 0.0:
         length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
@@ -114,7 +116,7 @@ def place_base(path: Array, model: RobotModel, *, partner: Array | None = None) 
             f'{best.missing_m:.3f} m are missing to its farthest point',
             best.missing_m,
         )
-    return _placement(model, way, middle, best.offset)
+    return _placement(model, wrist_path, middle, best.offset)
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +131,7 @@ class _Trial:
         return -self.missing_m, self.score
 
 
-def _way(path: Array, partner: Array | None) -> _Way:
+def _wrist_path(path: Array, partner: Array | None) -> _WristPath:
     steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     if along[-1] > 0.0:
@@ -139,29 +141,31 @@ def _way(path: Array, partner: Array | None) -> _Way:
         fraction = np.linspace(0.0, len(path) - 1.0, 8 * SAMPLES)
         rates = np.diff(np.interp(fraction, at, along))
         rate = np.interp(share, np.interp(fraction[1:], at, along), rates)
-        haste = np.maximum(rate / rate.max(), LEAST_HASTE)
+        speed_weight = np.maximum(rate / rate.max(), MIN_SPEED_WEIGHT)
     else:
-        points, haste = path[:1], np.ones(1)
+        points, speed_weight = path[:1], np.ones(1)
     towards = points[-1] if partner is None else np.asarray(partner, dtype=float)
     ahead = (towards - points[0]) * [1.0, 1.0, 0.0]
     length = float(np.linalg.norm(ahead))
     forwards = ahead / length if length > 1e-6 else np.array([1.0, 0.0, 0.0])
-    return _Way(points, haste, forwards, np.array([-forwards[1], forwards[0], 0.0]))
+    return _WristPath(points, speed_weight, forwards, np.array([-forwards[1], forwards[0], 0.0]))
 
 
-def _shoulder(way: _Way, middle: Array, offset: Array) -> Array:
+def _shoulder(wrist_path: _WristPath, middle: Array, offset: Array) -> Array:
     behind, aside, above = offset
     up = np.array([0.0, 0.0, 1.0])
-    return np.asarray(middle - behind * way.forwards + aside * way.leftwards + above * up)
+    return np.asarray(
+        middle - behind * wrist_path.forwards + aside * wrist_path.leftwards + above * up
+    )
 
 
-def _distance_cost(way: _Way, shoulder: Array, reach: float) -> float:
+def _distance_cost(wrist_path: _WristPath, shoulder: Array, reach: float) -> float:
     """Say how badly the distances of the way from a shoulder suit an arm: cheap, and rough."""
-    distances = np.linalg.norm(way.points - shoulder, axis=1) / reach
+    distances = np.linalg.norm(wrist_path.points - shoulder, axis=1) / reach
     far = float(np.maximum(distances - 0.85, 0.0).max())
     near = float(np.maximum(0.45 - distances, 0.0).max())
-    level = float(np.linalg.norm((way.points - shoulder)[:, :2], axis=1).min()) / reach
-    missing = max(0.0, BEHIND_START - _behind_start(way, shoulder))
+    level = float(np.linalg.norm((wrist_path.points - shoulder)[:, :2], axis=1).min()) / reach
+    missing = max(0.0, BEHIND_START - _behind_start(wrist_path, shoulder))
     return (
         20.0 * far
         + 10.0 * near
@@ -169,23 +173,29 @@ def _distance_cost(way: _Way, shoulder: Array, reach: float) -> float:
         + max(0.0, 0.3 - level)
         + 5.0 * missing
         - LEFT_BONUS
-        * float(np.sign(np.round((shoulder - way.points.mean(axis=0)) @ way.leftwards, 9)))
+        * float(
+            np.sign(
+                np.round((shoulder - wrist_path.points.mean(axis=0)) @ wrist_path.leftwards, 9)
+            )
+        )
     )
 
 
-def _behind_start(way: _Way, shoulder: Array) -> float:
-    return float((way.points[0] - shoulder) @ way.forwards)
+def _behind_start(wrist_path: _WristPath, shoulder: Array) -> float:
+    return float((wrist_path.points[0] - shoulder) @ wrist_path.forwards)
 
 
-def _placement(model: RobotModel, way: _Way, middle: Array, offset: Array) -> BasePlacement:
+def _placement(
+    model: RobotModel, wrist_path: _WristPath, middle: Array, offset: Array
+) -> BasePlacement:
     """Put the shoulder there, and turn the arm so that its home posture looks at the way."""
-    shoulder = _shoulder(way, middle, offset)
+    shoulder = _shoulder(wrist_path, middle, offset)
     own = model.base.rotation.T @ (model.shoulder - np.array(model.base.position))
     wrist, _ = model.wrist_pose(model.home)
     home = model.base.rotation.T @ (wrist - np.array(model.base.position))
     looking = middle - shoulder
     if np.linalg.norm(looking[:2]) < 1e-3 * model.reach_m:
-        looking = way.forwards
+        looking = wrist_path.forwards
     home_bearing = np.arctan2(home[1] - own[1], home[0] - own[0])
     yaw = float(np.arctan2(looking[1], looking[0]) - home_bearing)
     yaw = float(np.arctan2(np.sin(yaw), np.cos(yaw)))
@@ -193,11 +203,11 @@ def _placement(model: RobotModel, way: _Way, middle: Array, offset: Array) -> Ba
     return BasePlacement((float(position[0]), float(position[1]), float(position[2])), yaw)
 
 
-def _tried(model: RobotModel, way: _Way, middle: Array, offset: Array) -> _Trial:
+def _tried(model: RobotModel, wrist_path: _WristPath, middle: Array, offset: Array) -> _Trial:
     """Follow the way with the joints from one placement."""
-    base = _placement(model, way, middle, offset)
+    base = _placement(model, wrist_path, middle, offset)
     # the model stays where it is, and the way moves instead
-    points = (way.points - np.array(base.position)) @ base.rotation
+    points = (wrist_path.points - np.array(base.position)) @ base.rotation
     points = points @ model.base.rotation.T + np.array(model.base.position)
     farthest = float(np.linalg.norm(points - model.shoulder, axis=1).max()) - model.reach_m
     if farthest > 0.0:
@@ -212,8 +222,10 @@ def _tried(model: RobotModel, way: _Way, middle: Array, offset: Array) -> _Trial
         if missing > 1e-3:
             return _Trial(-np.inf, offset, missing)
         direction = points[min(i + 1, len(points) - 1)] - points[max(i - 1, 0)]
-        ease.append(_ease(model, posture, direction, way.haste[i]))
-    short = max(0.0, BEHIND_START - _behind_start(way, _shoulder(way, middle, offset)))
+        ease.append(_ease(model, posture, direction, wrist_path.speed_weight[i]))
+    short = max(
+        0.0, BEHIND_START - _behind_start(wrist_path, _shoulder(wrist_path, middle, offset))
+    )
     score = min(ease) + 0.1 * float(np.mean(ease)) - 3.0 * short
     score += LEFT_BONUS * float(np.sign(np.round(offset[1], 9)))
     return _Trial(score, offset, 0.0)
@@ -237,7 +249,7 @@ def _moved(model: RobotModel, posture: Array, point: Array) -> tuple[Array, floa
     return posture, float(np.linalg.norm(error))
 
 
-def _ease(model: RobotModel, posture: Array, direction: Array, haste: float) -> float:
+def _ease(model: RobotModel, posture: Array, direction: Array, speed_weight: float) -> float:
     """Say how well the arm moves on from a posture, 1 being easy."""
     limits = model.limits
     margin = float(np.minimum(limits.upper - posture, posture - limits.lower).min())
@@ -249,5 +261,8 @@ def _ease(model: RobotModel, posture: Array, direction: Array, haste: float) -> 
         joints = right.T @ ((left.T @ direction) / (length * np.maximum(values, 1e-3)))
         speed = 1.0 / float((np.abs(joints) / limits.velocity).max())
     return min(
-        speed / (EASY_SPEED * haste), margin / EASY_MARGIN, float(values[-1]) / EASY_AGILITY, 1.2
+        speed / (EASY_SPEED * speed_weight),
+        margin / EASY_MARGIN,
+        float(values[-1]) / EASY_MANIPULABILITY,
+        1.2,
     )

@@ -77,9 +77,9 @@ class IkOptions:
         elbow_distance: m to the partner within which the posture task moves the elbow away.
         elbow_gain: elbow speed for what is missing of that distance, 1/s.
         braking_share: β of `VelocityBox`.
-        stretch_activation: smallest singular value below which outward speed is limited, m.
-        stretch_least: smallest singular value at which the arm rests at the end of its reach, m.
-        stretch_rate: how fast it gets there, 1/s.
+        singularity_activation: smallest singular value below which outward speed is limited, m.
+        singularity_min: smallest singular value at which the arm rests at the end of its reach, m.
+        singularity_rate: how fast it gets there, 1/s.
         separation: whether speed and separation bound the wrist.
         separation_distance: m to the hand within which `separation_speed` holds.
         separation_speed: m/s relative to the hand.
@@ -104,9 +104,9 @@ class IkOptions:
     elbow_distance: float = setting('priority_ik', 'elbow_distance')
     elbow_gain: float = setting('priority_ik', 'elbow_gain')
     braking_share: float = setting('priority_ik', 'braking_share')
-    stretch_activation: float = setting('priority_ik', 'stretch_activation')
-    stretch_least: float = setting('priority_ik', 'stretch_least')
-    stretch_rate: float = setting('priority_ik', 'stretch_rate')
+    singularity_activation: float = setting('priority_ik', 'singularity_activation')
+    singularity_min: float = setting('priority_ik', 'singularity_min')
+    singularity_rate: float = setting('priority_ik', 'singularity_rate')
     separation: bool = setting('priority_ik', 'separation')
     separation_distance: float = setting('priority_ik', 'separation_distance')
     separation_speed: float = setting('priority_ik', 'separation_speed')
@@ -318,15 +318,15 @@ class PriorityIk:
         velocity = target.velocity + self._feedback(target.position - position)
         singular_value, direction = smallest_singular(linear)
         stretched = False
-        if singular_value < options.stretch_activation:
+        if singular_value < options.singularity_activation:
             slope = singular_slope(model, joint_positions, linear, direction)
             velocity, stretched = limit_outward_speed(
                 velocity,
                 direction,
                 singular_value,
                 slope,
-                options.stretch_least,
-                options.stretch_rate,
+                options.singularity_min,
+                options.singularity_rate,
             )
         names, rows, bounds = self._half_spaces(
             world_jacobian,
@@ -458,11 +458,11 @@ class PriorityIk:
         bounds: list[float] = []
         if options.separation:
             # a hand that is not known may be at the wrist itself
-            feared = partner or Partner(position, np.zeros(3))
-            directions, most = self._separation.rows(position, velocity, feared, dt)
-            names += ['approach', 'speed near hand'][: len(most)]
+            worst_case_partner = partner or Partner(position, np.zeros(3))
+            directions, maximum = self._separation.rows(position, velocity, worst_case_partner, dt)
+            names += ['approach', 'speed near hand'][: len(maximum)]
             rows += list(-directions @ linear)
-            bounds += list(-most)
+            bounds += list(-maximum)
         near: list[NearPair] = []
         if options.self_collision:
             fastest = np.maximum(box[1], -box[0])

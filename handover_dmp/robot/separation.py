@@ -135,7 +135,7 @@ class SpeedSeparation:
         directions = []
         if distance > 1e-6:
             directions.append(apart / distance)
-        touching = _leaving(velocity, hand, allowed)
+        touching = _shutting_down(velocity, hand, allowed)
         if touching is not None:
             directions.append(touching)
         if not directions:
@@ -144,7 +144,7 @@ class SpeedSeparation:
         return stacked, np.maximum(allowed + stacked @ hand, 0.0)
 
 
-def _leaving(velocity: Array, hand: Array, allowed: float) -> Array | None:
+def _shutting_down(velocity: Array, hand: Array, allowed: float) -> Array | None:
     """Find where s·velocity − hand, 0 ≤ s ≤ 1, leaves the ball of radius `allowed`."""
     relative = velocity - hand
     if float(relative @ relative) <= allowed * allowed:

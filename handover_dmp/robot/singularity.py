@@ -82,7 +82,7 @@ def limit_outward_speed(
     direction: Array,
     singular_value: float,
     slope: float,
-    least: float,
+    minimum: float,
     rate: float,
 ) -> tuple[Array, bool]:
     """
@@ -98,7 +98,7 @@ def limit_outward_speed(
         direction: (3,), u.
         singular_value: σ, m.
         slope: ∂λ/∂q · Jᵀu, see `singular_slope`, m³.
-        least: σ at rest, m.
+        minimum: σ at rest, m.
         rate: 1/s.
 
     Returns:
@@ -107,7 +107,7 @@ def limit_outward_speed(
     """
     speed = float(velocity @ direction)
     change = 0.5 * slope * speed
-    fastest = -(max(singular_value, 1e-6) ** 3) * rate * max(singular_value - least, 0.0)
+    fastest = -(max(singular_value, 1e-6) ** 3) * rate * max(singular_value - minimum, 0.0)
     if change >= fastest:
         return velocity, False
     return velocity + (fastest / change - 1.0) * speed * direction, True

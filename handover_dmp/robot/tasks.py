@@ -64,7 +64,7 @@ def axis_alignment(axis: Array, target: Array, gain: float, fastest: float) -> t
     """
     crossed = _cross(axis, target)
     sine, cosine = float(np.sqrt(crossed @ crossed)), float(axis @ target)
-    first, second = square_to(axis)
+    first, second = orthogonal_directions(axis)
     if sine > 1e-9:
         turn = crossed * (np.arctan2(sine, cosine) / sine)
     else:
@@ -73,7 +73,7 @@ def axis_alignment(axis: Array, target: Array, gain: float, fastest: float) -> t
     return directions, directions @ _at_most(gain * turn, fastest)
 
 
-def square_to(axis: Array) -> tuple[Array, Array]:
+def orthogonal_directions(axis: Array) -> tuple[Array, Array]:
     """
     Find two directions square to an axis and to each other.
 

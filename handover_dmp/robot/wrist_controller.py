@@ -88,7 +88,7 @@ class JointCommand(NamedTuple):
             return 0.0 if self.reason else 1.0
         return self.solution.speed_scale
 
-    def numbers(self, time_s: float) -> dict[str, float]:
+    def status_values(self, time_s: float) -> dict[str, float]:
         """
         Name the values of `/wrist/ik_status`.
 
@@ -298,8 +298,8 @@ class WristController:
         if self._commanded is None or not self._commanded.any():
             self._commanded = None
             return JointCommand(None, reason)
-        most = self.model.limits.acceleration * dt
-        self._commanded = self._commanded - np.clip(self._commanded, -most, most)
+        maximum = self.model.limits.acceleration * dt
+        self._commanded = self._commanded - np.clip(self._commanded, -maximum, maximum)
         return JointCommand(self._commanded, reason)
 
     def _holds(self, target: WristTarget) -> bool:

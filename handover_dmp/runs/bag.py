@@ -36,8 +36,8 @@ from handover_dmp.recording.messages import (
 )
 from handover_dmp.topics import (
     CLOCK,
+    DEMONSTRATOR_POSE,
     HAND_POSE,
-    HUMAN_POSE,
     IK_STATUS,
     INFO,
     JOINT_COMMAND,
@@ -76,8 +76,12 @@ def write_run_bag(
         _write(bag, INFO, string(json.dumps(info)), start_ns)
         state = None
         rotation = periods[0].wrist_rotation
-        for period, human in zip(periods, _human_path(scenario, periods), strict=True):
-            _write(bag, HUMAN_POSE, pose_stamped(period.time_ns, human), period.time_ns)
+        for period, demonstrator in zip(
+            periods, _demonstrator_path(scenario, periods), strict=True
+        ):
+            _write(
+                bag, DEMONSTRATOR_POSE, pose_stamped(period.time_ns, demonstrator), period.time_ns
+            )
             for topic, message in _messages(period, scenario.robot.joint_names, rotation):
                 _write(bag, topic, message, period.time_ns)
             if period.command.state is not state:
@@ -85,12 +89,12 @@ def write_run_bag(
                 _write(bag, STATE, string(state.value), period.time_ns)
 
 
-def _human_path(scenario: Scenario, periods: Sequence[Period]) -> list[list[float]]:
+def _demonstrator_path(scenario: Scenario, periods: Sequence[Period]) -> list[list[float]]:
     """Where P2 was in the recording at each period, at rest before and after."""
     trial = scenario.trial
     since = np.array([period.time_ns for period in periods]) / NANOSECONDS - REPLAY_AT_S
     times = trial.times[0] + np.clip(since, 0.0, trial.duration_s)
-    path: list[list[float]] = interpolate(trial.times, trial.p2)(times).tolist()
+    path: list[list[float]] = interpolate(trial.times, trial.demonstrator)(times).tolist()
     return path
 
 
@@ -116,10 +120,10 @@ def _messages(
         )
     yield POSE_COMMAND, _pose(time_ns, command.position, commanded_rotation)
     yield TWIST_COMMAND, twist_stamped(time_ns, command.velocity)
-    yield PHASE, _labelled(command.numbers(time_ns / NANOSECONDS))
+    yield PHASE, _float_array(command.status_values(time_ns / NANOSECONDS))
     if answer.velocities is not None:
         yield JOINT_COMMAND, float_array(answer.velocities.tolist(), [str(time_ns)])
-    yield IK_STATUS, _labelled(answer.numbers(time_ns / NANOSECONDS))
+    yield IK_STATUS, _float_array(answer.status_values(time_ns / NANOSECONDS))
 
 
 def _write(bag: BagWriter, topic: Topic, message: Message, time_ns: int) -> None:
@@ -133,5 +137,5 @@ def _pose(time_ns: int, position: Sequence[float], rotation: Any) -> Message:
     return pose_stamped(time_ns, position, pinocchio.Quaternion(rotation).coeffs())
 
 
-def _labelled(values: dict[str, float]) -> Message:
+def _float_array(values: dict[str, float]) -> Message:
     return float_array(list(values.values()), list(values))

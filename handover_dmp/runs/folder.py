@@ -58,7 +58,7 @@ def new_run_folder(output: Path | None, trial: HandoverTrial) -> Path:
     """
     if output is None:
         now = datetime.now().strftime('%Y-%m-%d_%H-%M-%S')
-        output = Path('runs') / f'{now}_{trial.exchange}_{trial.configuration}'
+        output = Path('runs') / f'{now}_{trial.direction}_{trial.configuration}'
     try:
         output.mkdir(parents=True, exist_ok=True)
         if any(output.iterdir()):
@@ -99,10 +99,11 @@ def run_info(scenario: Scenario, scale: float) -> dict[str, Any]:
         'trial': trial.label,
         'trial_source': trial.source,
         'configuration': trial.configuration,
-        'exchange': trial.exchange,
+        'exchange': trial.direction,
         'number': trial.number,
         'learnt_from': scenario.model.source,
         'goal_offset_m': list(scenario.model.goal_offset),
+        'learnt_distance_m': math.dist(scenario.model.start, scenario.model.goal),
         'seed': scenario.seed,
         'scale': scale,
         'robot': robot.name,

@@ -32,7 +32,7 @@ from handover_dmp.common.errors import UsageError
 from handover_dmp.common.settings import setting
 from handover_dmp.robot.interpolator import JointInterpolator
 from handover_dmp.robot.model import RobotModel
-from handover_dmp.simulation.human import HumanFigure
+from handover_dmp.simulation.partner_figure import PartnerFigure
 from handover_dmp.simulation.world import World, WorldOptions
 import numpy as np
 from numpy.typing import NDArray
@@ -111,7 +111,7 @@ class SimulatedArm:
         self,
         model: RobotModel,
         *,
-        figure: HumanFigure | None = None,
+        figure: PartnerFigure | None = None,
         options: ArmOptions | None = None,
         world_options: WorldOptions | None = None,
     ) -> None:

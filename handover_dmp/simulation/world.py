@@ -31,7 +31,7 @@ from handover_dmp.common.errors import DataError
 from handover_dmp.common.quiet_pybullet import pybullet, silenced
 from handover_dmp.common.settings import setting
 from handover_dmp.robot.model import RobotModel
-from handover_dmp.simulation.human import FigureBodies, HumanFigure
+from handover_dmp.simulation.partner_figure import FigureBodies, PartnerFigure
 import numpy as np
 from numpy.typing import NDArray
 
@@ -66,7 +66,7 @@ class World:
         self,
         model: RobotModel,
         *,
-        figure: HumanFigure | None = None,
+        figure: PartnerFigure | None = None,
         options: WorldOptions | None = None,
         use_file_inertia: bool = True,
     ) -> None:
@@ -98,7 +98,7 @@ class World:
             raise
         self.reset(model.home)
 
-    def _fill(self, figure: HumanFigure | None, use_file_inertia: bool) -> None:
+    def _fill(self, figure: PartnerFigure | None, use_file_inertia: bool) -> None:
         pybullet.setTimeStep(self.options.time_step_s, physicsClientId=self.client)
         pybullet.setGravity(0, 0, self.options.gravity, physicsClientId=self.client)
         # The motors are equations that hang together, more so the nearer joints are to coaxial.
@@ -220,7 +220,7 @@ class World:
             (n, n), kg m², in the model's order.
 
         """
-        posture: list[float] = []
+        q: list[float] = []
         columns: list[tuple[int, int]] = []
         wanted = dict(zip(self.joints, positions, strict=True))
         for number in range(pybullet.getNumJoints(self.robot, physicsClientId=self.client)):
@@ -228,14 +228,12 @@ class World:
             if info[2] == pybullet.JOINT_FIXED:
                 continue
             if number in wanted:
-                columns.append((self.joints.index(number), len(posture)))
-                posture.append(float(wanted[number]))
+                columns.append((self.joints.index(number), len(q)))
+                q.append(float(wanted[number]))
             else:
                 state = pybullet.getJointState(self.robot, number, physicsClientId=self.client)
-                posture.append(state[0])
-        matrix = np.array(
-            pybullet.calculateMassMatrix(self.robot, posture, physicsClientId=self.client)
-        )
+                q.append(state[0])
+        matrix = np.array(pybullet.calculateMassMatrix(self.robot, q, physicsClientId=self.client))
         order = [column for _, column in sorted(columns)]
         return matrix[np.ix_(order, order)]
 

@@ -53,9 +53,9 @@ _FUTURE_S = 0.005
 _LARGEST_COORDINATE_M = 100.0
 _FIRST_SPEED_DEVIATION = 0.5
 # Bounds the work of one update, whatever the stream.
-_MOST_POSES_KEPT = 32
-_LEAST_POSES_TO_REACQUIRE = 3
-_MOST_CANDIDATES = 4
+_MAX_POSES_KEPT = 32
+_MIN_POSES_TO_REACQUIRE = 3
+_MAX_CANDIDATES = 4
 # However long ago the last pose, the gate is at most so many times as wide as at first.
 _WIDEST_GATE = 3.0
 
@@ -209,14 +209,14 @@ class GoalEstimator:
         x, y, z, vx, vy, vz = state[:6]
         limit = self.parameters.prediction_limit_s
         ahead = max(at_s - stamp, -limit)
-        way, share = ahead, 1.0
+        ahead_s, share = ahead, 1.0
         if ahead > limit:
             # Uniformly braked from full speed at `limit` to a stand at twice that.
             braking = min(ahead - limit, limit)
             share = 1.0 - braking / limit if limit else 0.0
-            way = limit + 0.5 * braking * (1.0 + share)
+            ahead_s = limit + 0.5 * braking * (1.0 + share)
         return HandEstimate(
-            (x + vx * way, y + vy * way, z + vz * way),
+            (x + vx * ahead_s, y + vy * ahead_s, z + vz * ahead_s),
             (vx * share, vy * share, vz * share),
             stamp,
         )
@@ -246,11 +246,11 @@ class GoalEstimator:
         else:
             candidates.append(_Track(self.parameters))
             candidates[-1].add(stamp, place)
-            if len(candidates) > _MOST_CANDIDATES:
+            if len(candidates) > _MAX_CANDIDATES:
                 del candidates[0]
         best = candidates[-1]
         lasted = stamp - best.first_stamp >= self.parameters.reacquire_s
-        if not (lasted and best.count >= _LEAST_POSES_TO_REACQUIRE):
+        if not (lasted and best.count >= _MIN_POSES_TO_REACQUIRE):
             return False
         self._track = best
         candidates.clear()
@@ -321,7 +321,7 @@ class _Track:
             poses[later] = (pose[0], pose[1], state)
         self.count += 1
         oldest = poses[-1][0] - self.parameters.late_limit_s
-        while len(poses) > _MOST_POSES_KEPT or (len(poses) > 2 and poses[1][0] < oldest):
+        while len(poses) > _MAX_POSES_KEPT or (len(poses) > 2 and poses[1][0] < oldest):
             del poses[0]
         return ''
 

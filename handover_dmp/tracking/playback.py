@@ -30,14 +30,14 @@ from typing import NamedTuple
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.filtering import interpolate
 from handover_dmp.mocap.trial import HandoverTrial
-from handover_dmp.topics import FRAME, HAND_POSE, HUMAN_POSE, SIGNAL
+from handover_dmp.topics import DEMONSTRATOR_POSE, FRAME, HAND_POSE, SIGNAL
 from handover_dmp.tracking.sensor_model import SensorModel
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 CATCH_UP_S = 0.25
 ROUNDING = 1e-6
-MOST_POSES = 2_000_000
+MAX_POSES = 2_000_000
 NANOSECONDS = 1_000_000_000
 ROUNDING_S = 1e-6
 
@@ -104,7 +104,7 @@ class Replay:
             Its replay; 0 is the first sample.
 
         """
-        return cls.from_motion(trial.times, trial.p1)
+        return cls.from_motion(trial.times, trial.partner)
 
     @classmethod
     def from_motion(cls, times: NDArray[np.float64], positions: NDArray[np.float64]) -> Replay:
@@ -299,7 +299,7 @@ class PlayedTrial:
 
         """
         self._hand = TrackedHand(Replay.from_trial(trial), sensor)
-        self._human = Replay.from_motion(trial.times, trial.p2)
+        self._demonstrator = Replay.from_motion(trial.times, trial.demonstrator)
 
     @property
     def start_s(self) -> float:
@@ -319,9 +319,9 @@ class PlayedTrial:
         """Give the poses of the hand that arrived since the last call, at a time, s."""
         return self._hand.due(now_s)
 
-    def human(self, now_s: float) -> list[HandSample]:
+    def demonstrator(self, now_s: float) -> list[HandSample]:
         """Give where the person is whose place the robot takes, at a time, s."""
-        sample = self._human.newest(max(0.0, now_s - self.start_s))
+        sample = self._demonstrator.newest(max(0.0, now_s - self.start_s))
         return [] if sample is None else [HandSample(now_s, sample.position)]
 
 
@@ -350,7 +350,9 @@ class PlayedBag:
             raise DataError(f'{path}: 0 poses on {HAND_POSE.name}')
         zero_s = min(stamp_s for stamp_s, _ in seen[HAND_POSE.name])
         try:
-            self._hand, self._human = (_PlayedPoses(poses, zero_s) for poses in seen.values())
+            self._hand, self._demonstrator = (
+                _PlayedPoses(poses, zero_s) for poses in seen.values()
+            )
         except DataError as error:
             raise DataError(f'{path}: {error}') from error
         self._signal_s = signals[0] - zero_s if signals else 0.0
@@ -369,9 +371,9 @@ class PlayedBag:
         """Give the poses of the hand that became due since the last call, at a time, s."""
         return self._hand.due(now_s, self.start_s)
 
-    def human(self, now_s: float) -> list[HandSample]:
+    def demonstrator(self, now_s: float) -> list[HandSample]:
         """Give the same of the person whose place the robot takes."""
-        return self._human.due(now_s, self.start_s)
+        return self._demonstrator.due(now_s, self.start_s)
 
 
 _Pose = tuple[float, tuple[float, float, float]]
@@ -405,7 +407,7 @@ def _read(path: Path | str) -> tuple[dict[str, list[_Pose]], list[float]]:
     # not at the top: trials are played without the libraries that bags need
     from handover_dmp.recording import read_bag
 
-    seen: dict[str, list[_Pose]] = {HAND_POSE.name: [], HUMAN_POSE.name: []}
+    seen: dict[str, list[_Pose]] = {HAND_POSE.name: [], DEMONSTRATOR_POSE.name: []}
     signals: list[float] = []
     zero_ns: int | None = None
     for topic, message, log_time_ns in read_bag(path, [*seen, SIGNAL.name]):
@@ -424,6 +426,6 @@ def _read(path: Path | str) -> tuple[dict[str, list[_Pose]], list[float]]:
             raise DataError(f'{path}: messages of another type on {topic}') from error
         if topic != SIGNAL.name and header.frame_id != FRAME:
             raise DataError(f'{path}: {topic} is in frame {header.frame_id!r}, not {FRAME!r}')
-        if len(seen.get(topic, signals)) > MOST_POSES:
-            raise DataError(f'{path}: more than {MOST_POSES} messages on {topic}')
+        if len(seen.get(topic, signals)) > MAX_POSES:
+            raise DataError(f'{path}: more than {MAX_POSES} messages on {topic}')
     return seen, signals

@@ -100,7 +100,7 @@ class SensorModel:
             What arrives, in the order of arrival, on the clock of the trial.
 
         """
-        return self.observe_motion(trial.times, trial.p1)
+        return self.observe_motion(trial.times, trial.partner)
 
     def observe_motion(
         self, times: NDArray[np.float64], positions: NDArray[np.float64]

@@ -48,7 +48,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 RATE_HZ = 50.0
-MOST_FRAMES = 1500
+MAX_FRAMES = 1500
 """A longer recording gets fewer frames a second: a page has to load."""
 TRAIL_RADIUS_M = 0.006
 FARTHER = 1.1
@@ -122,7 +122,7 @@ class _Drawing:
         self._root = commands.root
         self._geometry = geometry
         self._animation = animation
-        rate_hz = min(RATE_HZ, MOST_FRAMES / max(1e-3, end - begin))
+        rate_hz = min(RATE_HZ, MAX_FRAMES / max(1e-3, end - begin))
         self._times = stage.frame_times(rate_hz)
         self._keys = self._times - self._times[0]
         self._clips: dict[Any, Any] = {}
@@ -274,8 +274,10 @@ class _Drawing:
             self._material(colour),
         )
         # The page draws more and more of them.
-        way = _way(path[shown])
-        share = np.interp(self._times, scene.times[shown], way / max(way[-1], 1e-9))
+        path_length = _path_length(path[shown])
+        share = np.interp(
+            self._times, scene.times[shown], path_length / max(path_length[-1], 1e-9)
+        )
         self.trails[node.path.lower()] = (
             (3 * np.floor(share * len(triangles))).astype(int).tolist()
         )
@@ -330,7 +332,7 @@ def _pose(position: Array, turn: Array) -> Array:
     return matrix
 
 
-def _way(path: Array) -> Array:
+def _path_length(path: Array) -> Array:
     """Length of a path up to each of its points, m."""
     steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
     return np.concatenate([[0.0], np.cumsum(steps)])

@@ -31,7 +31,7 @@ from handover_dmp.common.errors import DataError
 from handover_dmp.common.quiet_pybullet import pybullet, silenced
 from handover_dmp.common.settings import setting
 from handover_dmp.robot.model import RobotModel
-from handover_dmp.simulation.human import FigureBodies, HumanFigure
+from handover_dmp.simulation.partner_figure import FigureBodies, PartnerFigure
 from handover_dmp.simulation.world import joint_numbers, load_robot
 from handover_dmp.view.primitives import refine, write_unit_cylinder, write_unit_sphere
 import numpy as np
@@ -172,7 +172,7 @@ class Scene:
         hand_path: Array,
         *,
         wrist_path: Array | None = None,
-        exchange: str = 'give',
+        direction: str = 'give',
         exchange_time_s: float | None = None,
         floor_height_m: float | None = None,
         options: SceneOptions | None = None,
@@ -186,7 +186,7 @@ class Scene:
             joint_positions: (n, dof), rad, of the robot.
             hand_path: (n, 3), m, of the partner's wrist, in `world`.
             wrist_path: (n, 3), m, of the robot's wrist; None: where `joint_positions` put it.
-            exchange: `give` (the robot has the object first) or `take` (the partner has it).
+            direction: `give` (the robot has the object first) or `take` (the partner has it).
             exchange_time_s: when the object changes hands; None: never.
             floor_height_m: z of the floor; None: chosen to suit the human figure.
             options: what the pictures look like.
@@ -203,7 +203,7 @@ class Scene:
         self.model = model
         self.times = np.asarray(times, dtype=float)
         self.exchange_time_s = np.inf if exchange_time_s is None else exchange_time_s
-        self._robot_gives = exchange == 'give'
+        self._robot_gives = direction == 'give'
         self._joints = np.asarray(joint_positions, dtype=float)
         self._hand_path = np.asarray(hand_path, dtype=float)
         poses = [model.wrist_pose(q) for q in self._joints]
@@ -213,7 +213,7 @@ class Scene:
             else np.asarray(wrist_path, dtype=float)
         )
         met = int(np.searchsorted(self.times, self.exchange_time_s).clip(0, len(self.times) - 1))
-        self.figure = HumanFigure(
+        self.figure = PartnerFigure(
             self._hand_path[: met + 1], self._wrist_path[met], floor_height_m=floor_height_m
         )
         self.floor_height_m = self.figure.floor_height_m
@@ -528,9 +528,9 @@ class Scene:
     def middle_time_s(self) -> float:
         """When the robot's wrist had made half of its way to the exchange, s."""
         steps = np.linalg.norm(np.diff(self._wrist_path, axis=0), axis=1)
-        way = np.concatenate([[0.0], np.cumsum(steps)])
-        half = 0.5 * float(np.interp(self.exchange_time_s, self.times, way))
-        return float(self.times[np.searchsorted(way, half)])
+        path_length = np.concatenate([[0.0], np.cumsum(steps)])
+        half = 0.5 * float(np.interp(self.exchange_time_s, self.times, path_length))
+        return float(self.times[np.searchsorted(path_length, half)])
 
     def _centre(self) -> Array:
         middle = (self.figure.pelvis[:2] + np.array(self.model.base.position[:2])) / 2

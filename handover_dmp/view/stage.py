@@ -125,7 +125,7 @@ def set_up(path: Path, robot: str = '') -> Iterator[Stage]:
             joints,
             hand,
             wrist_path=wrist,
-            exchange=record.info.get('exchange') or 'give',
+            direction=record.info.get('exchange') or 'give',
             exchange_time_s=record.exchange_time_s if record.handed_over else None,
         ) as scene:
             yield Stage(record, model, scene, hand, wrist)

@@ -102,7 +102,7 @@ def test_a_hand_where_no_hand_can_be_served_gives_a_calm_stop(
     handover: Handover, where: str
 ) -> None:
     base = np.array(handover.scenario.robot.base.position)
-    hand_now = handover.scenario.trial.p1[0]
+    hand_now = handover.scenario.trial.partner[0]
     outward = (hand_now - base) / np.linalg.norm(hand_now - base)
     goal = {
         'out of reach': base + 2.5 * outward,

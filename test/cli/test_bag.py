@@ -31,8 +31,8 @@ def trials() -> list[HandoverTrial]:
     times = np.linspace(2.0, 3.5, 61)
     path = np.stack([0.3 * times, 0.1 * times**2, np.ones_like(times)], axis=1)
     return [
-        HandoverTrial(times, path + number, path - 0.5, 'engine_bay', exchange, number)
-        for exchange in ('give', 'take')
+        HandoverTrial(times, path + number, path - 0.5, 'engine_bay', direction, number)
+        for direction in ('give', 'take')
         for number in (1, 2)
     ]
 
@@ -77,15 +77,15 @@ def test_trials_become_bags(trials: list[HandoverTrial], data_set: Path, tmp_pat
         # the hand rests for 0.5 s before the trial and for 5 s after it
         first, end = 20, 20 + len(trial.times)
         hand, seconds = np.array(paths['/hand/pose']), np.array(stamps['/hand/pose']) * 1e-9
-        np.testing.assert_array_equal(hand[first:end], trial.p1)
-        np.testing.assert_array_equal(hand[:first], np.tile(trial.p1[0], (20, 1)))
-        np.testing.assert_array_equal(hand[end:], np.tile(trial.p1[-1], (200, 1)))
+        np.testing.assert_array_equal(hand[first:end], trial.partner)
+        np.testing.assert_array_equal(hand[:first], np.tile(trial.partner[0], (20, 1)))
+        np.testing.assert_array_equal(hand[end:], np.tile(trial.partner[-1], (200, 1)))
         np.testing.assert_allclose(np.diff(seconds), 0.025, atol=2e-9)
-        np.testing.assert_array_equal(paths['/human/pose'], trial.p2)
+        np.testing.assert_array_equal(paths['/human/pose'], trial.demonstrator)
         assert stamps['/human/pose'] == stamps['/hand/pose'][first:end]
         assert signals == stamps['/human/pose'][:1]
         back = recorded_trial(bag['folder'], cutoff_hz=0.0)
-        np.testing.assert_array_equal(back.p1, trial.p1)
+        np.testing.assert_array_equal(back.partner, trial.partner)
         np.testing.assert_allclose(np.diff(back.times), np.diff(trial.times), atol=1e-9)
 
 

@@ -76,12 +76,12 @@ def test_leaves_a_run_that_others_can_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('exchange', ['give', 'take'])
+@pytest.mark.parametrize('direction', ['give', 'take'])
 @pytest.mark.parametrize('number', [1, 2, 3, 4])
 def test_hands_over_to_every_recorded_person(
-    kth_folder: Path, tmp_path: Path, exchange: str, number: int
+    kth_folder: Path, tmp_path: Path, direction: str, number: int
 ) -> None:
-    trial = kth_folder / f'raw_{exchange}_{number}.csv'
+    trial = kth_folder / f'raw_{direction}_{number}.csv'
     done = run('demo', '--trial', str(trial), '-o', 'run', folder=tmp_path)
     assert done.returncode == 0, done.stderr
     report = json.loads((tmp_path / 'run' / 'report.json').read_text())

@@ -35,7 +35,7 @@ def tsv(path, trials, rate_hz=100.0):
     """Write trials as one Qualisys session: reach, hold, back again, rest."""
     pieces = []
     for trial in trials:
-        both = np.hstack([trial.p1, trial.p2])
+        both = np.hstack([trial.partner, trial.demonstrator])
         times = np.arange(0.0, trial.duration_s, 1.0 / rate_hz)
         reach = np.column_stack([np.interp(times, trial.times, column) for column in both.T])
         rest = np.tile(reach[0], (round(REST_S * rate_hz), 1))
@@ -65,7 +65,7 @@ MARKERS = ['--p1', 'mechanic', '--p2', 'assistant']
 
 def test_whole_files_by_their_names(tmp_path, trials, capsys):
     sources = [
-        str(tsv(tmp_path / f'bay_{trial.exchange}_{trial.number}.tsv', [trial]))
+        str(tsv(tmp_path / f'bay_{trial.direction}_{trial.number}.tsv', [trial]))
         for trial in trials
     ]
     output = tmp_path / 'set'
@@ -80,8 +80,8 @@ def test_whole_files_by_their_names(tmp_path, trials, capsys):
     ]
     for new, old in zip(made, trials, strict=True):
         assert new.rate_hz == pytest.approx(100.0)
-        np.testing.assert_allclose(new.p2[0], old.p2[0], atol=1e-6)
-        np.testing.assert_allclose(new.p1[-1], old.p1[-1], atol=1e-3)
+        np.testing.assert_allclose(new.demonstrator[0], old.demonstrator[0], atol=1e-6)
+        np.testing.assert_allclose(new.partner[-1], old.partner[-1], atol=1e-3)
 
 
 def test_a_long_recording_is_cut_and_shown(tmp_path, trials, capsys):
@@ -96,7 +96,7 @@ def test_a_long_recording_is_cut_and_shown(tmp_path, trials, capsys):
     assert [row['trial'] for row in found['trials']] == [1, 2, 3, 4]
     assert found['left_out'] == []
     for new, old in zip(read_data_set(output), trials, strict=True):
-        np.testing.assert_allclose(new.p2[-1], old.p2[-1], atol=0.01)
+        np.testing.assert_allclose(new.demonstrator[-1], old.demonstrator[-1], atol=0.01)
 
 
 def test_append_takes_the_next_numbers(tmp_path, trials, capsys):
@@ -137,7 +137,7 @@ def test_c3d_with_y_up(tmp_path, trials):
     ezc3d = pytest.importorskip('ezc3d')
     trial = trials[2]
     points = np.ones((4, 2, len(trial.times)))
-    for k, path in enumerate((trial.p1, trial.p2)):
+    for k, path in enumerate((trial.partner, trial.demonstrator)):
         points[:3, k] = 1000.0 * np.array([path[:, 0], path[:, 2], -path[:, 1]])
     file = ezc3d.c3d()
     file['parameters']['POINT']['RATE']['value'] = [200.0]
@@ -149,8 +149,8 @@ def test_c3d_with_y_up(tmp_path, trials):
     assert main([*words, *MARKERS, '--up', 'y']) == 0
     made = read_data_set(tmp_path / 'set')[0]
     assert made.label == 'lift take 7'
-    np.testing.assert_allclose(made.p1, trial.p1, atol=1e-6)
-    np.testing.assert_allclose(made.p2, trial.p2, atol=1e-6)
+    np.testing.assert_allclose(made.partner, trial.partner, atol=1e-6)
+    np.testing.assert_allclose(made.demonstrator, trial.demonstrator, atol=1e-6)
 
 
 def test_wrong_usage_is_one_line(tmp_path, trials, capsys):
@@ -194,5 +194,5 @@ def test_a_bag_of_this_package(tmp_path, trials):
     assert main(words) == 0
     made = read_data_set(tmp_path / 'new')[0]
     assert made.label == trials[2].label
-    np.testing.assert_allclose(made.p1[0], trials[2].p1[0], atol=5e-3)
-    np.testing.assert_allclose(made.p1[-1], trials[2].p1[-1], atol=5e-3)
+    np.testing.assert_allclose(made.partner[0], trials[2].partner[0], atol=5e-3)
+    np.testing.assert_allclose(made.partner[-1], trials[2].partner[-1], atol=5e-3)

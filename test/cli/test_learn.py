@@ -27,7 +27,7 @@ def trials(tmp_path_factory):
     folder = tmp_path_factory.mktemp('trials')
     paths = []
     for trial in synthesize(trials=2)[:2]:
-        paths.append(folder / f'{trial.configuration}_{trial.exchange}_{trial.number}.csv')
+        paths.append(folder / f'{trial.configuration}_{trial.direction}_{trial.number}.csv')
         write_trial(trial, paths[-1])
     return [str(path) for path in paths]
 

@@ -48,12 +48,12 @@ def test_the_file_is_what_was_promised(files, trial, tmp_path):
     assert header == 't,x,y,z,vx,vy,vz,wg,s'
     assert np.diff(rows[:, 0]) == pytest.approx(0.005)
     assert rows[-1, 0] - rows[0, 0] == pytest.approx(trial.duration_s, abs=0.005)
-    assert rows[0, 1:4] == pytest.approx(trial.p2[0])
+    assert rows[0, 1:4] == pytest.approx(trial.demonstrator[0])
     assert rows[0, 4:7] == pytest.approx(np.zeros(3))
     assert rows[0, 7] < 1e-9
     assert rows[-1, 7] > 0.999
     assert rows[0, 8] == 1.0
-    assert np.linalg.norm(rows[-1, 1:4] - trial.p2[-1]) < 0.02
+    assert np.linalg.norm(rows[-1, 1:4] - trial.demonstrator[-1]) < 0.02
     # velocities are those of the positions
     middle = (rows[2:, 1:4] - rows[:-2, 1:4]) / 0.01
     assert np.abs(middle - rows[1:-1, 4:7]).max() < 5e-3

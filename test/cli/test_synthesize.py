@@ -34,7 +34,7 @@ def test_the_data_set_of_the_library(tmp_path, capsys):
     made = read_data_set(tmp_path / 'a')
     for one, other in zip(made, synthesize(), strict=True):
         assert one.label == other.label
-        np.testing.assert_array_equal(one.p2, other.p2)
+        np.testing.assert_array_equal(one.demonstrator, other.demonstrator)
 
 
 def test_again_the_same_bytes_but_not_over_the_old_ones(tmp_path, capsys):
@@ -57,7 +57,7 @@ def test_options_and_json(tmp_path):
     assert len(made['trials']) == 6
     for row, trial in zip(made['trials'], read_data_set(tmp_path / 'set'), strict=True):
         assert row['file'] == trial.source
-        assert (row['exchange'], row['trial']) == (trial.exchange, trial.number)
+        assert (row['exchange'], row['trial']) == (trial.direction, trial.number)
         assert row['duration_s'] == pytest.approx(trial.duration_s)
         assert trial.rate_hz == pytest.approx(50.0)
 

@@ -29,7 +29,7 @@ import yaml
 def data_set(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp('data') / 'garage'
     trials = [t for t in synthesize(seed=0, trials=4) if t.configuration == 'under_car']
-    write_data_set([t for t in trials if t.exchange == 'give'], folder)
+    write_data_set([t for t in trials if t.direction == 'give'], folder)
     return folder
 
 

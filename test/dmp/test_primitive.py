@@ -229,11 +229,11 @@ def test_another_duration_on_the_way_jumps_neither_position_nor_velocity(model):
 
 def test_a_large_batch_is_the_same_as_one_by_one(model):
     """It is shared out to threads; none mixes up its motions, and none is left out."""
-    chance = np.random.default_rng(0)
+    rng = np.random.default_rng(0)
     times = np.linspace(0.0, 1.6, 102)
-    rates = 0.2 * chance.normal(size=(1030, 1, 3)) + np.zeros((1, 102, 1))
-    goals = GOAL + 0.1 * chance.normal(size=(1030, 1, 3)) + rates * times[:, None]
-    starts = 0.1 * chance.normal(size=(1030, 3))
+    rates = 0.2 * rng.normal(size=(1030, 1, 3)) + np.zeros((1, 102, 1))
+    goals = GOAL + 0.1 * rng.normal(size=(1030, 1, 3)) + rates * times[:, None]
+    starts = 0.1 * rng.normal(size=(1030, 3))
     positions, velocities = model.rollout_batch(times, goals, rates, starts)
     implied = model.rollout_batch(times, goals, starts=starts)
     np.testing.assert_allclose(implied, (positions, velocities), rtol=0.0, atol=1e-9)

@@ -31,7 +31,7 @@ def pictures(tmp_path_factory):
     trials = [
         replace(trial, configuration='odd/../na me')
         for trial in synthesize(seed=0, trials=3)
-        if (trial.configuration, trial.exchange) == ('under_car', 'take')
+        if (trial.configuration, trial.direction) == ('under_car', 'take')
     ]
     folder = tmp_path_factory.mktemp('pictures')
     told = []

@@ -30,9 +30,9 @@ import numpy as np
 import pytest
 
 
-def one_case(trials: int = 5, exchange: str = 'give') -> list[HandoverTrial]:
+def one_case(trials: int = 5, direction: str = 'give') -> list[HandoverTrial]:
     everything = synthesize(seed=3, trials=trials)
-    return [t for t in everything if (t.configuration, t.exchange) == ('under_car', exchange)]
+    return [t for t in everything if (t.configuration, t.direction) == ('under_car', direction)]
 
 
 @pytest.fixture(scope='module')
@@ -87,20 +87,20 @@ def test_table_is_that_of_an_independent_computation(formulation):
     learning = Learning(parameters=parameters)
     rows = evaluate(trials, Protocol(learning=learning, learn=('single', 'mean'))).rows
     smooth = [condition(trial) for trial in trials]
-    people = [normalise(trial.times, trial.p2) for trial in smooth]
+    people = [normalise(trial.times, trial.demonstrator) for trial in smooth]
     for learn, groups in (('single', [[trial] for trial in trials]), ('mean', [trials])):
         rollouts, squares, gaps = [], [], []
         for group in groups:
             model = learn_from_trials(group, parameters, regression='ridge', basis=50)
             for tested, person in zip(smooth, people, strict=True):
                 goals, velocities = hand_goal(tested, model)
-                offset = goals - tested.p1
+                offset = goals - tested.partner
                 # The hand of the low-passed trial itself, not low-passed twice.
                 motion = model.rollout(
                     tested.times,
-                    tested.p1 + model.goal_offset,
+                    tested.partner + model.goal_offset,
                     velocities,
-                    start=tested.p2[0],
+                    start=tested.demonstrator[0],
                 )
                 assert np.abs(offset - model.goal_offset).max() < 2e-3
                 rollouts.append(normalise(tested.times, motion.positions.tolist()))
@@ -121,12 +121,13 @@ def test_people_and_the_oracle_are_those_of_an_independent_computation():
     trials = one_case()
     rows = evaluate(trials).rows
     smooth = [condition(trial) for trial in trials]
-    people = [normalise(trial.times, trial.p2) for trial in smooth]
+    people = [normalise(trial.times, trial.demonstrator) for trial in smooth]
     reaches = []
     for trial in smooth:
         u = np.linspace(0.0, 1.0, 101)[:, None]
         reaches.append(
-            trial.p2[0] + (trial.p2[-1] - trial.p2[0]) * u**3 * (10 - 15 * u + 6 * u**2)
+            trial.demonstrator[0]
+            + (trial.demonstrator[-1] - trial.demonstrator[0]) * u**3 * (10 - 15 * u + 6 * u**2)
         )
     for k in (1, 2, 3):
         figures = find(rows, 'single', 'minimum_jerk').figures
@@ -189,7 +190,12 @@ def test_nothing_is_tested_against_itself_when_it_is_left_out():
 def test_a_trial_left_out_changes_nothing_of_what_it_is_held_against():
     trials = one_case()
     moved = HandoverTrial(
-        trials[0].times, trials[0].p1, trials[0].p2 + 0.3, 'under_car', 'give', trials[0].number
+        trials[0].times,
+        trials[0].partner,
+        trials[0].demonstrator + 0.3,
+        'under_car',
+        'give',
+        trials[0].number,
     )
     before, after = (
         evaluate([first, *trials[1:]], Protocol(leave_one_out=True, learn=('mean',))).cases[0]
@@ -225,7 +231,7 @@ def test_one_trial_alone_has_no_spread():
 
 
 def test_jobs_and_order_of_trials_change_nothing():
-    trials = [*one_case(), *one_case(exchange='take')]
+    trials = [*one_case(), *one_case(direction='take')]
     alone = [row.as_json() for row in evaluate(trials).rows]
     assert [row.as_json() for row in evaluate(trials, jobs=2).rows] == alone
     shuffled = [trials[i] for i in (4, 2, 0, 1, 3, 9, 8, 5, 6, 7)]

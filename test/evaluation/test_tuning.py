@@ -30,7 +30,7 @@ BAD = Learning(parameters=DmpParameters(mu=1.05, sigma=0.02, stiffness=40.0), du
 
 def give(trials: int = 5) -> list[HandoverTrial]:
     everything = synthesize(seed=5, trials=trials)
-    return [t for t in everything if (t.configuration, t.exchange) == ('engine_bay', 'give')]
+    return [t for t in everything if (t.configuration, t.direction) == ('engine_bay', 'give')]
 
 
 def test_bad_parameters_are_improved_on_unseen_trials():

@@ -84,8 +84,11 @@ def test_hands_over_after_the_signal_and_not_before(model: DecoupledDmp) -> None
     assert loop.state is HandoverState.REACHING
     loop.step(round((model.duration_s + 2.0) / PERIOD_S))
     assert loop.state is HandoverState.DONE
-    exchange = np.array(loop.controller.exchange)
-    assert np.linalg.norm(exchange - model.goal) < loop.controller.options.exchange_distance_m
+    exchange_position = np.array(loop.controller.exchange_position)
+    assert (
+        np.linalg.norm(exchange_position - model.goal)
+        < loop.controller.options.exchange_distance_m
+    )
 
 
 @pytest.mark.parametrize(

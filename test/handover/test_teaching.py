@@ -32,9 +32,11 @@ def trial(duration_s=1.5, hand=(0.9, 0.0, 0.1), drift=(0.1, 0.0, 0.0), number=1)
     times = np.arange(0.0, duration_s + 1e-9, 0.005)
     u = times / times[-1]
     way = 10 * u**3 - 15 * u**4 + 6 * u**5
-    p1 = np.array(hand) + np.outer(times - times[-1], drift)
-    p2 = np.outer(1 - way, [0.1, 0.2, 0.0]) + np.outer(way, np.array(hand) - [0.1, 0.0, 0.05])
-    return HandoverTrial(times, p1, p2, 'lab', 'give', number, f'trial {number}')
+    partner = np.array(hand) + np.outer(times - times[-1], drift)
+    demonstrator = np.outer(1 - way, [0.1, 0.2, 0.0]) + np.outer(
+        way, np.array(hand) - [0.1, 0.0, 0.05]
+    )
+    return HandoverTrial(times, partner, demonstrator, 'lab', 'give', number, f'trial {number}')
 
 
 def test_the_goal_offset_is_that_of_the_end_points():
@@ -52,7 +54,7 @@ def test_the_goal_is_the_hand_and_the_offset():
     recorded = trial()
     model = learn_from_trials([recorded], regression='ridge')
     goals, velocities = hand_goal(recorded, model)
-    assert np.abs(goals - recorded.p1 - model.goal_offset).max() < 5e-4
+    assert np.abs(goals - recorded.partner - model.goal_offset).max() < 5e-4
     assert np.abs(velocities[20:-20] - [0.1, 0.0, 0.0]).max() < 5e-3
     later, _ = hand_goal(recorded, model, [0.5, 0.7])
     assert later == pytest.approx(goals[[100, 140]], abs=1e-9)
@@ -66,9 +68,9 @@ def test_a_trial_rolled_out_against_itself_arrives(formulation, regression):
     model = learn_from_trials([recorded], parameters, regression=regression)
     rollout = rollout_against(model, recorded)
     assert rollout.times == pytest.approx(recorded.times)
-    assert rollout.positions[0] == pytest.approx(recorded.p2[0])
+    assert rollout.positions[0] == pytest.approx(recorded.demonstrator[0])
     assert rollout.velocities[0] == pytest.approx(np.zeros(3))
-    assert np.abs(rollout.positions[-1] - recorded.p2[-1]).max() < 5e-3
+    assert np.abs(rollout.positions[-1] - recorded.demonstrator[-1]).max() < 5e-3
     assert reproduction_error(model, recorded) < 2e-3
     slower = rollout_against(model, recorded, 50.0)
     assert slower.positions == pytest.approx(rollout.positions[::4], abs=1e-4)
@@ -79,7 +81,7 @@ def test_a_hand_that_walks_away_is_followed_without_lag():
     model = learn_from_trials([trial()])
     walking = trial(4.0, drift=(0.2, 0.0, 0.0))
     rollout = rollout_against(model, walking)
-    lag = np.abs(rollout.positions - walking.p1 - model.goal_offset)[600:-60]
+    lag = np.abs(rollout.positions - walking.partner - model.goal_offset)[600:-60]
     assert lag.max() < 5e-4
 
 
@@ -100,7 +102,7 @@ def test_recordings_of_people_are_learnt(kth_folder):
         assert np.isfinite(model.weights).all()
         errors.append(reproduction_error(model, recorded))
         rollout = rollout_against(model, recorded)
-        end = np.linalg.norm(rollout.positions[-1] - recorded.p2[-1])
+        end = np.linalg.norm(rollout.positions[-1] - recorded.demonstrator[-1])
         assert end < 0.03
     assert np.median(errors) < 1e-3
     assert np.max(errors) < 5e-3

@@ -51,19 +51,19 @@ def play(
     pieces = []
     spans = []
     clock = 0.0
-    first = np.hstack([trials[0].p1[0], trials[0].p2[0]])
+    first = np.hstack([trials[0].partner[0], trials[0].demonstrator[0]])
     rest = np.tile(first, (round(REST_S * rate_hz), 1))
     pieces.append(rest)
     clock += len(rest) / rate_hz
     for number, trial in enumerate(trials):
-        both = np.hstack([trial.p1, trial.p2])
+        both = np.hstack([trial.partner, trial.demonstrator])
         new = np.arange(0.0, trial.duration_s, 1.0 / rate_hz)
         reach = np.column_stack(
             [np.interp(new, trial.times - trial.times[0], column) for column in both.T]
         )
         spans.append((clock, clock + trial.duration_s))
         following = trials[number + 1] if number + 1 < len(trials) else trials[0]
-        goal = np.hstack([following.p1[0], following.p2[0]])
+        goal = np.hstack([following.partner[0], following.demonstrator[0]])
         hold = np.tile(both[-1], (round(HOLD_S * rate_hz), 1))
         u = np.arange(round(RETREAT_S * rate_hz))[:, None] / (RETREAT_S * rate_hz)
         retreat = both[-1] + minimum_jerk(u) * (goal - both[-1])

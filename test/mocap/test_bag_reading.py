@@ -95,38 +95,38 @@ def test_any_stamped_place(tmp_path, trial, kind):
     folder = write(
         tmp_path / 'bag',
         [
-            ('/hand/pose', kind, 'world', rows(trial.times, trial.p1)),
-            ('/human/pose', kind, 'world', rows(trial.times, trial.p2)),
+            ('/hand/pose', kind, 'world', rows(trial.times, trial.partner)),
+            ('/human/pose', kind, 'world', rows(trial.times, trial.demonstrator)),
         ],
     )
     motion = read_bag_wrists(folder)
     np.testing.assert_allclose(motion.times, trial.times, atol=1e-8)
-    np.testing.assert_array_equal(motion.p1, trial.p1)
-    np.testing.assert_allclose(motion.p2, trial.p2, atol=1e-9)
+    np.testing.assert_array_equal(motion.partner, trial.partner)
+    np.testing.assert_allclose(motion.demonstrator, trial.demonstrator, atol=1e-9)
 
 
 def test_two_clocks_out_of_order_and_twice(tmp_path, trial):
     """P2 comes at another rate, mixed up and with repetitions, and starts later."""
     late = np.arange(0.1, trial.times[-1], 1.0 / 120.0)
-    truth = interpolate(trial.times, trial.p2)
+    truth = interpolate(trial.times, trial.demonstrator)
     second = rows(late, truth(late))
     second = [*second[1::2], *second[::2], *second[:5]]
     folder = write(
         tmp_path / 'bag',
-        [('/a', POSE, 'world', rows(trial.times, trial.p1)), ('/b', POSE, 'world', second)],
+        [('/a', POSE, 'world', rows(trial.times, trial.partner)), ('/b', POSE, 'world', second)],
     )
     motion = read_bag_wrists(folder, '/a', '/b')
     inside = (trial.times > late[0] - 1e-9) & (trial.times < late[-1] + 1e-9)
     np.testing.assert_allclose(motion.times, trial.times[inside], atol=1e-8)
-    np.testing.assert_allclose(motion.p2, trial.p2[inside], atol=5e-4)
+    np.testing.assert_allclose(motion.demonstrator, trial.demonstrator[inside], atol=5e-4)
 
 
 def test_without_stamps_the_time_of_recording_counts(tmp_path, trial):
     folder = write(
         tmp_path / 'bag',
         [
-            ('/a', POSE, 'world', rows(trial.times, trial.p1, stamped=False)),
-            ('/b', POSE, 'world', rows(trial.times, trial.p2, stamped=False)),
+            ('/a', POSE, 'world', rows(trial.times, trial.partner, stamped=False)),
+            ('/b', POSE, 'world', rows(trial.times, trial.demonstrator, stamped=False)),
         ],
     )
     np.testing.assert_allclose(read_bag_wrists(folder, '/a', '/b').times, trial.times, atol=1e-8)
@@ -137,8 +137,8 @@ def test_where_p2_is_silent_nothing_is_made_up(tmp_path, trial):
     folder = write(
         tmp_path / 'bag',
         [
-            ('/a', POSE, 'world', rows(trial.times, trial.p1)),
-            ('/b', POSE, 'world', rows(trial.times[seen], trial.p2[seen])),
+            ('/a', POSE, 'world', rows(trial.times, trial.partner)),
+            ('/b', POSE, 'world', rows(trial.times[seen], trial.demonstrator[seen])),
         ],
     )
     motion = read_bag_wrists(folder, '/a', '/b')
@@ -154,7 +154,7 @@ def test_a_bag_tells_what_it_is_of(tmp_path, trial):
     write_trial_bag(trial, folder)
     again = recorded_trial(folder)
     assert again.label == recorded_trial(folder / 'monday_0.mcap').label == trial.label
-    np.testing.assert_allclose(again.p2[-1], trial.p2[-1], atol=5e-3)
+    np.testing.assert_allclose(again.demonstrator[-1], trial.demonstrator[-1], atol=5e-3)
 
 
 RUN = {'configuration': 'under_car', 'exchange': 'take', 'number': 3, 'trial': 'under_car take 3'}
@@ -179,7 +179,7 @@ def test_what_a_bag_tells_goes_before_its_name(tmp_path, name):
 
 
 def test_bags_that_cannot_be_used(tmp_path, trial):
-    good = rows(trial.times, trial.p1)
+    good = rows(trial.times, trial.partner)
     broken = [good[0], (good[1][0], good[1][1], float('nan'), 0.0, 0.0), *good[2:]]
     later = [(stamp + 10**11, log, *place) for stamp, log, *place in good]
     cases = {

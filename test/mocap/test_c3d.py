@@ -70,7 +70,7 @@ def test_units_and_axes(tmp_path):
     )
     assert (recording.unit, recording.up) == ('m', 'y')
     motion = recording.wrists(['M_wrist'], ['A_wrist'])
-    np.testing.assert_allclose(motion.p2[0], [0.301, -0.501, 0.401], atol=1e-6)
+    np.testing.assert_allclose(motion.demonstrator[0], [0.301, -0.501, 0.401], atol=1e-6)
     with pytest.raises(DataError, match="unit 'furlong'"):
         read_c3d(write(tmp_path / 'b.c3d', unit='furlong'))
 
@@ -142,10 +142,10 @@ def test_damaged_files_are_read_or_a_data_error(tmp_path):
     good = write(tmp_path / 'good.c3d').read_bytes()
     path = tmp_path / 'bad.c3d'
     for seed in range(150):
-        chance = random.Random(seed)
+        rng = random.Random(seed)
         content = bytearray(good)
-        for _ in range(chance.randint(1, 6)):
-            content[chance.randrange(1200)] = chance.randrange(256)
+        for _ in range(rng.randint(1, 6)):
+            content[rng.randrange(1200)] = rng.randrange(256)
         path.write_bytes(content)
         try:
             recording = read_c3d(path, NAMES[:2])

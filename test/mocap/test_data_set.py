@@ -44,8 +44,8 @@ def test_round_trip(folder, trials):
     again = read_data_set(folder)
     assert [trial.label for trial in again] == [trial.label for trial in trials]
     for one, other in zip(trials, again, strict=True):
-        np.testing.assert_array_equal(one.p1, other.p1)
-        np.testing.assert_array_equal(one.p2, other.p2)
+        np.testing.assert_array_equal(one.partner, other.partner)
+        np.testing.assert_array_equal(one.demonstrator, other.demonstrator)
         np.testing.assert_array_equal(one.times, other.times)
 
 
@@ -103,11 +103,11 @@ def test_a_faulty_trial_is_named(folder):
 
 
 @pytest.mark.parametrize('count', [2, 3, 5])
-@pytest.mark.parametrize('partner', ['p1', 'p2'])
-def test_trials_of_different_frames_are_named(count, partner, tmp_path):
+@pytest.mark.parametrize('person', ['partner', 'demonstrator'])
+def test_trials_of_different_frames_are_named(count, person, tmp_path):
     trials = synthesize(trials=count, configurations=['under_car'])
     moved = trials[count - 1]
-    trials[count - 1] = replace(moved, **{partner: getattr(moved, partner) + [0.0, 2.5, 0.0]})
+    trials[count - 1] = replace(moved, **{person: getattr(moved, person) + [0.0, 2.5, 0.0]})
     write_data_set(trials, tmp_path)
     with pytest.raises(DataError, match=f'under_car_give_{count}.csv: .* are the frames the same'):
         read_data_set(tmp_path)

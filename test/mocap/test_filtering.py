@@ -146,7 +146,7 @@ def test_condition_keeps_what_the_trial_is():
     assert conditioned.times[0] == 5.0
     assert conditioned.rate_hz == pytest.approx(200.0)
     assert len(conditioned.times) == 197
-    np.testing.assert_allclose(conditioned.p2 - conditioned.p1, 1.0, atol=1e-9)
+    np.testing.assert_allclose(conditioned.demonstrator - conditioned.partner, 1.0, atol=1e-9)
 
 
 def test_stamps_that_were_rounded_lose_no_sample():
@@ -156,7 +156,7 @@ def test_stamps_that_were_rounded_lose_no_sample():
 
 def test_conditioning_twice_changes_little():
     once = condition(trial(np.arange(120) / 120.0))
-    np.testing.assert_allclose(condition(once).p1, once.p1, atol=1.5e-3)
+    np.testing.assert_allclose(condition(once).partner, once.partner, atol=1.5e-3)
 
 
 @pytest.mark.parametrize(
@@ -176,11 +176,11 @@ def test_absurd_lengths_are_refused():
 def test_noise_of_real_people_goes_and_their_motion_stays(kth_folder):
     for recorded in read_data_set(kth_folder):
         conditioned = condition(recorded)
-        both = np.hstack([recorded.p1, recorded.p2])
+        both = np.hstack([recorded.partner, recorded.demonstrator])
         again = np.column_stack(
             [
                 np.interp(recorded.times, conditioned.times, column)
-                for column in np.hstack([conditioned.p1, conditioned.p2]).T
+                for column in np.hstack([conditioned.partner, conditioned.demonstrator]).T
             ]
         )
         inside = recorded.times <= conditioned.times[-1]
@@ -189,11 +189,11 @@ def test_noise_of_real_people_goes_and_their_motion_stays(kth_folder):
         assert np.abs(difference).max() < limit, recorded.label
         assert np.abs(difference.mean(axis=0)).max() < 0.5e-3, recorded.label
         # What is left is as smooth as a hand.
-        jerk = np.diff(conditioned.p2, n=3, axis=0) * 200.0**3
+        jerk = np.diff(conditioned.demonstrator, n=3, axis=0) * 200.0**3
         assert np.sqrt(np.mean(jerk**2)) < 300.0, recorded.label
 
 
 def test_shifted_frames_shift_the_result():
     here = trial(np.arange(60) / 60.0)
-    there = replace(here, p1=here.p1 + 50.0)
-    np.testing.assert_allclose(condition(there).p1, condition(here).p1 + 50.0, atol=1e-9)
+    there = replace(here, partner=here.partner + 50.0)
+    np.testing.assert_allclose(condition(there).partner, condition(here).partner + 50.0, atol=1e-9)

@@ -34,21 +34,21 @@ def recording(**changes):
 
 def test_metres_and_the_middle_of_two_markers():
     motion = recording().wrists(['a', 'b'], ['c'])
-    np.testing.assert_allclose(motion.p1[50], [0.15, 0.04, 1.0])
-    np.testing.assert_allclose(motion.p2[50], [0.55, 0.02, 1.0])
+    np.testing.assert_allclose(motion.partner[50], [0.15, 0.04, 1.0])
+    np.testing.assert_allclose(motion.demonstrator[50], [0.55, 0.02, 1.0])
     again = recording(unit='m').wrists(['a', 'b'], ['c'], unit='mm')
-    np.testing.assert_array_equal(again.p1, motion.p1)
+    np.testing.assert_array_equal(again.partner, motion.partner)
 
 
 def test_y_up_becomes_z_up_and_stays_right_handed():
     motion = recording(up='y').wrists(['a'], ['c'])
-    np.testing.assert_allclose(motion.p1[50], [0.15, -1.0, 0.02])
-    np.testing.assert_array_equal(recording().wrists(['a'], ['c'], up='y').p1, motion.p1)
+    np.testing.assert_allclose(motion.partner[50], [0.15, -1.0, 0.02])
+    np.testing.assert_array_equal(recording().wrists(['a'], ['c'], up='y').partner, motion.partner)
     basis = np.eye(3)
     turned = [
         recording(positions={'a': np.tile(axis, (SAMPLES, 1)), 'c': np.zeros((SAMPLES, 3))})
         .wrists(['a'], ['c'], unit='m', up='y')
-        .p1[0]
+        .partner[0]
         for axis in basis
     ]
     assert np.linalg.det(turned) == pytest.approx(1.0)
@@ -74,13 +74,13 @@ def test_short_gaps_stay_in_and_long_ones_cut():
     short = hidden(30, 50)
     assert len(short.times) == 80
     assert short.spans() == [(0, 80)]
-    trial = short.trial(0, 80, configuration='bay', exchange='give', number=1)
+    trial = short.trial(0, 80, configuration='bay', direction='give', number=1)
     assert trial.duration_s == pytest.approx(0.99)
     long = hidden(30, 60)
     assert long.spans() == [(0, 30), (30, 70)]
     with pytest.raises(DataError, match=r'file.c3d: 0.290 s: a wrist is out of sight for 0.31 s'):
-        long.trial(0, 70, configuration='bay', exchange='give', number=1)
-    assert long.trial(30, 70, configuration='bay', exchange='give', number=1).times[0] == 0.0
+        long.trial(0, 70, configuration='bay', direction='give', number=1)
+    assert long.trial(30, 70, configuration='bay', direction='give', number=1).times[0] == 0.0
 
 
 def test_samples_that_make_no_sense():
@@ -94,4 +94,4 @@ def test_samples_that_make_no_sense():
         recording(positions=jump).wrists(['a'], ['c'])
     with pytest.raises(DataError, match='no samples'):
         nothing = WristMotion(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)), 'x')
-        nothing.trial(0, 0, configuration='a', exchange='give', number=1)
+        nothing.trial(0, 0, configuration='a', direction='give', number=1)

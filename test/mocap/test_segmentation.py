@@ -46,12 +46,12 @@ def test_every_handover_is_found_where_it_is(play_session, trials, rate_hz, nois
     for new, trial in zip(cut, trials, strict=True):
         assert new.configuration == 'garage'
         assert new.times[0] == 0.0
-        np.testing.assert_allclose(new.p2[0], trial.p2[0], atol=0.01)
-        np.testing.assert_allclose(new.p2[-1], trial.p2[-1], atol=0.01)
-        np.testing.assert_allclose(new.p1[-1], trial.p1[-1], atol=0.01)
-    right = sum(new.exchange == trial.exchange for new, trial in zip(cut, trials, strict=True))
+        np.testing.assert_allclose(new.demonstrator[0], trial.demonstrator[0], atol=0.01)
+        np.testing.assert_allclose(new.demonstrator[-1], trial.demonstrator[-1], atol=0.01)
+        np.testing.assert_allclose(new.partner[-1], trial.partner[-1], atol=0.01)
+    right = sum(new.direction == trial.direction for new, trial in zip(cut, trials, strict=True))
     assert right >= len(trials) - 2
-    names = [(trial.exchange, trial.number) for trial in cut]
+    names = [(trial.direction, trial.number) for trial in cut]
     assert len(set(names)) == len(names)
 
 
@@ -66,16 +66,16 @@ def test_who_gives_where_it_is_known(play_session, trials):
     assert {*expected, 'first_mover'} == set(GIVERS)
     for giver, exchanges in expected.items():
         found = segment(motion, Segmentation(giver=giver))
-        assert [part.exchange for part in found.segments] == exchanges
+        assert [part.direction for part in found.segments] == exchanges
 
 
 def test_partners_exchanged_are_gives_for_takes(play_session):
     """Where both hands move and one is clearly first."""
-    made = [trial for trial in synthesize(seed=1, trials=4) if trial.exchange == 'take']
+    made = [trial for trial in synthesize(seed=1, trials=4) if trial.direction == 'take']
     motion, _ = play_session(made)
-    mirrored = replace(motion, p1=motion.p2, p2=motion.p1)
-    takes = [part.exchange for part in segment(motion).segments]
-    gives = [part.exchange for part in segment(mirrored).segments]
+    mirrored = replace(motion, partner=motion.demonstrator, demonstrator=motion.partner)
+    takes = [part.direction for part in segment(motion).segments]
+    gives = [part.direction for part in segment(mirrored).segments]
     assert takes.count('take') >= 11
     assert gives.count('give') >= 11
 
@@ -93,7 +93,7 @@ def test_who_starts_counts_and_not_who_is_faster(giver):
     fast = reach(times, 1.6, 1.0, (0.5, 0.0, 1.0), (0.15, 0.0, 1.0))
     pair = (slow, fast) if giver == 'p1' else (fast, slow)
     found = segment(WristMotion(times, *pair, 'two'))
-    assert [part.exchange for part in found.segments] == ['take' if giver == 'p1' else 'give']
+    assert [part.direction for part in found.segments] == ['take' if giver == 'p1' else 'give']
     assert 0.85 < found.segments[0].start_s < 1.35
 
 
@@ -114,7 +114,10 @@ def test_an_hour_without_handovers_and_gaps(play_session, trials):
     # Both wrists out of sight while they go back after the first; the rest stays usable.
     hidden = (motion.times > spans[0][1] + 0.7) & (motion.times < spans[0][1] + 1.5)
     seen = replace(
-        motion, times=motion.times[~hidden], p1=motion.p1[~hidden], p2=motion.p2[~hidden]
+        motion,
+        times=motion.times[~hidden],
+        partner=motion.partner[~hidden],
+        demonstrator=motion.demonstrator[~hidden],
     )
     assert len(segment(seen).segments) == 3
     resting = WristMotion(
@@ -130,7 +133,10 @@ def test_a_gap_in_the_reach_is_not_bridged(play_session, trials):
     middle = 0.5 * sum(spans[0])
     hidden = np.abs(motion.times - middle) < 0.2
     seen = replace(
-        motion, times=motion.times[~hidden], p1=motion.p1[~hidden], p2=motion.p2[~hidden]
+        motion,
+        times=motion.times[~hidden],
+        partner=motion.partner[~hidden],
+        demonstrator=motion.demonstrator[~hidden],
     )
     for part in segment(seen).segments:
         assert part.start_s > middle or part.exchange_s < middle
@@ -139,14 +145,18 @@ def test_a_gap_in_the_reach_is_not_bridged(play_session, trials):
 def test_what_is_left_out_is_told(play_session, trials):
     motion, _ = play_session(trials[:2])
     # P2 stays, the exchange comes to him.
-    still = replace(motion, p1=motion.p1 - motion.p2, p2=np.zeros_like(motion.p2))
+    still = replace(
+        motion,
+        partner=motion.partner - motion.demonstrator,
+        demonstrator=np.zeros_like(motion.demonstrator),
+    )
     left_out = segment(still)
     assert left_out.segments == []
     assert [reason for _, reason in left_out.passages] == ['P2 does not reach'] * 2
-    short = segment(motion, Segmentation(shortest_s=0.2, longest_s=0.5))
+    short = segment(motion, Segmentation(min_duration_s=0.2, max_duration_s=0.5))
     assert short.segments == []
     assert all(reason.startswith('lasts ') for _, reason in short.passages)
-    far = segment(motion, Segmentation(least_reach_m=2.0))
+    far = segment(motion, Segmentation(min_reach_m=2.0))
     assert all(reason.startswith('P2 reaches only 0.5') for _, reason in far.passages)
 
 
@@ -155,7 +165,7 @@ def test_what_is_left_out_is_told(play_session, trials):
     [
         {'near_m': 0.9},
         {'moving_speed': 0.5},
-        {'longest_s': 0.1},
+        {'max_duration_s': 0.1},
         {'margin_s': -1.0},
         {'near_m': float('nan')},
         {'giver': 'nobody'},
@@ -172,11 +182,11 @@ def test_too_short_for_a_trial(play_session, trials):
     found = segment(few)
     assert len(found.trials('x')) == 1
     with pytest.raises(DataError, match='at least 10'):
-        few.trial(0, 5, configuration='x', exchange='give', number=1)
+        few.trial(0, 5, configuration='x', direction='give', number=1)
 
 
 def test_real_people(kth_folder, play_session):
-    recorded = [trial for trial in read_data_set(kth_folder) if trial.exchange == 'give']
+    recorded = [trial for trial in read_data_set(kth_folder) if trial.direction == 'give']
     for configuration in ('raw', 'p01', 'p02', 'p03', 'p04'):
         case = [trial for trial in recorded if trial.configuration == configuration]
         motion, spans = play_session(case, rate_hz=60.0)

@@ -50,12 +50,17 @@ def test_every_handover_is_shaded(play_session, tmp_path):
 
 def test_what_is_left_out_and_gaps_do_not_stop_it(play_session, tmp_path):
     motion, _ = play_session(synthesize(trials=1)[:1])
-    found = segment(motion, Segmentation(least_reach_m=2.0))
+    found = segment(motion, Segmentation(min_reach_m=2.0))
     draw_segmentation(found, tmp_path / 'out.svg')
     text = (tmp_path / 'out.svg').read_text()
     assert text.startswith('<?xml')
     keep = np.r_[0:100, 102:104, 200: len(motion.times)]  # fmt: skip
-    gappy = replace(motion, times=motion.times[keep], p1=motion.p1[keep], p2=motion.p2[keep])
+    gappy = replace(
+        motion,
+        times=motion.times[keep],
+        partner=motion.partner[keep],
+        demonstrator=motion.demonstrator[keep],
+    )
     draw_segmentation(segment(gappy), tmp_path / 'gaps.png')
     assert sorted(path.name for path in tmp_path.iterdir()) == ['gaps.png', 'out.svg']
 

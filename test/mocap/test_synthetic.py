@@ -80,10 +80,12 @@ def test_the_same_bytes_whatever_the_threads_and_vector_units(tmp_path):
 
 def test_seeds_and_numbers(trials):
     other = synthesize(seed=1)
-    assert all((a.p2[0] != b.p2[0]).any() for a, b in zip(trials, other, strict=True))
+    assert all(
+        (a.demonstrator[0] != b.demonstrator[0]).any() for a, b in zip(trials, other, strict=True)
+    )
     more = {trial.label: trial for trial in synthesize(trials=8)}
     for trial in trials:
-        np.testing.assert_array_equal(more[trial.label].p1, trial.p1)
+        np.testing.assert_array_equal(more[trial.label].partner, trial.partner)
     labels = [trial.label for trial in trials]
     assert len(set(labels)) == 30
     assert labels[0] == 'engine_bay give 1'
@@ -93,14 +95,14 @@ def test_seeds_and_numbers(trials):
 
 def test_geometry(trials):
     for trial in trials:
-        assert 0.4 <= length(trial.p2[-1] - trial.p2[0]) <= 0.7, trial.label
-        assert 0.2 <= length(trial.p2[-1] - trial.p1[-1]) <= 0.35, trial.label
-        assert length(trial.p2[0] - trial.p1[0]) > 0.65, trial.label
-        assert trial.p1[:, 2].min() > 0.15, trial.label
-        assert trial.p2[:, 2].min() > 0.15, trial.label
+        assert 0.4 <= length(trial.demonstrator[-1] - trial.demonstrator[0]) <= 0.7, trial.label
+        assert 0.2 <= length(trial.demonstrator[-1] - trial.partner[-1]) <= 0.35, trial.label
+        assert length(trial.demonstrator[0] - trial.partner[0]) > 0.65, trial.label
+        assert trial.partner[:, 2].min() > 0.15, trial.label
+        assert trial.demonstrator[:, 2].min() > 0.15, trial.label
     height = {
         configuration: np.mean(
-            [trial.p1[-1, 2] for trial in trials if trial.configuration == configuration]
+            [trial.partner[-1, 2] for trial in trials if trial.configuration == configuration]
         )
         for configuration in ('under_car', 'engine_bay', 'hydraulic_lift')
     }
@@ -111,21 +113,21 @@ def test_geometry(trials):
 def test_timing_and_speed_are_those_of_people(conditioned):
     for trial in conditioned:
         assert 0.9 < trial.duration_s < 2.6, trial.label
-        for path in (trial.p1, trial.p2):
+        for path in (trial.partner, trial.demonstrator):
             speed = length(velocities(trial.times, path))
             assert speed.max() < 1.5, trial.label
             assert speed[0] < 0.12, trial.label
             assert speed[-1] < 0.12, trial.label
-        peak = length(velocities(trial.times, trial.p2)).max()
-        mean = length(trial.p2[-1] - trial.p2[0]) / trial.duration_s
+        peak = length(velocities(trial.times, trial.demonstrator)).max()
+        mean = length(trial.demonstrator[-1] - trial.demonstrator[0]) / trial.duration_s
         # 1.88 for one minimum-jerk reach; more where P2 waits before.
         assert 1.6 < peak / mean < 3.2, trial.label
 
 
 def test_p1_waits_in_some_gives_and_moves_in_every_take(trials):
-    way = {trial.label: length(trial.p1[-1] - trial.p1[0]) for trial in trials}
-    gives = [way[trial.label] for trial in trials if trial.exchange == 'give']
-    takes = [way[trial.label] for trial in trials if trial.exchange == 'take']
+    way = {trial.label: length(trial.partner[-1] - trial.partner[0]) for trial in trials}
+    gives = [way[trial.label] for trial in trials if trial.direction == 'give']
+    takes = [way[trial.label] for trial in trials if trial.direction == 'take']
     assert min(takes) > 0.3
     waiting = sum(distance < 0.03 for distance in gives)
     reaching = sum(distance > 0.3 for distance in gives)
@@ -136,10 +138,10 @@ def test_p1_waits_in_some_gives_and_moves_in_every_take(trials):
 def test_spread_from_trial_to_trial():
     for configuration in ('engine_bay', 'under_car', 'hydraulic_lift'):
         many = synthesize(trials=60, configurations=[configuration])
-        for exchange in ('give', 'take'):
-            case = [trial for trial in many if trial.exchange == exchange]
-            starts = np.std([trial.p2[0] for trial in case], axis=0)
-            ends = np.std([trial.p2[-1] for trial in case], axis=0)
+        for direction in ('give', 'take'):
+            case = [trial for trial in many if trial.direction == direction]
+            starts = np.std([trial.demonstrator[0] for trial in case], axis=0)
+            ends = np.std([trial.demonstrator[-1] for trial in case], axis=0)
             assert (starts > 0.008).all() and (starts < 0.03).all()
             assert (ends > 0.01).all() and (ends < 0.04).all()
             durations = [trial.duration_s for trial in case]
@@ -151,7 +153,7 @@ def test_sensor_noise():
     noisy = synthesize(noise_m=1e-4, trials=2)
     differences = np.concatenate(
         [
-            np.concatenate([a.p1 - b.p1, a.p2 - b.p2]).ravel()
+            np.concatenate([a.partner - b.partner, a.demonstrator - b.demonstrator]).ravel()
             for a, b in zip(noisy, exact, strict=True)
         ]
     )

@@ -37,7 +37,7 @@ SAMPLES = 20
 def make_trial(**changes):
     times = np.arange(SAMPLES) / 100.0
     path = 0.5 * np.column_stack([times, times**2, 1.0 + times])
-    values = {'times': times, 'p1': path, 'p2': path + [0.4, 0.0, 0.1], 'number': 3}
+    values = {'times': times, 'partner': path, 'demonstrator': path + [0.4, 0.0, 0.1], 'number': 3}
     return HandoverTrial(**{**values, **changes})
 
 
@@ -130,10 +130,12 @@ def test_files_that_are_no_files(tmp_path):
 def test_what_is_written_is_read_back_to_the_last_bit(tmp_path):
     random = np.random.default_rng(1)
     path = np.cumsum(1e-3 * random.standard_normal((SAMPLES, 6)), axis=0)
-    trial = make_trial(p1=path[:, :3], p2=path[:, 3:], configuration='under car', exchange='take')
+    trial = make_trial(
+        partner=path[:, :3], demonstrator=path[:, 3:], configuration='under car', direction='take'
+    )
     write_trial(trial, tmp_path / 'a_take_3.csv')
     again = read_trial(tmp_path / 'a_take_3.csv', configuration='under car')
-    for name in ('times', 'p1', 'p2'):
+    for name in ('times', 'partner', 'demonstrator'):
         np.testing.assert_array_equal(getattr(trial, name), getattr(again, name))
     assert again.label == trial.label == 'under car take 3'
 
@@ -154,7 +156,7 @@ def test_any_finite_trial_survives_its_file(tmp_path_factory, steps, start):
     file = tmp_path_factory.mktemp('trial') / 'x.csv'
     write_trial(trial, file)
     again = read_trial(file)
-    np.testing.assert_array_equal(again.p2, trial.p2)
+    np.testing.assert_array_equal(again.demonstrator, trial.demonstrator)
     np.testing.assert_array_equal(again.times, trial.times)
 
 
@@ -162,19 +164,21 @@ def test_forgiving_where_nothing_is_lost(tmp_path):
     lines = lines_of(make_trial(), tmp_path)
     text = '\ufeff' + '\r\n'.join(line.replace(',', ' , ') for line in lines) + '\r\n\r\n  \n'
     (tmp_path / 'windows.csv').write_bytes(text.encode())
-    np.testing.assert_array_equal(read_trial(tmp_path / 'windows.csv').p1, make_trial().p1)
+    np.testing.assert_array_equal(
+        read_trial(tmp_path / 'windows.csv').partner, make_trial().partner
+    )
 
 
 def test_what_it_is_a_trial_of(tmp_path):
     def known(name, **told):
         write_trial(make_trial(), tmp_path / name)
         trial = read_trial(tmp_path / name, **told)
-        return trial.configuration, trial.exchange, trial.number
+        return trial.configuration, trial.direction, trial.number
 
     assert known('engine_bay_take_12.csv') == ('engine_bay', 'take', 12)
     assert known('my-take.csv') == ('my-take', 'take', 1)
     assert known('mistaken.csv') == ('mistaken', 'give', 1)
-    assert known('engine_bay_take_12.csv', exchange='give') == ('engine_bay', 'give', 12)
+    assert known('engine_bay_take_12.csv', direction='give') == ('engine_bay', 'give', 12)
     index = 'source,trial,exchange,configuration,file\n"a, b",7,take,pit,engine_bay_give_1.csv\n'
     (tmp_path / 'trials.csv').write_text(index)
     assert known('engine_bay_give_1.csv') == ('pit', 'take', 7)
@@ -187,7 +191,7 @@ def test_a_trial_cannot_be_changed():
     times = np.arange(SAMPLES) / 100.0
     trial = make_trial(times=times)
     with pytest.raises(ValueError, match='read-only'):
-        trial.p1[0] = 0.0
+        trial.partner[0] = 0.0
     times[0] = 7.0
     assert trial.times[0] == 0.0
     assert trial.duration_s == pytest.approx(0.19)
@@ -197,12 +201,15 @@ def test_a_trial_cannot_be_changed():
 @pytest.mark.parametrize(
     ('changes', 'message'),
     [
-        ({'exchange': 'throw'}, "exchange 'throw'"),
-        ({'p1': np.zeros((SAMPLES, 2))}, 'shapes'),
+        ({'direction': 'throw'}, "exchange 'throw'"),
+        ({'partner': np.zeros((SAMPLES, 2))}, 'shapes'),
         ({'times': np.float64(3.0)}, 'shapes'),
         ({'times': -np.arange(SAMPLES) / 100.0}, 'sample 1: time runs backwards'),
-        ({'p2': np.full((SAMPLES, 3), np.nan)}, 'sample 0: a value is not a finite number'),
-        ({'p2': np.full((SAMPLES, 3), 1e300)}, 'sample 0: a position of 1e'),
+        (
+            {'demonstrator': np.full((SAMPLES, 3), np.nan)},
+            'sample 0: a value is not a finite number',
+        ),
+        ({'demonstrator': np.full((SAMPLES, 3), 1e300)}, 'sample 0: a position of 1e'),
     ],
 )
 def test_a_trial_in_code_is_checked_as_a_file_is(changes, message):
@@ -244,7 +251,7 @@ def check_hostile(path: Path, content: bytes) -> None:
         assert '\n' not in str(error)
         assert len(str(error)) < 1000
     else:
-        assert np.isfinite(trial.p1).all()
+        assert np.isfinite(trial.partner).all()
         assert (np.diff(trial.times) > 0.0).all()
 
 

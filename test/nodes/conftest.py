@@ -37,7 +37,7 @@ def scenario() -> Scenario:
 @pytest.fixture
 def prepare(tmp_path: Path, scenario: Scenario) -> Prepare:
     """Make a run folder and the parameters of the five nodes for it."""
-    from handover_dmp.nodes.conduct import graph_parameters
+    from handover_dmp.nodes.run_graph import graph_parameters
 
     def make(*, lockstep: bool = True, **changes: dict[str, Any]) -> Any:
         keep_inputs(tmp_path, scenario)

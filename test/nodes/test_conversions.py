@@ -20,8 +20,6 @@ from typing import Any
 
 from geometry_msgs.msg import PoseStamped
 from handover_dmp.nodes.conversions import (
-    answering,
-    labelled,
     nanoseconds,
     period_of,
     pose_message,
@@ -29,6 +27,8 @@ from handover_dmp.nodes.conversions import (
     quaternion_of,
     rotation_of,
     stamp,
+    to_float_array,
+    to_joint_command,
     twist_message,
     values_of,
     velocities_of,
@@ -82,8 +82,8 @@ def test_a_twist_comes_back(time_ns: int, velocity: Any, earlier: Any) -> None:
 
 @given(named, named)
 def test_named_values_come_back(values: dict[str, float], earlier: dict[str, float]) -> None:
-    for old in (None, labelled(earlier)):
-        message = sent(labelled(values, into=old))
+    for old in (None, to_float_array(earlier)):
+        message = sent(to_float_array(values, into=old))
         assert values_of(message) == values
         assert [part.size for part in message.layout.dim] == [len(message.data)]
 
@@ -92,7 +92,7 @@ def test_named_values_come_back(values: dict[str, float], earlier: dict[str, flo
 def test_a_joint_command_names_its_period(
     time_ns: int, velocities: list[float], earlier: list[float]
 ) -> None:
-    for old in (None, answering(7, earlier)):
-        message = sent(answering(time_ns, velocities, into=old))
+    for old in (None, to_joint_command(7, earlier)):
+        message = sent(to_joint_command(time_ns, velocities, into=old))
         assert period_of(message) == time_ns
         assert list(message.data) == velocities

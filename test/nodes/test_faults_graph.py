@@ -35,11 +35,11 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from handover_dmp.handover.scenario import Scenario
 from handover_dmp.nodes.conversions import (
-    labelled,
     NANOSECONDS,
     nanoseconds,
     pose_message,
     stamp,
+    to_float_array,
 )
 from handover_dmp.nodes.graph import Graph, GraphError
 from handover_dmp.nodes.qos import message_class, qos_profile
@@ -72,7 +72,7 @@ from std_srvs.srv import Trigger
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(600)]
 
 WAIT_S = 60.0
-LONGEST_S = 20.0
+MAX_S = 20.0
 MOVING_RAD_S = 0.3
 STILL_RAD_S = 0.01
 PERIOD_S = 0.005
@@ -265,7 +265,7 @@ class Bench:
         self.graph.processes[name].send_signal(number)
 
     def finish(self) -> None:
-        end_s = self.graph.time_s + LONGEST_S
+        end_s = self.graph.time_s + MAX_S
         self.neighbour.until(lambda: self.graph.state == 'done' or self.graph.time_s > end_s)
         assert self.graph.state == 'done', str(self.neighbour.said())
 
@@ -342,7 +342,7 @@ class Bench:
 
 @pytest.fixture(scope='class')
 def bench(tmp_path_factory: pytest.TempPathFactory, scenario: Scenario) -> Iterator[Bench]:
-    from handover_dmp.nodes.conduct import graph_parameters
+    from handover_dmp.nodes.run_graph import graph_parameters
 
     folder = tmp_path_factory.mktemp('faults')
     keep_inputs(folder, scenario)
@@ -516,12 +516,12 @@ def test_a_full_disk_ends_the_recording_and_not_the_handover(prepare: Any) -> No
         Graph(folder, parameters) as graph,
     ):
         graph.unpause()
-        assert graph.wait_for_state(('reaching',), LONGEST_S, lambda: None)
+        assert graph.wait_for_state(('reaching',), MAX_S, lambda: None)
         written = (folder / 'bag' / 'bag_0.mcap').stat().st_size
         full = (written + 20_000, written + 20_000)
         resource.prlimit(graph.processes['recorder'].pid, resource.RLIMIT_FSIZE, full)
         neighbour = Neighbour(graph)
-        assert graph.wait_for_state(('done',), LONGEST_S, lambda: None)
+        assert graph.wait_for_state(('done',), MAX_S, lambda: None)
         assert 'File too large' in neighbour.diagnosis('recorder', 'recording stopped').message
         neighbour.close()
     log = (folder / 'logs' / 'recorder.log').read_text()
@@ -535,7 +535,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_handover(prepare: Any) -> No
 def test_twenty_handovers_in_a_row_are_alike_and_leave_nothing_behind(
     tmp_path: Path, scenario: Scenario
 ) -> None:
-    from handover_dmp.nodes.conduct import graph_parameters
+    from handover_dmp.nodes.run_graph import graph_parameters
 
     shared_before = set(Path('/dev/shm').glob('*fast*'))
     keep_inputs(tmp_path, scenario)
@@ -575,7 +575,7 @@ def test_joint_states_that_make_no_sense_stop_priority_ik_which_says_why(
 ) -> None:
     folder, parameters = prepare(lockstep=False)
     names = list(scenario.robot.joint_names)
-    home = scenario.start_posture.tolist()
+    home = scenario.q_start.tolist()
     with Graph(folder, parameters, lockstep=False, nodes=('priority_ik',)) as graph:
         neighbour = Neighbour(graph)
         answers, poses = neighbour.hear(JOINT_COMMAND), neighbour.hear(WRIST_POSE)
@@ -610,7 +610,7 @@ def test_joint_states_that_make_no_sense_stop_priority_ik_which_says_why(
         )
         assert min(permuted) > 20
         place = poses[-1].pose.position
-        expected = scenario.robot.wrist_pose(scenario.start_posture)[0]
+        expected = scenario.robot.wrist_pose(scenario.q_start)[0]
         assert np.allclose([place.x, place.y, place.z], expected, atol=1e-9)
         for states, fault in (
             (lambda: joint_states(home[1:], names[1:], now()), f'joint states lack {names[0]}'),
@@ -690,7 +690,7 @@ class Partner:
     def __init__(self, neighbour: Neighbour, scenario: Scenario) -> None:
         self.neighbour = neighbour
         self.scenario = scenario
-        self.wrist = scenario.robot.wrist_pose(scenario.start_posture)[0]
+        self.wrist = scenario.robot.wrist_pose(scenario.q_start)[0]
         self.poses = neighbour.hear(POSE_COMMAND)
         self.twists = neighbour.hear(TWIST_COMMAND)
         self._say_hand = neighbour.speaker(HAND_POSE)
@@ -703,7 +703,7 @@ class Partner:
         """Let a period pass, as the other nodes would; the arm follows the command at once."""
         time_ns = round(time_s * NANOSECONDS)
         stamp_ns = time_ns if stamp_s is None else round(stamp_s * NANOSECONDS)
-        place = self.scenario.trial.p1[0] + [0.05 * np.sin(2.0 * time_s), 0.0, 0.0]
+        place = self.scenario.trial.partner[0] + [0.05 * np.sin(2.0 * time_s), 0.0, 0.0]
         hand = pose_message(stamp(max(0, stamp_ns)), place)
         hand.header.frame_id = frame
         end_s = time.monotonic() + WAIT_S
@@ -724,7 +724,7 @@ class Partner:
         self.wrist = np.array([pose.x, pose.y, pose.z])
         self.way.append(self.wrist)
         self.velocities.append(np.array([twist.x, twist.y, twist.z]))
-        self._say_status(labelled({'speed_scale': 1.0, 'time_s': time_s}))
+        self._say_status(to_float_array({'speed_scale': 1.0, 'time_s': time_s}))
 
     def check(self) -> float:
         """Hold the commands to their limits; tell how fast the last one is, m/s."""

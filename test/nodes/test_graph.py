@@ -29,11 +29,11 @@ from handover_dmp.common.settings import defaults
 from handover_dmp.handover.lockstep import Handover
 from handover_dmp.handover.scenario import Scenario
 from handover_dmp.mocap import write_data_set
-from handover_dmp.nodes.conduct import graph_parameters
-from handover_dmp.nodes.conversions import answering, NANOSECONDS, nanoseconds
+from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds, to_joint_command
 from handover_dmp.nodes.graph import Graph, GraphError, isolation, NODES
 from handover_dmp.nodes.lockstep import ASK_AGAIN_S, Lockstep, Pace
 from handover_dmp.nodes.qos import message_class, qos_profile
+from handover_dmp.nodes.run_graph import graph_parameters
 from handover_dmp.recording import read_bag
 from handover_dmp.runs.folder import keep_inputs
 from handover_dmp.topics import (
@@ -54,7 +54,7 @@ from rclpy.parameter_client import AsyncParameterClient
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(400)]
 
-LONGEST_S = 20.0
+MAX_S = 20.0
 ROS2 = shutil.which('ros2')
 PLAYER = Path(__file__).with_name('play_bag.py')
 STALL_S = 4.0
@@ -99,7 +99,7 @@ def undisturbed(
     keep_inputs(folder, scenario)
     with Graph(folder, graph_parameters(folder, scenario, {}, True)) as graph:
         graph.unpause()
-        assert graph.wait_for_state(('done',), LONGEST_S, lambda: None)
+        assert graph.wait_for_state(('done',), MAX_S, lambda: None)
     return positions(folder / 'bag', '/wrist/pose')
 
 
@@ -119,7 +119,7 @@ def test_gives_the_same_motion_as_one_process_at_any_speed(
     with Graph(folder, parameters) as graph:
         begun = time.monotonic()
         graph.unpause()
-        assert graph.wait_for_state(('done',), LONGEST_S, lambda: None)
+        assert graph.wait_for_state(('done',), MAX_S, lambda: None)
         took, passed = time.monotonic() - begun, graph.time_s
         print(f'{passed / took:.2f} times real time')
         graph.linger(0.1)
@@ -185,13 +185,13 @@ def test_a_node_that_stalls_changes_nothing(
     folder, parameters = prepare()
     with Graph(folder, parameters) as graph:
         graph.unpause()
-        assert graph.wait_for_state(('reaching',), LONGEST_S, lambda: None)
+        assert graph.wait_for_state(('reaching',), MAX_S, lambda: None)
         for stalled in ('hand_tracker', 'dmp', 'priority_ik'):
             graph.linger(0.2)
             graph.processes[stalled].send_signal(signal.SIGSTOP)
             time.sleep(STALL_S)
             graph.processes[stalled].send_signal(signal.SIGCONT)
-        assert graph.wait_for_state(('done',), LONGEST_S, lambda: None)
+        assert graph.wait_for_state(('done',), MAX_S, lambda: None)
     path = positions(folder / 'bag', '/wrist/pose')
     common = sorted(path.keys() & undisturbed.keys())
     assert len(common) > 300
@@ -211,7 +211,7 @@ def test_parameters_that_are_set_back_leave_the_movement_as_it_was(
                 graph.spin(0.02)
             assert answer.result().results[0].successful
         graph.unpause()
-        assert graph.wait_for_state(('done',), LONGEST_S, lambda: None)
+        assert graph.wait_for_state(('done',), MAX_S, lambda: None)
     way = positions(folder / 'bag', '/wrist/pose')
     assert len(way) > 100
     assert all(np.array_equal(way[t], undisturbed[t]) for t in way if t in undisturbed)
@@ -260,8 +260,8 @@ def test_who_is_left_behind_while_it_waits_waits_no_longer(
     assert 5 not in answers, 'who asks for what was before leaves nobody behind'
 
 
-@pytest.mark.parametrize('labelled', [False, True])
-def test_lockstep_goes_on_with_the_velocities_of_anybody(prepare: Any, labelled: bool) -> None:
+@pytest.mark.parametrize('with_labels', [False, True])
+def test_lockstep_goes_on_with_the_velocities_of_anybody(prepare: Any, with_labels: bool) -> None:
     """One that knows nothing of periods answers the present one."""
     folder, parameters = prepare()
     with Graph(folder, parameters, nodes=('robot_sim',)) as graph:
@@ -270,8 +270,8 @@ def test_lockstep_goes_on_with_the_velocities_of_anybody(prepare: Any, labelled:
         graph.unpause()
         end_s = time.monotonic() + 60.0
         while graph.time_s < 0.1 and time.monotonic() < end_s:
-            command = answering(round(graph.time_s * NANOSECONDS), [0.1] * 7)
-            if not labelled:
+            command = to_joint_command(round(graph.time_s * NANOSECONDS), [0.1] * 7)
+            if not with_labels:
                 command.layout.dim = []
             publisher.publish(command)
             graph.spin(0.02)
@@ -375,7 +375,7 @@ def hand_over(graph: Graph, recorded: Path, bag: Path | None = None) -> None:
         wait_for_rest(graph)
         for service in ('/robot_sim/reset', '/robot_sim/resume'):
             graph.call(service)
-        assert graph.wait_for_state(('idle',), LONGEST_S, lambda: None)
+        assert graph.wait_for_state(('idle',), MAX_S, lambda: None)
         begun_ns = time.time_ns()
         if bag is None:
             graph.call('/hand_tracker/replay')
@@ -402,7 +402,7 @@ def play(graph: Graph, bag: Path) -> list[str]:
 
 def wait_until_recorded(graph: Graph, bag: Path, state: str, since_ns: int) -> None:
     """Wait until the recorder, too, has heard of a state that was reached since then."""
-    end_s = time.monotonic() + LONGEST_S
+    end_s = time.monotonic() + MAX_S
     while not any(
         message.data == state and time_ns >= since_ns
         for _, message, time_ns in read_bag(bag, [STATE.name])
@@ -420,7 +420,7 @@ def wait_for_rest(graph: Graph) -> None:
         lambda message: speeds.append(max(map(abs, message.velocity))),
         qos_profile(JOINT_STATES.quality),
     )
-    end_s = time.monotonic() + LONGEST_S
+    end_s = time.monotonic() + MAX_S
     while not speeds or speeds[-1] > AT_REST:
         graph.spin()
         assert time.monotonic() < end_s, speeds[-1:]
@@ -486,7 +486,7 @@ def test_the_hand_may_come_from_a_bag_or_from_a_slow_tracker(
     folder, parameters = prepare(**changes[source])
     with Graph(folder, parameters) as graph:
         graph.unpause()
-        assert graph.wait_for_state(('done',), LONGEST_S, lambda: None)
+        assert graph.wait_for_state(('done',), MAX_S, lambda: None)
     recorded = positions(folder / 'bag', '/wrist/pose')
     apart = [
         np.linalg.norm(recorded[t] - lockstep_path[t]) for t in lockstep_path if t in recorded
@@ -504,11 +504,11 @@ def last_way(bag: Path) -> np.ndarray:
 
     By the stamps, since the recorder may be late, and take in one topic before the other.
     """
-    labelled = [
+    rows = [
         dict(zip(names_of_values(message), message.data, strict=True))
         for _, message, _ in read_bag(bag, ['/handover/phase'])
     ]
-    times_s, phases = np.array(sorted((row['time_s'], row['phase']) for row in labelled)).T
+    times_s, phases = np.array(sorted((row['time_s'], row['phase']) for row in rows)).T
     changes = np.diff(phases)
     last_rise = max(np.flatnonzero(changes > 0.0), default=-1)
     falls = np.flatnonzero(changes < 0.0)

@@ -26,8 +26,7 @@ from typing import Any
 
 from handover_dmp.common.errors import UsageError
 from handover_dmp.handover.scenario import Scenario
-from handover_dmp.nodes.conduct import graph_parameters
-from handover_dmp.nodes.dmp import Dmp, LONGEST_STALL_S, PRIMITIVE
+from handover_dmp.nodes.dmp import Dmp, MAX_STALL_S, PRIMITIVE
 from handover_dmp.nodes.graph import Graph
 from handover_dmp.nodes.hand_tracker import HandTracker
 from handover_dmp.nodes.parameters import COMMON, declare, on_change
@@ -35,6 +34,7 @@ from handover_dmp.nodes.priority_ik import PriorityIkNode
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.nodes.recorder import Recorder
 from handover_dmp.nodes.robot_sim import POSTURE, RobotSim
+from handover_dmp.nodes.run_graph import graph_parameters
 from handover_dmp.runs.folder import keep_inputs
 from handover_dmp.topics import (
     DIAGNOSTICS,
@@ -340,8 +340,8 @@ def test_markers_show_where_hand_and_wrist_are_and_were(graph: Graph) -> None:
         trail = [place(point) for point in last[f'{name} trail'].points][-20:]
         assert trail[-1] == shown
         assert all(min(math.dist(point, other) for other in seen) < 0.02 for point in trail)
-    exchange, wrist = (place(last[name].pose.position) for name in ('exchange', 'wrist'))
-    assert math.dist(exchange, wrist) < 0.1
+    direction, wrist = (place(last[name].pose.position) for name in ('exchange', 'wrist'))
+    assert math.dist(direction, wrist) < 0.1
     gone = [m for message in markers for m in message.markers if m.action == m.DELETE]
     assert {marker.ns for marker in gone} == {'exchange'}
     assert 'exchange' not in {m.ns for m in markers[-1].markers if m.action == m.ADD}
@@ -366,8 +366,8 @@ def test_changing_parameters_in_motion_does_not_jump(graph: Graph) -> None:
             catch_up(graph, heard)
         ways = [(stamp_s(message), message.pose.position) for message in heard]
         # what a stalled machine broke off goes on where the arm was stopped, and tells nothing
-        longest_s = max(t1 - t0 for (t0, _), (t1, _) in pairwise(ways))
-        if graph.state == 'done' or longest_s <= LONGEST_STALL_S:
+        max_duration_s = max(t1 - t0 for (t0, _), (t1, _) in pairwise(ways))
+        if graph.state == 'done' or max_duration_s <= MAX_STALL_S:
             break
     assert len(ways) > 100
     for (t0, a), (t1, b) in pairwise(ways):

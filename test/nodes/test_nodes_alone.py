@@ -28,8 +28,8 @@ from typing import Any
 from geometry_msgs.msg import PoseStamped
 from handover_dmp.nodes.conversions import pose_message, quaternion_of
 from handover_dmp.nodes.graph import isolate, NODES
-from handover_dmp.nodes.leaving import leave, LONGEST_WAIT_S, turn_file
-from handover_dmp.nodes.priority_ik import LONGEST_STEP
+from handover_dmp.nodes.priority_ik import MAX_STEP
+from handover_dmp.nodes.shutdown import MAX_WAIT_S, shut_down, turn_file
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.topics import JOINT_COMMAND, JOINT_STATES, POSE_COMMAND
 import numpy as np
@@ -109,7 +109,7 @@ def test_leaves_when_its_turn_comes_and_not_before(tmp_path: Path) -> None:
         fcntl.flock(turn, fcntl.LOCK_EX)
         for process in processes:
             process.send_signal(signal.SIGINT)
-        time.sleep(LONGEST_WAIT_S / 5)
+        time.sleep(MAX_WAIT_S / 5)
         assert [process.poll() for process in processes] == [None, None]
         fcntl.flock(turn, fcntl.LOCK_UN)
         assert [process.wait(30) for process in processes] == [0, 0]
@@ -121,7 +121,7 @@ def test_leaves_when_its_turn_never_comes(tmp_path: Path) -> None:
     with turn_file(int(os.environ['ROS_DOMAIN_ID'])).open('w') as turn:
         fcntl.flock(turn, fcntl.LOCK_EX)
         process.send_signal(signal.SIGINT)
-        assert process.wait(LONGEST_WAIT_S + 30) == 0
+        assert process.wait(MAX_WAIT_S + 30) == 0
 
 
 def test_priority_ik_ends_with_an_arm_at_rest(tmp_path: Path) -> None:
@@ -163,11 +163,11 @@ def test_priority_ik_ends_with_an_arm_at_rest(tmp_path: Path) -> None:
     finally:
         process.kill()
         executor.shutdown()
-        leave(node)
+        shut_down(node)
     assert process.wait() == 0
     assert not commands[-1].any()
     steps = np.abs(np.diff(commands[-20:], axis=0))
-    assert np.all(steps <= LONGEST_STEP * 0.005 * arm.limits.acceleration + 1e-9)
+    assert np.all(steps <= MAX_STEP * 0.005 * arm.limits.acceleration + 1e-9)
 
 
 @pytest.mark.parametrize('lockstep', [False, True])

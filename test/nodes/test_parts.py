@@ -32,12 +32,12 @@ from geometry_msgs.msg import PoseStamped
 from handover_dmp.common.errors import DataError
 from handover_dmp.handover.scenario import example_model, example_trials
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
-from handover_dmp.nodes.dmp import LONGEST_STALL_S
+from handover_dmp.nodes.dmp import MAX_STALL_S
 from handover_dmp.nodes.graph import Graph
-from handover_dmp.nodes.leaving import LONGEST_WAIT_S, turn_file
 from handover_dmp.nodes.lockstep import ASK_AGAIN_S
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.nodes.recorder import QUEUE
+from handover_dmp.nodes.shutdown import MAX_WAIT_S, turn_file
 from handover_dmp.recording import (
     bag_files,
     bag_information,
@@ -217,7 +217,7 @@ def test_dmp_follows_any_hand(tmp_path: Path) -> None:
         hearing = Hearing(graph, POSE_COMMAND, STATE)
         hand, wrist = hearing.publisher(HAND_POSE), hearing.publisher(WRIST_POSE)
         model = example_model()
-        target = example_trials()[0].p1[-1] + [0.05, -0.05, 0.1]
+        target = example_trials()[0].partner[-1] + [0.05, -0.05, 0.1]
         goal = target + model.goal_offset
 
         def act() -> None:
@@ -239,7 +239,7 @@ class DmpInLockstep:
         self._hearing = Hearing(graph, POSE_COMMAND, STATE)
         self._hand = self._hearing.publisher(HAND_POSE)
         self._wrist = self._hearing.publisher(WRIST_POSE)
-        self._target = example_trials()[0].p1[-1]
+        self._target = example_trials()[0].partner[-1]
 
     def _pose(self, at_s: float, place: np.ndarray) -> PoseStamped:
         message = pose(self.graph, place)
@@ -283,7 +283,7 @@ def dmp(tmp_path: Path) -> Iterator[DmpInLockstep]:
 def test_a_dmp_that_wakes_holds_the_wrist_where_the_arm_came_to_stand(dmp: DmpInLockstep) -> None:
     """What it is asked for first may be from when the arm still braked."""
     place = dmp.reach()
-    time.sleep(LONGEST_STALL_S + 0.1)
+    time.sleep(MAX_STALL_S + 0.1)
     braking, standing = place + [0.01, 0.0, 0.0], place + [0.03, 0.0, 0.0]
     assert np.allclose(dmp.answer(1.3, braking), braking)
     assert np.allclose(dmp.answer(2.1, standing), standing)
@@ -294,7 +294,7 @@ def test_a_dmp_that_wakes_holds_the_wrist_where_the_arm_came_to_stand(dmp: DmpIn
 def test_a_dmp_that_is_given_up_while_it_waits_for_the_hand_goes_on(dmp: DmpInLockstep) -> None:
     """Where its questions are lost, `priority_ik` is out of patience before it is."""
     place = dmp.reach()
-    waits_until_s = time.monotonic() + LONGEST_STALL_S + 0.2
+    waits_until_s = time.monotonic() + MAX_STALL_S + 0.2
     while time.monotonic() < waits_until_s:
         dmp.ask(1.205, place)
         dmp.graph.spin(ASK_AGAIN_S)
@@ -320,7 +320,7 @@ def test_a_dmp_that_starts_anew_does_not_heed_a_signal_without_its_time(
         hearing = Hearing(graph, POSE_COMMAND, STATE)
         hand, wrist = hearing.publisher(HAND_POSE), hearing.publisher(WRIST_POSE)
         signal_publisher = hearing.publisher(SIGNAL)
-        start, target = np.array(example_model().start), example_trials()[0].p1[-1]
+        start, target = np.array(example_model().start), example_trials()[0].partner[-1]
 
         def act() -> None:
             wrist.publish(pose(graph, start))
@@ -496,7 +496,7 @@ def test_recorder_closes_its_bag_before_it_waits_for_its_turn_to_leave(tmp_path:
             metadata = tmp_path / 'bag' / 'metadata.yaml'
             assert Hearing(graph).until(metadata.is_file, lambda: None, 20.0)
             with pytest.raises(TimeoutExpired):
-                process.wait(LONGEST_WAIT_S / 2.0)
+                process.wait(MAX_WAIT_S / 2.0)
         assert process.wait(60.0) == 0
     assert bag_information(tmp_path / 'bag').complete
 

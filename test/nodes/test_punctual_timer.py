@@ -19,10 +19,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from time import monotonic, perf_counter
 
-from handover_dmp.nodes.leaving import leave
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import TIMER
 from handover_dmp.nodes.punctual_timer import PunctualTimer
+from handover_dmp.nodes.shutdown import shut_down
 import pytest
 import rclpy
 from rclpy.experimental import EventsExecutor
@@ -70,7 +70,7 @@ def make_node() -> Iterator[type[_Dmp]]:
         return made[0]
 
     yield make
-    leave(made[0])
+    shut_down(made[0])
 
 
 def _spin(node: _Dmp) -> None:

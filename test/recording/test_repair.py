@@ -102,9 +102,9 @@ def test_a_killed_recorder_loses_less_than_a_second(tmp_path: Path, compression:
 @pytest.mark.slow
 @pytest.mark.parametrize('seed', range(50))
 def test_a_recorder_killed_at_any_moment(tmp_path: Path, seed: int) -> None:
-    chance = random.Random(seed)
-    after_s = chance.choice([chance.uniform(0.0, 0.05), chance.uniform(0.0, 3.0)])
-    times = kill_while_writing(tmp_path / 'run', after_s, chance.choice(['zstd', 'lz4', 'none']))
+    rng = random.Random(seed)
+    after_s = rng.choice([rng.uniform(0.0, 0.05), rng.uniform(0.0, 3.0)])
+    times = kill_while_writing(tmp_path / 'run', after_s, rng.choice(['zstd', 'lz4', 'none']))
     check_repaired(tmp_path / 'run', *times)
 
 
@@ -116,8 +116,8 @@ def test_a_file_cut_anywhere_is_repaired(
     whole = write_bag(tmp_path / 'whole', 100, compression=compression, chunk_size=4096)
     data = (whole / 'whole_0.mcap').read_bytes()
     messages = read_plain(whole)
-    chance = random.Random(compression)
-    cuts = [0, 4, 8, 9, 40, len(data) - 1, *chance.sample(range(len(data)), 25)]
+    rng = random.Random(compression)
+    cuts = [0, 4, 8, 9, 40, len(data) - 1, *rng.sample(range(len(data)), 25)]
     counts = []
     for cut in sorted(cuts):
         folder = tmp_path / str(cut)

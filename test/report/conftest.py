@@ -71,7 +71,7 @@ class Motion:
         start = np.array([-0.35, -0.3, 0.9])
         return start + share * (self.hand(times - self.lag_s) + self.offset - start)
 
-    def human(self, times: np.ndarray) -> np.ndarray:
+    def demonstrator(self, times: np.ndarray) -> np.ndarray:
         share = minimum_jerk((times - REACH_S) / 1.3)[:, None]
         start = np.array([-0.35, -0.3, 0.9])
         end = self.hand(np.array([END_S])) + self.offset
@@ -131,13 +131,13 @@ def write_run(
         if about:
             write(graph.INFO, string(json.dumps(about)), 0.0)
         changes = {0.0: 'idle', REACH_S: 'reaching', EXCHANGE_S: 'exchange', DONE_S: 'done'}
-        hand, wrist, human = motion.hand(times), motion.wrist(times), motion.human(times)
+        hand, wrist, human = motion.hand(times), motion.wrist(times), motion.demonstrator(times)
         joints, speeds = motion.joints(times)
         for index, time_s in enumerate(times):
             stamp = round((start_s + time_s) * 1e9) or 1
             write(graph.CLOCK, clock(stamp), time_s)
             write(graph.HAND_POSE, pose_stamped(stamp, hand[index]), time_s)
-            write(graph.HUMAN_POSE, pose_stamped(stamp, human[index]), time_s)
+            write(graph.DEMONSTRATOR_POSE, pose_stamped(stamp, human[index]), time_s)
             write(graph.WRIST_POSE, pose_stamped(stamp, wrist[index]), time_s)
             write(graph.POSE_COMMAND, pose_stamped(stamp, wrist[index]), time_s)
             ahead = np.gradient(wrist[max(0, index - 1): index + 2], PERIOD_S, axis=0)  # fmt: skip

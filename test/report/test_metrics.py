@@ -95,7 +95,7 @@ def test_gap_and_distances(
     assert numbers['reach_duration_s'] == pytest.approx(1.4)
     assert numbers['handover_duration_s'] == pytest.approx(1.8)
     times = np.arange(0.5, 2.3, 0.005)
-    apart = np.linalg.norm(motion.wrist(times) - motion.human(times), axis=1)
+    apart = np.linalg.norm(motion.wrist(times) - motion.demonstrator(times), axis=1)
     assert numbers['to_human']['rms_m'] == pytest.approx(np.sqrt((apart**2).mean()), rel=5e-3)
     assert numbers['to_human']['largest_m'] == pytest.approx(apart.max(), rel=1e-3)
 
@@ -104,8 +104,8 @@ def test_peak_speeds(run_bag: Path, make_motion: Callable[..., Any]) -> None:
     motion = make_motion()
     numbers = measure(load_run(run_bag))
     times = np.arange(0.0, 2.5, 1e-4)
-    for name in ('wrist', 'hand', 'human'):
-        speeds = np.linalg.norm(np.gradient(getattr(motion, name)(times), 1e-4, axis=0), axis=1)
+    for name, method in (('wrist', 'wrist'), ('hand', 'hand'), ('human', 'demonstrator')):
+        speeds = np.linalg.norm(np.gradient(getattr(motion, method)(times), 1e-4, axis=0), axis=1)
         assert numbers[f'{name}_peak_speed_m_s'] == pytest.approx(speeds.max(), rel=0.01)
     # it is a minimum-jerk reach but for the hand that moves meanwhile
     assert numbers['wrist_from_minimum_jerk_share'] < 0.03

@@ -33,7 +33,7 @@ def test_arrays_are_what_was_written(run_bag: Path, make_motion: Callable[..., A
     np.testing.assert_allclose(run.hand_times, times, atol=2e-9)
     np.testing.assert_array_equal(run.hand_positions, motion.hand(times))
     np.testing.assert_array_equal(run.wrist_positions, motion.wrist(times))
-    np.testing.assert_array_equal(run.human_positions, motion.human(times))
+    np.testing.assert_array_equal(run.demonstrator_positions, motion.demonstrator(times))
     positions, velocities = motion.joints(times)
     np.testing.assert_array_equal(run.joint_positions, positions)
     np.testing.assert_array_equal(run.joint_velocities, velocities)
@@ -99,7 +99,7 @@ def test_what_is_optional_may_be_missing(make_run: Callable[..., Path], tmp_path
     assert run.states == ()
     assert run.exchange_span_s is None
     assert not run.handed_over
-    assert run.human_positions.shape == (0, 3)
+    assert run.demonstrator_positions.shape == (0, 3)
     np.testing.assert_array_equal(run.goal_offset, 0.0)
     # limits are those of the URDF then, which knows of no accelerations
     assert run.joint_limits is not None

@@ -100,13 +100,13 @@ def test_rows_agree_with_finite_differences(arm, bodies):
 def test_no_pair_is_overlooked(arm):
     """On a random walk every pair that is left out could not have been too fast, at any speed."""
     bodies = CollisionModel(arm)
-    chance = np.random.default_rng(2)
+    rng = np.random.default_rng(2)
     posture, found_any = arm.home.copy(), 0
     for _ in range(200):
         posture = np.clip(
-            posture + chance.normal(size=arm.dof) * 0.03, arm.limits.lower, arm.limits.upper
+            posture + rng.normal(size=arm.dof) * 0.03, arm.limits.lower, arm.limits.upper
         )
-        fastest = arm.limits.velocity * chance.uniform(0.0, 1.0, arm.dof)
+        fastest = arm.limits.velocity * rng.uniform(0.0, 1.0, arm.dof)
         jacobian = _joints(arm, posture)
         found = bodies.near_pairs(jacobian, _allowed, fastest)
         rates = {(pair.name, round(pair.distance, 9)) for pair in found}
@@ -118,13 +118,13 @@ def test_no_pair_is_overlooked(arm):
 
 
 def test_forearm_distance_and_row(arm, bodies):
-    chance = np.random.default_rng(3)
+    rng = np.random.default_rng(3)
     moving = np.array([0.1, -0.2, 0.3])
     for posture in postures(arm, 5, seed=4):
-        hand = arm.shoulder + chance.normal(size=3) * 0.4
+        hand = arm.shoulder + rng.normal(size=3) * 0.4
         elbow = hand + np.array([0.2, 0.1, 0.1])
         pairs = bodies.near_forearm(_joints(arm, posture), hand, elbow, moving, 2.0)
-        joint = int(chance.integers(arm.dof))
+        joint = int(rng.integers(arm.dof))
         moved = posture.copy()
         moved[joint] += 1e-6
         after = bodies.near_forearm(_joints(arm, moved), hand, elbow, moving, 2.0)
@@ -149,12 +149,12 @@ def test_the_arm_never_touches_itself(robot):
     arm = RobotModel.load(robot)
     ik = PriorityIk(arm, IkOptions(forearm_collision=False))
     bodies = CollisionModel(arm)
-    chance = np.random.default_rng(5)
-    least = np.inf
+    rng = np.random.default_rng(5)
+    minimum = np.inf
     for _ in range(8):
-        goal = arm.shoulder + chance.normal(size=3) * [0.12, 0.12, 0.2] - [0.0, 0.0, 0.15]
-        least = min(least, _least_distance(arm, ik, bodies, goal))
-    assert least > 0.005
+        goal = arm.shoulder + rng.normal(size=3) * [0.12, 0.12, 0.2] - [0.0, 0.0, 0.15]
+        minimum = min(minimum, _least_distance(arm, ik, bodies, goal))
+    assert minimum > 0.005
 
 
 def test_without_the_rows_it_would_touch():
@@ -165,14 +165,14 @@ def test_without_the_rows_it_would_touch():
 
 
 def _least_distance(arm, ik, bodies, goal):
-    posture, velocity, least = arm.home.copy(), np.zeros(arm.dof), np.inf
+    posture, velocity, minimum = arm.home.copy(), np.zeros(arm.dof), np.inf
     for _ in range(200):
         solution = ik.solve(posture, velocity, WristTarget(goal), DT)
         assert solution.solved and solution.residuals['limits'] < 2e-6
         velocity = solution.joint_velocity
         posture = posture + velocity * DT
-        least = min(least, bodies.least_distance(posture))
-    return least
+        minimum = min(minimum, bodies.least_distance(posture))
+    return minimum
 
 
 def test_the_arm_keeps_off_the_forearm_but_not_off_the_hand():
@@ -182,7 +182,7 @@ def test_the_arm_keeps_off_the_forearm_but_not_off_the_hand():
     goal = start + [0.1, 0.0, -0.1]
     elbow = arm.shoulder + [0.25, 0.0, 0.15]  # a forearm that lies where the arm's own would go
     partner = Partner(goal, np.zeros(3), elbow)
-    least = []
+    minimum = []
     for avoid in (True, False):
         ik = PriorityIk(arm, IkOptions(forearm_collision=avoid, self_collision=False))
         posture, velocity = arm.home.copy(), np.zeros(arm.dof)
@@ -193,8 +193,8 @@ def test_the_arm_keeps_off_the_forearm_but_not_off_the_hand():
             posture = posture + velocity * DT
             pairs = bodies.near_forearm(_joints(arm, posture), goal, elbow, np.zeros(3), 2.0)
             distances.append(min(pair.distance for pair in pairs))
-        least.append(min(distances[100:]))
-    assert least[0] > least[1]
+        minimum.append(min(distances[100:]))
+    assert minimum[0] > minimum[1]
 
 
 def _allowed(distance):

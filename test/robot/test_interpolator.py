@@ -28,12 +28,12 @@ def limits():
 
 
 def test_keeps_acceleration_and_jerk_whatever_it_is_told(limits):
-    chance = np.random.default_rng(0)
+    rng = np.random.default_rng(0)
     interpolator = JointInterpolator(limits)
     velocities, accelerations = [np.zeros(7)], [np.zeros(7)]
     for _ in range(400):
-        command = chance.uniform(-2.0, 2.0, 7) * limits.velocity * chance.choice([0.0, 0.1, 1.0])
-        for _ in range(chance.integers(1, 9)):
+        command = rng.uniform(-2.0, 2.0, 7) * limits.velocity * rng.choice([0.0, 0.1, 1.0])
+        for _ in range(rng.integers(1, 9)):
             velocities.append(interpolator.step(command, DT))
             accelerations.append(interpolator.acceleration)
     velocities, accelerations = np.array(velocities), np.array(accelerations)

@@ -35,19 +35,19 @@ def limits(lower=-1.0, upper=1.5, velocity=2.0, acceleration=10.0, joints=3):
 @settings(max_examples=60, deadline=None)
 @given(SEEDS, SHARES, st.sampled_from([0.001, 0.005, 0.02]), st.floats(0.5, 50.0))
 def test_whatever_is_chosen_inside_the_box_no_limit_is_ever_broken(seed, share, dt, hardest):
-    chance = np.random.default_rng(seed)
+    rng = np.random.default_rng(seed)
     joint = limits(acceleration=hardest)
     box = VelocityBox(joint, share)
-    position = chance.uniform(joint.lower, joint.upper)
-    position[0] = chance.choice([joint.lower[0], joint.upper[0]])
+    position = rng.uniform(joint.lower, joint.upper)
+    position[0] = rng.choice([joint.lower[0], joint.upper[0]])
     velocity = np.zeros(3)
     # adversaries: full speed one way, full speed to and fro, anything
-    choice = chance.choice(['up', 'down', 'flip', 'any'])
+    choice = rng.choice(['up', 'down', 'flip', 'any'])
     for step in range(250):
         lower, upper = box.bounds(position, velocity, dt)
         assert np.all(lower <= upper)
         if choice == 'any':
-            next_velocity = chance.uniform(lower, upper)
+            next_velocity = rng.uniform(lower, upper)
         elif choice == 'flip':
             next_velocity = upper if step // 30 % 2 else lower
         else:
@@ -74,15 +74,15 @@ def test_a_joint_can_use_all_of_its_range_and_speed():
 @settings(max_examples=30, deadline=None)
 @given(SEEDS)
 def test_from_outside_it_comes_back_within_the_acceleration_limit(seed):
-    chance = np.random.default_rng(seed)
+    rng = np.random.default_rng(seed)
     joint = limits()
     box = VelocityBox(joint, 0.25)
-    position = chance.uniform(joint.lower - 0.3, joint.upper + 0.3)
-    velocity = chance.uniform(-4.0, 4.0, 3)
+    position = rng.uniform(joint.lower - 0.3, joint.upper + 0.3)
+    velocity = rng.uniform(-4.0, 4.0, 3)
     for _ in range(800):
         lower, upper = box.bounds(position, velocity, DT)
         assert np.all(lower <= upper)
-        next_velocity = np.clip(chance.uniform(-5.0, 5.0, 3), lower, upper)
+        next_velocity = np.clip(rng.uniform(-5.0, 5.0, 3), lower, upper)
         assert np.all(np.abs(next_velocity - velocity) <= 10.0 * DT + 1e-12)
         velocity = next_velocity
         position = position + velocity * DT
@@ -93,10 +93,10 @@ def test_from_outside_it_comes_back_within_the_acceleration_limit(seed):
 @settings(max_examples=60, deadline=None)
 @given(SEEDS)
 def test_braking_stops_as_fast_as_the_acceleration_allows(seed):
-    chance = np.random.default_rng(seed)
+    rng = np.random.default_rng(seed)
     joint = limits()
     box = VelocityBox(joint, 1.0)
-    position, velocity = np.full(3, 0.2), chance.uniform(-2.0, 2.0, 3)
+    position, velocity = np.full(3, 0.2), rng.uniform(-2.0, 2.0, 3)
     periods = int(np.ceil(np.abs(velocity).max() / (10.0 * DT) - 1e-9))
     for _ in range(periods):
         velocity = box.brake(position, velocity, DT)

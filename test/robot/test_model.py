@@ -110,8 +110,8 @@ def test_base_placement_moves_the_whole_arm(arm):
 
 def test_home_is_well_bent_and_well_inside_the_limits(arm):
     assert arm.limits.inside(arm.home, tolerance=-0.2)
-    agility = np.linalg.svd(arm.wrist_jacobian(arm.home)[:3], compute_uv=False)[-1]
-    assert agility > 0.2
+    manipulability = np.linalg.svd(arm.wrist_jacobian(arm.home)[:3], compute_uv=False)[-1]
+    assert manipulability > 0.2
 
 
 def test_no_random_posture_reaches_beyond_the_reach(arm):

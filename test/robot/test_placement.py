@@ -18,7 +18,7 @@ from handover_dmp.mocap.data_set import read_data_set
 from handover_dmp.mocap.filtering import condition
 from handover_dmp.robot.errors import UnreachableError
 from handover_dmp.robot.model import BasePlacement, RobotModel
-from handover_dmp.robot.placement import place_base
+from handover_dmp.robot.placement import choose_base_placement
 from handover_dmp.robot.priority_ik import PriorityIk, WristTarget
 import numpy as np
 import pytest
@@ -48,7 +48,7 @@ def test_the_arm_follows_from_where_it_is_put(robot, length):
     arm = RobotModel.load(robot)
     path = arc(length)
     partner = path[-1] + [0.3, 0.1, 0.0]
-    placed = arm.placed(place_base(path, arm, partner=partner))
+    placed = arm.placed(choose_base_placement(path, arm, partner=partner))
     _followed(placed, path, max(1.6, 5.0 * length))
     ahead = (partner - path[0])[:2]
     if length < 0.6:  # a longer way ends out of reach from behind its start
@@ -59,8 +59,8 @@ def test_the_arm_follows_from_where_it_is_put(robot, length):
 
 def test_does_not_depend_on_where_the_arm_stands_now(lwr4):
     path = arc()
-    here = place_base(path, lwr4)
-    there = place_base(path, lwr4.placed(BasePlacement((1.0, -2.0, 0.3), 2.0)))
+    here = choose_base_placement(path, lwr4)
+    there = choose_base_placement(path, lwr4.placed(BasePlacement((1.0, -2.0, 0.3), 2.0)))
     np.testing.assert_allclose(here.position, there.position, atol=1e-6)
     assert here.yaw == pytest.approx(there.yaw, abs=1e-6)
 
@@ -68,8 +68,8 @@ def test_does_not_depend_on_where_the_arm_stands_now(lwr4):
 def test_turns_and_moves_with_the_way(lwr4):
     path = arc()
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    here = place_base(path, lwr4)
-    there = place_base(path @ turn.T + [1.0, 2.0, 3.0], lwr4)
+    here = choose_base_placement(path, lwr4)
+    there = choose_base_placement(path @ turn.T + [1.0, 2.0, 3.0], lwr4)
     np.testing.assert_allclose(
         there.position, turn @ np.array(here.position) + [1.0, 2.0, 3.0], atol=1e-6
     )
@@ -79,7 +79,7 @@ def test_turns_and_moves_with_the_way(lwr4):
 def test_names_what_is_missing(lwr4):
     path = np.linspace([0.0, 0.0, 1.0], [2.5, 0.0, 1.0], 50)
     with pytest.raises(UnreachableError, match=r'2\.50 m from any place: 0\.\d+ m') as caught:
-        place_base(path, lwr4)
+        choose_base_placement(path, lwr4)
     # half of its length cannot be more than the reach, from nowhere
     assert caught.value.missing_m >= 1.25 - lwr4.reach_m
 
@@ -89,9 +89,11 @@ def test_recorded_ways_of_people(kth_folder, lwr4, configuration):
     trials = [t for t in read_data_set(kth_folder) if t.configuration == configuration]
     for trial in trials[:: 1 if configuration == 'raw' else 5]:
         trial = condition(trial)
-        placed = lwr4.placed(place_base(trial.p2, lwr4, partner=trial.p1[-1]))
+        placed = lwr4.placed(
+            choose_base_placement(trial.demonstrator, lwr4, partner=trial.partner[-1])
+        )
         # at half their speed, for some recordings start with the hand in full motion
-        _followed(placed, trial.p2, 2.0 * trial.duration_s)
+        _followed(placed, trial.demonstrator, 2.0 * trial.duration_s)
 
 
 def _followed(arm, path, duration_s):

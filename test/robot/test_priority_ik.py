@@ -51,12 +51,12 @@ def follower(ik, orientation=None):
     return step
 
 
-def random_state(arm, chance):
+def random_state(arm, rng):
     low = np.maximum(arm.limits.lower, -np.pi)
     high = np.minimum(arm.limits.upper, np.pi)
-    posture = chance.uniform(low, high)
-    at_limit = chance.random(arm.dof) < 0.2
-    posture[at_limit] = np.where(chance.random(arm.dof) < 0.5, low, high)[at_limit]
+    posture = rng.uniform(low, high)
+    at_limit = rng.random(arm.dof) < 0.2
+    posture[at_limit] = np.where(rng.random(arm.dof) < 0.5, low, high)[at_limit]
     return posture
 
 
@@ -67,26 +67,26 @@ def test_every_level_is_the_best_that_the_levels_above_allow(arm):
     The first gives the least miss of J q̇ = s·v inside the box; the second the greatest s among
     all that miss no more.
     """
-    chance = np.random.default_rng(0)
+    rng = np.random.default_rng(0)
     ik = PriorityIk(arm, PLAIN)
     box = VelocityBox(arm.limits, PLAIN.braking_share)
     limited = 0
     for _ in range(60):
-        posture = random_state(arm, chance)
+        posture = random_state(arm, rng)
         lower, upper = box.bounds(posture, np.zeros(arm.dof), DT)
-        velocity = chance.uniform(lower, upper)
+        velocity = rng.uniform(lower, upper)
         jacobian = arm.wrist_jacobian(posture)[:3].copy()
-        if np.linalg.svd(jacobian, compute_uv=False)[-1] < PLAIN.stretch_activation:
+        if np.linalg.svd(jacobian, compute_uv=False)[-1] < PLAIN.singularity_activation:
             continue  # there the wrist is asked for less than what is asked here
         position, _ = arm.wrist_pose(posture)
-        asked = chance.normal(size=3) * chance.choice([0.02, 0.5, 3.0])
+        asked = rng.normal(size=3) * rng.choice([0.02, 0.5, 3.0])
         solution = ik.solve(posture, velocity, WristTarget(position, asked), DT)
         lower, upper = box.bounds(posture, velocity, DT)
         rows = np.column_stack([jacobian, -asked])
         bounds = (np.append(lower, 0.0) - 1e-12, np.append(upper, 1.0) + 1e-12)
         best = lsq_linear(rows, np.zeros(3), bounds, tol=1e-14)
-        least = np.sqrt(2.0 * best.cost)
-        assert solution.residuals['position'] <= least + 1e-5
+        minimum = np.sqrt(2.0 * best.cost)
+        assert solution.residuals['position'] <= minimum + 1e-5
         miss = rows @ np.append(solution.joint_velocity, solution.speed_scale)
         fastest = linprog(
             np.append(np.zeros(arm.dof), -1.0),
@@ -101,17 +101,17 @@ def test_every_level_is_the_best_that_the_levels_above_allow(arm):
 
 def test_orientation_takes_what_is_left(arm):
     """Among all with the same wrist velocity none turns the wrist better (least squares)."""
-    chance = np.random.default_rng(1)
+    rng = np.random.default_rng(1)
     options = IkOptions(orientation='full', self_collision=False, forearm_collision=False)
     ik, box = PriorityIk(arm, options), VelocityBox(arm.limits, options.braking_share)
     limited = 0
     for _ in range(25):
-        posture = arm.home + chance.uniform(-0.3, 0.3, arm.dof)
-        velocity = chance.uniform(-0.1, 0.1, arm.dof)
+        posture = arm.home + rng.uniform(-0.3, 0.3, arm.dof)
+        velocity = rng.uniform(-0.1, 0.1, arm.dof)
         position, rotation = arm.wrist_pose(posture)
         jacobian = arm.wrist_jacobian(posture)
-        asked = jacobian[:3] @ velocity + chance.normal(size=3) * 0.005
-        turn = jacobian[3:] @ velocity + chance.normal(size=3) * 0.2
+        asked = jacobian[:3] @ velocity + rng.normal(size=3) * 0.005
+        turn = jacobian[3:] @ velocity + rng.normal(size=3) * 0.2
         target = WristTarget(position, asked, rotation, turn)
         solution = ik.solve(posture, velocity, target, DT)
         assert solution.residuals['position'] < 1e-6
@@ -137,21 +137,21 @@ def test_orientation_takes_what_is_left(arm):
 def test_no_limit_is_broken_and_no_step_fails(seed, robot, orientation):
     """Goals anywhere, jumping, in and out of reach; singular starts, starts at the limits."""
     arm = _loaded(robot)
-    chance = np.random.default_rng(seed)
+    rng = np.random.default_rng(seed)
     ik = PriorityIk(
         arm,
         IkOptions(
             orientation=orientation, separation=bool(seed % 2), self_collision=seed % 3 == 0
         ),
     )
-    posture, velocity = random_state(arm, chance), np.zeros(arm.dof)
+    posture, velocity = random_state(arm, rng), np.zeros(arm.dof)
     if seed % 5 == 0:
         posture = np.clip(np.zeros(arm.dof), arm.limits.lower, arm.limits.upper)
     goal, speed = arm.shoulder, np.zeros(3)
     for step in range(120):
         if step % 30 == 0:
-            goal = arm.shoulder + chance.normal(size=3) * arm.reach_m * 0.7
-            speed = chance.normal(size=3) * chance.choice([0.0, 0.5, 3.0])
+            goal = arm.shoulder + rng.normal(size=3) * arm.reach_m * 0.7
+            speed = rng.normal(size=3) * rng.choice([0.0, 0.5, 3.0])
         goal = goal + speed * DT
         hand = Partner(goal + 0.1, speed, goal + [0.3, 0.0, 0.1]) if step % 40 < 30 else None
         target = WristTarget(goal, speed, np.eye(3))
@@ -168,16 +168,16 @@ def test_no_limit_is_broken_and_no_step_fails(seed, robot, orientation):
 @pytest.mark.parametrize('robot', ARMS)
 def test_no_limit_is_broken_in_many_steps(robot):
     arm = _loaded(robot)
-    chance = np.random.default_rng(7)
+    rng = np.random.default_rng(7)
     ik = PriorityIk(arm)
     posture, velocity = arm.home.copy(), np.zeros(arm.dof)
     goal, speed = arm.shoulder, np.zeros(3)
     for step in range(4_000):
         if step % 500 == 0:
-            posture, velocity = random_state(arm, chance), np.zeros(arm.dof)
+            posture, velocity = random_state(arm, rng), np.zeros(arm.dof)
         if step % 70 == 0:
-            goal = arm.shoulder + chance.normal(size=3) * arm.reach_m * 0.7
-            speed = chance.normal(size=3) * chance.choice([0.0, 0.5, 3.0])
+            goal = arm.shoulder + rng.normal(size=3) * arm.reach_m * 0.7
+            speed = rng.normal(size=3) * rng.choice([0.0, 0.5, 3.0])
         goal = goal + speed * DT
         solution = ik.solve(posture, velocity, WristTarget(goal, speed), DT)
         assert solution.solved and solution.residuals['limits'] <= 2e-6
@@ -189,20 +189,20 @@ def test_no_limit_is_broken_in_many_steps(robot):
 
 def test_half_spaces_always_leave_braking(arm):
     """Whatever hand and forearm do, the hardest braking is within every bound of level 1."""
-    chance = np.random.default_rng(2)
+    rng = np.random.default_rng(2)
     ik = PriorityIk(arm, IkOptions(separation=True, self_collision=True, forearm_collision=True))
     box = VelocityBox(arm.limits, ik.options.braking_share)
     for _ in range(150):
-        posture = random_state(arm, chance)
-        lower, upper = box.bounds(posture, chance.uniform(-1, 1, arm.dof), DT)
-        velocity = chance.uniform(lower, upper)
+        posture = random_state(arm, rng)
+        lower, upper = box.bounds(posture, rng.uniform(-1, 1, arm.dof), DT)
+        velocity = rng.uniform(lower, upper)
         position, _ = arm.wrist_pose(posture)
         hand = Partner(
-            position + chance.normal(size=3) * 0.2,
-            chance.normal(size=3) * 2.0,
-            position + chance.normal(size=3) * 0.3,
+            position + rng.normal(size=3) * 0.2,
+            rng.normal(size=3) * 2.0,
+            position + rng.normal(size=3) * 0.3,
         )
-        goal = WristTarget(position + chance.normal(size=3), chance.normal(size=3))
+        goal = WristTarget(position + rng.normal(size=3), rng.normal(size=3))
         solution = ik.solve(posture, velocity, goal, DT, hand=hand)
         assert solution.solved and solution.residuals['limits'] <= 2e-6
         _within_limits(arm, velocity, solution)
@@ -342,17 +342,17 @@ def test_orientation_is_reached_where_the_joints_allow_it(arm, orientation):
 @pytest.mark.parametrize('orientation', ['full', 'level', 'point'])
 def test_orientation_changes_no_wrist_velocity(arm, orientation):
     """Step by step, from the same state: the wrist's velocity with the task and without it."""
-    chance = np.random.default_rng(3)
+    rng = np.random.default_rng(3)
     kinds = [
         PriorityIk(arm, IkOptions(orientation=kind, self_collision=False, forearm_collision=False))
         for kind in ('none', orientation)
     ]
     for _ in range(40):
-        posture = arm.home + chance.uniform(-0.4, 0.4, arm.dof)
-        velocity = chance.uniform(-0.3, 0.3, arm.dof)
+        posture = arm.home + rng.uniform(-0.4, 0.4, arm.dof)
+        velocity = rng.uniform(-0.3, 0.3, arm.dof)
         jacobian = arm.wrist_jacobian(posture)[:3].copy()
         position, _ = arm.wrist_pose(posture)
-        asked = jacobian @ velocity + chance.normal(size=3) * 0.01
+        asked = jacobian @ velocity + rng.normal(size=3) * 0.01
         target = WristTarget(position, asked, np.eye(3))
         solutions = [k.solve(posture, velocity, target, DT, hand=np.ones(3)) for k in kinds]
         moved = [jacobian @ solution.joint_velocity for solution in solutions]
@@ -364,8 +364,8 @@ def test_orientation_changes_no_wrist_velocity(arm, orientation):
 def test_redundancy_brings_the_arm_home(robot):
     """With the wrist held, what is free goes towards home and off the limits."""
     arm = _loaded(robot)
-    chance = np.random.default_rng(4)
-    start = arm.inverse(arm.wrist_pose(arm.home)[0], q0=arm.home + chance.uniform(-1, 1, arm.dof))
+    rng = np.random.default_rng(4)
+    start = arm.inverse(arm.wrist_pose(arm.home)[0], q0=arm.home + rng.uniform(-1, 1, arm.dof))
     position, _ = arm.wrist_pose(start)
     run = follow(
         arm, follower(PriorityIk(arm, PLAIN)), start, lambda _: (position, np.zeros(3)), 4.0
@@ -432,12 +432,12 @@ def test_brakes_to_a_standstill(arm):
 
 
 def test_depends_on_nothing_but_its_arguments(lwr4):
-    chance = np.random.default_rng(6)
+    rng = np.random.default_rng(6)
     used, states = PriorityIk(lwr4), []
     for _ in range(30):
-        posture = lwr4.home + chance.uniform(-0.5, 0.5, 7)
-        velocity = chance.uniform(-0.2, 0.2, 7)
-        goal = WristTarget(chance.normal(size=3), chance.normal(size=3))
+        posture = lwr4.home + rng.uniform(-0.5, 0.5, 7)
+        velocity = rng.uniform(-0.2, 0.2, 7)
+        goal = WristTarget(rng.normal(size=3), rng.normal(size=3))
         states.append((posture, velocity, goal))
     first = [used.solve(*state, DT).joint_velocity for state in states]
     again = [used.solve(*state, DT).joint_velocity for state in reversed(states)][::-1]

@@ -52,11 +52,11 @@ def test_who_brakes_at_the_deceleration_arrives_with_the_speed():
 
 
 def test_half_spaces_hold_exactly_what_the_ball_holds_along_the_command():
-    chance = np.random.default_rng(0)
+    rng = np.random.default_rng(0)
     for _ in range(300):
-        wrist = chance.normal(size=3)
-        hand = Partner(wrist + 0.2 * chance.normal(size=3), chance.normal(size=3) * 0.08)
-        velocity = chance.normal(size=3) * chance.choice([0.1, 1.0])
+        wrist = rng.normal(size=3)
+        hand = Partner(wrist + 0.2 * rng.normal(size=3), rng.normal(size=3) * 0.08)
+        velocity = rng.normal(size=3) * rng.choice([0.1, 1.0])
         allowed = RULE.allowed(float(np.linalg.norm(hand.position - wrist)), DT)
         if np.linalg.norm(hand.velocity) > allowed:
             continue  # the hand breaks the rule, and to stand still is allowed nevertheless

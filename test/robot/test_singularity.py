@@ -26,8 +26,8 @@ def arm(request):
 
 
 def postures(arm, count=8):
-    chance = np.random.default_rng(1)
-    return arm.home + chance.uniform(-0.8, 0.8, (count, arm.dof))
+    rng = np.random.default_rng(1)
+    return arm.home + rng.uniform(-0.8, 0.8, (count, arm.dof))
 
 
 def test_agrees_with_the_singular_value_decomposition(arm):

@@ -15,7 +15,12 @@
 from __future__ import annotations
 
 from handover_dmp.robot.model import RobotModel
-from handover_dmp.robot.tasks import axis_alignment, full_orientation, PostureTask, square_to
+from handover_dmp.robot.tasks import (
+    axis_alignment,
+    full_orientation,
+    orthogonal_directions,
+    PostureTask,
+)
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -23,8 +28,8 @@ from scipy.spatial.transform import Rotation
 
 @pytest.mark.parametrize('seed', range(5))
 def test_full_orientation_turns_the_shortest_way_to_the_target(seed):
-    chance = np.random.default_rng(seed)
-    current, target = Rotation.random(2, rng=chance)
+    rng = np.random.default_rng(seed)
+    current, target = Rotation.random(2, rng=rng)
     for _ in range(600):
         speed = full_orientation(current.as_matrix(), target.as_matrix(), np.zeros(3), 10.0, 3.0)
         assert np.linalg.norm(speed) <= 3.0 + 1e-12
@@ -36,8 +41,8 @@ def test_full_orientation_turns_the_shortest_way_to_the_target(seed):
 
 @pytest.mark.parametrize('seed', range(5))
 def test_axis_alignment_leaves_the_turn_about_the_axis_free(seed):
-    chance = np.random.default_rng(seed)
-    axis, target = chance.normal(size=(2, 3))
+    rng = np.random.default_rng(seed)
+    axis, target = rng.normal(size=(2, 3))
     axis, target = axis / np.linalg.norm(axis), target / np.linalg.norm(target)
     if seed == 0:
         target = -axis  # straight away from it
@@ -50,7 +55,7 @@ def test_axis_alignment_leaves_the_turn_about_the_axis_free(seed):
 
 def test_square_to_gives_a_right_angled_frame():
     for axis in [*np.eye(3), *Rotation.random(5, rng=0).as_matrix()[:, 0]]:
-        first, second = square_to(axis)
+        first, second = orthogonal_directions(axis)
         frame = np.array([axis, first, second])
         np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-12)
 

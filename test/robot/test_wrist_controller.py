@@ -138,14 +138,14 @@ def assert_comes_to_rest(
     controller: WristController, moving: NDArray[np.float64], now_s: float, reason: str
 ) -> None:
     """Assert that blind braking keeps the limits, ends at zero, and then is silent."""
-    most = controller.model.limits.acceleration * PERIOD_S
+    maximum = controller.model.limits.acceleration * PERIOD_S
     assert moving.any()
     while True:
         answer = controller.update(now_s, PERIOD_S)
         assert reason in answer.reason
         if answer.velocities is None:
             break
-        assert np.all(np.abs(answer.velocities - moving) <= most + 1e-12)
+        assert np.all(np.abs(answer.velocities - moving) <= maximum + 1e-12)
         assert np.sum(np.abs(answer.velocities)) < np.sum(np.abs(moving))
         moving, now_s = answer.velocities, now_s + PERIOD_S
     assert not moving.any()
@@ -192,7 +192,7 @@ def test_tells_how_near_to_singular_it_is_while_braking_too(
     controller.set_joint_state(robot.joint_names, robot.home, np.zeros(robot.dof), 0.0)
     answer = controller.update(0.0, 0.005)
     assert answer.reason == 'no wrist command yet'
-    least = np.linalg.svd(robot.wrist_jacobian(robot.home)[:3], compute_uv=False)[-1]
-    assert answer.numbers(0.0)['smallest_singular_value'] == pytest.approx(least, rel=1e-6)
+    minimum = np.linalg.svd(robot.wrist_jacobian(robot.home)[:3], compute_uv=False)[-1]
+    assert answer.status_values(0.0)['smallest_singular_value'] == pytest.approx(minimum, rel=1e-6)
     controller.set_joint_state(robot.joint_names, robot.home * np.nan, np.zeros(robot.dof), 0.0)
-    assert np.isnan(controller.update(0.0, 0.005).numbers(0.0)['smallest_singular_value'])
+    assert np.isnan(controller.update(0.0, 0.005).status_values(0.0)['smallest_singular_value'])

@@ -19,7 +19,7 @@ from __future__ import annotations
 from handover_dmp.common.errors import UsageError
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.simulation.arm import ArmOptions, ArmState, CommandOutcome, SimulatedArm
-from handover_dmp.simulation.human import FigureBodies, HumanFigure
+from handover_dmp.simulation.partner_figure import FigureBodies, PartnerFigure
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -294,7 +294,7 @@ def test_same_commands_same_motion_bit_for_bit():
         return np.array(seen)
 
     path = np.linspace([0.9, 0.1, 0.9], [0.6, 0.0, 1.1], 20)
-    figure = HumanFigure(path, np.zeros(3))
+    figure = PartnerFigure(path, np.zeros(3))
     with SimulatedArm(MODEL) as one, SimulatedArm(MODEL, figure=figure) as other:
         first = motion(one)
         one.reset()
@@ -305,7 +305,7 @@ def test_same_commands_same_motion_bit_for_bit():
 
 def test_figure_follows_the_hand_at_its_own_rate():
     path = np.linspace([0.9, 0.1, 0.9], [0.6, 0.0, 1.1], 200)
-    figure = HumanFigure(path, np.zeros(3))
+    figure = PartnerFigure(path, np.zeros(3))
     shown = []
 
     class Counted(FigureBodies):

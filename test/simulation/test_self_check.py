@@ -31,11 +31,11 @@ def test_engines_agree(robot):
     assert found.mass < 1e-8
 
 
-@pytest.mark.parametrize(('robot', 'least'), [('lwr4', 0.01), ('iiwa14', 0.03), ('ur5', 0.2)])
-def test_without_the_files_inertia_the_mass_matrix_is_off(robot, least):
+@pytest.mark.parametrize(('robot', 'minimum'), [('lwr4', 0.01), ('iiwa14', 0.03), ('ur5', 0.2)])
+def test_without_the_files_inertia_the_mass_matrix_is_off(robot, minimum):
     model = RobotModel.load(robot)
     with World(model, use_file_inertia=False) as world:
-        assert compare_models(model, world).mass > least
+        assert compare_models(model, world).mass > minimum
         with pytest.raises(ModelMismatchError, match=r'mass matrix differs by [\d.]+ %'):
             check_models(model, world)
 

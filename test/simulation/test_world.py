@@ -21,7 +21,7 @@ import sys
 
 from handover_dmp.common.errors import DataError
 from handover_dmp.robot.model import BasePlacement, RobotModel
-from handover_dmp.simulation.human import HumanFigure
+from handover_dmp.simulation.partner_figure import PartnerFigure
 from handover_dmp.simulation.world import World
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -103,7 +103,7 @@ def run(world, seed):
 def test_same_commands_give_same_motion_bit_for_bit():
     model = RobotModel.load('lwr4')
     path = np.linspace([0.9, 0.1, 0.9], [0.6, 0.0, 1.1], 20)
-    with World(model) as one, World(model, figure=HumanFigure(path, np.zeros(3))) as other:
+    with World(model) as one, World(model, figure=PartnerFigure(path, np.zeros(3))) as other:
         first = run(one, 1)
         run(one, 2)
         one.reset(model.home)
@@ -136,10 +136,11 @@ def test_writes_nothing_to_the_terminal():
     script = (
         'from handover_dmp.robot.model import RobotModel, BasePlacement\n'
         'from handover_dmp.simulation.world import World\n'
-        'from handover_dmp.simulation.human import HumanFigure\n'
+        'from handover_dmp.simulation.partner_figure import PartnerFigure\n'
         'for robot in ("lwr4", "panda"):\n'
-        '    with World(RobotModel.load(robot), figure=HumanFigure([1, 0, 1], [0, 0, 1])) as w:\n'
-        '        w.step()\n'
+        '    figure = PartnerFigure([1, 0, 1], [0, 0, 1])\n'
+        '    with World(RobotModel.load(robot), figure=figure) as world:\n'
+        '        world.step()\n'
     )
     done = subprocess.run(
         [sys.executable, '-c', script], capture_output=True, text=True, timeout=120, check=True

@@ -114,9 +114,9 @@ def test_lag_at_constant_acceleration_is_the_documented_one(rate_hz, lag_mm, spe
 )
 def test_delay_is_made_up_for_as_documented(rate_hz, error_mm, newest_mm):
     errors, of_newest = [], []
-    takes = [condition(trial) for trial in synthesize() if trial.exchange == 'take']
+    takes = [condition(trial) for trial in synthesize() if trial.direction == 'take']
     for seed, trial in enumerate(takes):
-        truth = interpolate(trial.times, trial.p1)
+        truth = interpolate(trial.times, trial.partner)
         waiting = SensorModel(rate_hz, noise_m=5e-4, delay_s=0.03, seed=seed).observe(trial)
         estimator = GoalEstimator()
         newest = None

@@ -77,9 +77,9 @@ def test_a_bag_of_a_trial_is_what_a_tracker_sees_of_the_trial(
         (seen,), (expected,) = bag.hand(now_s), tracked.hand(now_s)
         assert seen.stamp_s == pytest.approx(expected.stamp_s, abs=1e-8)
         np.testing.assert_allclose(seen.position, expected.position, atol=1e-9)
-        person = bag.human(now_s)
+        person = bag.demonstrator(now_s)
         humans += len(person)
-        for sample, other in zip(person, tracked.human(now_s), strict=False):
+        for sample, other in zip(person, tracked.demonstrator(now_s), strict=False):
             np.testing.assert_allclose(sample.position, other.position, atol=1e-9)
     assert humans == 100 + len(trial.times)
 

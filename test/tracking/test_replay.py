@@ -36,17 +36,17 @@ def test_a_trial_starts_at_zero_and_holds_at_its_ends(trial):
     for k in (0, 10, 111, len(trial.times) - 1):
         sample = replay.newest(trial.times[k])
         assert sample.stamp_s == trial.times[k]
-        np.testing.assert_allclose(sample.position, trial.p1[k], atol=1e-12)
-    np.testing.assert_allclose(replay.newest(-3.0).position, trial.p1[0])
-    np.testing.assert_allclose(replay.newest(99.0).position, trial.p1[-1])
+        np.testing.assert_allclose(sample.position, trial.partner[k], atol=1e-12)
+    np.testing.assert_allclose(replay.newest(-3.0).position, trial.partner[0])
+    np.testing.assert_allclose(replay.newest(99.0).position, trial.partner[-1])
     assert replay.newest(99.0).stamp_s == 99.0
     assert not replay.is_over(trial.duration_s - 0.01)
     assert replay.is_over(trial.duration_s + 0.01)
 
 
 def test_any_motion(trial):
-    replay = Replay.from_motion(trial.times, trial.p2)
-    np.testing.assert_allclose(replay.newest(0.5).position, trial.p2[100], atol=1e-9)
+    replay = Replay.from_motion(trial.times, trial.demonstrator)
+    np.testing.assert_allclose(replay.newest(0.5).position, trial.demonstrator[100], atol=1e-9)
 
 
 def test_between_the_samples_it_is_smooth():
@@ -56,7 +56,7 @@ def test_between_the_samples_it_is_smooth():
     replay = Replay.from_trial(slow)
     inside = fine.times <= slow.duration_s
     played = np.array([replay.newest(time).position for time in fine.times[inside]])
-    np.testing.assert_allclose(played, fine.p1[inside], atol=1e-3)
+    np.testing.assert_allclose(played, fine.partner[inside], atol=1e-3)
     speeds = np.linalg.norm(np.diff(played, axis=0), axis=1) * 200.0
     assert np.abs(np.diff(speeds)).max() < 0.1
 

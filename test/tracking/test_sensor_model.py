@@ -35,7 +35,7 @@ def long_motion():
 
 
 def test_a_perfect_tracker(trial):
-    truth = interpolate(trial.times, trial.p1)
+    truth = interpolate(trial.times, trial.partner)
     seen = SensorModel(rate_hz=60.0).observe(trial)
     assert len(seen) == int(trial.duration_s * 60.0 + 1e-6) + 1
     for arrival, stamp, position in seen:

@@ -46,8 +46,8 @@ def test_rest_then_the_recording_then_rest(trial, rate_hz):
     for stamp, position in seen:
         expected = replay.newest(max(stamp - 0.5, 0.0)).position
         np.testing.assert_allclose(position, expected, atol=1e-12)
-    np.testing.assert_allclose(seen[0].position, trial.p1[0])
-    np.testing.assert_allclose(seen[-1].position, trial.p1[-1])
+    np.testing.assert_allclose(seen[0].position, trial.partner[0])
+    np.testing.assert_allclose(seen[-1].position, trial.partner[-1])
 
 
 def test_faults_are_the_same_however_often_one_looks(trial):

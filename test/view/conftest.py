@@ -47,7 +47,7 @@ def write_run(
     robot: str = 'lwr4',
     *,
     info: dict[str, Any] | None = None,
-    exchange: str = 'give',
+    direction: str = 'give',
     last_state: str = 'done',
 ) -> Path:
     """
@@ -57,7 +57,7 @@ def write_run(
         folder: of the run.
         robot: name or URDF of the arm.
         info: what the run says of itself, in place of the usual.
-        exchange: give or take.
+        direction: give or take.
         last_state: of the handover, after the exchange.
 
     Returns:
@@ -67,7 +67,7 @@ def write_run(
     model = RobotModel.load(robot, base=BASE)
     meeting = model.wrist_pose(joints_at(model, END_S))[0] + [0.22, 0.05, 0.0]
     about = {
-        'trial': 'swing give 1', 'robot': model.name, 'exchange': exchange,
+        'trial': 'swing give 1', 'robot': model.name, 'exchange': direction,
         'base_position_m': list(BASE.position), 'base_yaw_rad': BASE.yaw,
     } if info is None else info  # fmt: skip
     with BagWriter(folder / 'bag') as bag:

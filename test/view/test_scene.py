@@ -25,7 +25,7 @@ import pytest
 SIZE = (240, 180)
 
 
-def handover(robot='lwr4', exchange='give', **keywords):
+def handover(robot='lwr4', direction='give', **keywords):
     """Make a scene of a hand that comes and an arm that swings towards it, 1.5 s."""
     times = np.linspace(0.0, 1.5, 60)
     u = (times / 1.5)[:, None]
@@ -35,7 +35,7 @@ def handover(robot='lwr4', exchange='give', **keywords):
     toward = np.zeros(model.dof)
     toward[0] = 0.8
     joints = model.home + (1.0 - s) * toward
-    return Scene(model, times, joints, hand, exchange=exchange, **keywords)
+    return Scene(model, times, joints, hand, direction=direction, **keywords)
 
 
 def near(picture, colour, tolerance=0.35):
@@ -124,9 +124,9 @@ def test_rays_are_the_inverse_of_the_projection(scene):
     assert seen[40, 10] == pytest.approx([-1 + 21 / 64, 1 - 81 / 48], abs=1e-5)
 
 
-@pytest.mark.parametrize('exchange', ['give', 'take'])
-def test_object_is_with_the_giver_first_and_does_not_jump(exchange):
-    with handover(exchange=exchange, exchange_time_s=1.0) as scene:
+@pytest.mark.parametrize('direction', ['give', 'take'])
+def test_object_is_with_the_giver_first_and_does_not_jump(direction):
+    with handover(direction=direction, exchange_time_s=1.0) as scene:
         distance = {}
         for time_s in (0.0, 1.0 - 1e-6, 1.0 + 1e-6, 1.5):
             scene.show(time_s)
@@ -141,7 +141,7 @@ def test_object_is_with_the_giver_first_and_does_not_jump(exchange):
                 before = scene.object_position
             if time_s == 1.0 + 1e-6:
                 assert scene.object_position == pytest.approx(before, abs=1e-5)
-    giver = 0 if exchange == 'give' else 1
+    giver = 0 if direction == 'give' else 1
     # Held by the giver before and by the receiver after: at the same distance all along.
     assert distance[0.0][giver] == pytest.approx(distance[1.0 - 1e-6][giver], abs=2e-2)
     assert distance[1.5][1 - giver] == pytest.approx(distance[1.0 + 1e-6][1 - giver], abs=2e-2)

@@ -84,14 +84,14 @@ def test_moments_and_states(run_folder: Path) -> None:
         assert states == ['idle', 'reaching', 'exchange', 'done']
 
 
-@pytest.mark.parametrize('exchange', ['give', 'take'])
-def test_who_has_the_object_first_is_what_the_run_says(tmp_path: Path, exchange: str) -> None:
-    runs.write_run(tmp_path, exchange=exchange)
+@pytest.mark.parametrize('direction', ['give', 'take'])
+def test_who_has_the_object_first_is_what_the_run_says(tmp_path: Path, direction: str) -> None:
+    runs.write_run(tmp_path, direction=direction)
     with set_up(tmp_path) as stage:
         stage.scene.show(0.0)
         to_wrist = np.linalg.norm(stage.scene.object_position - stage.wrist_path[0])
         to_hand = np.linalg.norm(stage.scene.object_position - stage.hand_path[0])
-        assert (to_wrist < to_hand) == (exchange == 'give')
+        assert (to_wrist < to_hand) == (direction == 'give')
 
 
 def test_an_exchange_that_was_broken_off_is_none(tmp_path: Path) -> None:

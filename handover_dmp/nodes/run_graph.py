@@ -21,12 +21,12 @@ import json
 from pathlib import Path
 from typing import Any
 
-from handover_dmp.handover.lockstep import AFTERWARDS_S, LONGEST_EXTRA_S, REPLAY_AT_S
+from handover_dmp.handover.lockstep import AFTERWARDS_S, MAX_EXTRA_S, REPLAY_AT_S
 from handover_dmp.handover.scenario import Scenario
 from handover_dmp.nodes.graph import Graph
 
 
-def conduct(
+def run_graph(
     folder: Path,
     scenario: Scenario,
     info: dict[str, Any],
@@ -48,7 +48,7 @@ def conduct(
         GraphError: a node did not start, broke off or did not end cleanly.
 
     """
-    longest_s = REPLAY_AT_S + scenario.trial.duration_s + LONGEST_EXTRA_S
+    max_duration_s = REPLAY_AT_S + scenario.trial.duration_s + MAX_EXTRA_S
     tell('starting five nodes', 0.05)
     with Graph(folder, graph_parameters(folder, scenario, info, lockstep), lockstep=lockstep) as g:
         tell('handing over', 0.2)
@@ -59,8 +59,8 @@ def conduct(
             g.call('/hand_tracker/replay')
         g.wait_for_state(
             ('done', 'aborted'),
-            longest_s,
-            lambda: tell('handing over', 0.2 + 0.7 * (g.time_s - begun_s) / longest_s),
+            max_duration_s,
+            lambda: tell('handing over', 0.2 + 0.7 * (g.time_s - begun_s) / max_duration_s),
         )
         g.linger(AFTERWARDS_S)
         tell('stopping the nodes', 0.9)
@@ -99,7 +99,7 @@ def graph_parameters(
         'priority_ik': arm,
         'robot_sim': {
             **arm,
-            'initial_positions': scenario.start_posture.tolist(),
+            'initial_positions': scenario.q_start.tolist(),
             'real_time_factor': 0.0,
         },
     }

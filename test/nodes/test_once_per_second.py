@@ -21,8 +21,8 @@ from itertools import pairwise
 from time import monotonic
 from typing import Any
 
-from handover_dmp.nodes.housekeeping import Housekeeping, INTERVAL_S
-from handover_dmp.nodes.leaving import leave
+from handover_dmp.nodes.once_per_second import INTERVAL_S, OncePerSecond
+from handover_dmp.nodes.shutdown import shut_down
 import pytest
 import rclpy
 from rclpy.clock import Clock, ClockType
@@ -39,7 +39,7 @@ def node() -> Iterator[Node]:
     rclpy.init(args=[])
     node = rclpy.create_node('house', use_global_arguments=False)
     yield node
-    leave(node)
+    shut_down(node)
 
 
 def _spin_until(node: Node, jobs: list[Any], count: int) -> None:
@@ -52,15 +52,15 @@ def _spin_until(node: Node, jobs: list[Any], count: int) -> None:
 
 
 def test_a_job_is_done_once_a_second_right_behind_a_period(node: Node) -> None:
-    housekeeping = Housekeeping(node)
+    once_per_second = OncePerSecond(node)
     within, jobs = [], []
 
     def period() -> None:
         within.append(True)
-        housekeeping.period_ended()
+        once_per_second.period_ended()
         within.clear()
 
-    housekeeping.add(lambda: jobs.append((monotonic(), bool(within))))
+    once_per_second.add(lambda: jobs.append((monotonic(), bool(within))))
     node.create_timer(PERIOD_S, period, clock=Clock(clock_type=ClockType.STEADY_TIME))
     _spin_until(node, jobs, 3)
     times, behind_a_period = zip(*jobs, strict=True)
@@ -70,11 +70,11 @@ def test_a_job_is_done_once_a_second_right_behind_a_period(node: Node) -> None:
 
 
 def test_jobs_are_done_in_their_order_without_periods_too(node: Node) -> None:
-    housekeeping = Housekeeping(node)
+    once_per_second = OncePerSecond(node)
     jobs: list[tuple[str, float]] = []
     begun_s = monotonic()
     for name in ('first', 'second'):
-        housekeeping.add(lambda name=name: jobs.append((name, monotonic() - begun_s)))
+        once_per_second.add(lambda name=name: jobs.append((name, monotonic() - begun_s)))
     _spin_until(node, jobs, 4)
     names, times = zip(*jobs, strict=True)
     assert names == ('first', 'second') * 2

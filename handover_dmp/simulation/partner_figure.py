@@ -92,7 +92,7 @@ FIT: Mapping[str, tuple[float, float, float]] = {
 
 
 @dataclass(frozen=True)
-class HumanOptions:
+class PartnerFigureOptions:
     """
     How the figure stands.
 
@@ -147,7 +147,7 @@ class BodyPart:
 
 
 @dataclass(frozen=True)
-class HumanPosture:
+class PartnerPosture:
     """
     What the figure does at one moment.
 
@@ -228,7 +228,7 @@ def _sole_depth(surface: Any) -> float:
     return -lowest
 
 
-class HumanFigure:
+class PartnerFigure:
     """
     A person who stands upright, faces the partner and holds the right wrist where it is put.
 
@@ -243,7 +243,7 @@ class HumanFigure:
         partner: Array,
         *,
         floor_height_m: float | None = None,
-        options: HumanOptions | None = None,
+        options: PartnerFigureOptions | None = None,
     ) -> None:
         """
         Place the figure.
@@ -260,7 +260,7 @@ class HumanFigure:
             RobotDescriptionError: example-robot-data is not installed.
 
         """
-        self.options = options or HumanOptions()
+        self.options = options or PartnerFigureOptions()
         self._anatomy = _anatomy()
         self._model = self._anatomy.arm
         self._data = self._model.createData()
@@ -295,13 +295,13 @@ class HumanFigure:
         """From the floor to the crown, m, of the figure as example-robot-data has it."""
         return self._anatomy.sole_m + 0.73
 
-    def _likely_floor(self, exchange: Array) -> float:
+    def _likely_floor(self, exchange_position: Array) -> float:
         """Tell a room frame, with its floor at z = 0, from a frame between two chests."""
         shoulder = self._anatomy.sole_m + self._anatomy.shoulder[1]
-        below_shoulder = shoulder - exchange[2]
+        below_shoulder = shoulder - exchange_position[2]
         if -0.1 < below_shoulder < 0.55:
             return 0.0
-        return float(exchange[2] + self.options.hand_below_shoulder_m - shoulder)
+        return float(exchange_position[2] + self.options.hand_below_shoulder_m - shoulder)
 
     def _place(self, path: Array, partner: Array) -> tuple[float, Array]:
         """
@@ -373,7 +373,7 @@ class HumanFigure:
             sum(weight * (np.maximum(0.0, e) ** 2).mean(axis=1) for weight, e in excesses)
         )
 
-    def posture(self, hand: Array, start: Array | None = None) -> HumanPosture:
+    def posture(self, hand: Array, start: Array | None = None) -> PartnerPosture:
         """
         Put the right wrist on a point.
 
@@ -402,7 +402,7 @@ class HumanFigure:
         self._joints = joints
         pin.framesForwardKinematics(self._model, self._data, joints)
         placement = self._root * self._data.oMf[self._hand_frame]
-        return HumanPosture(joints, shift, placement.translation + shift, placement.rotation)
+        return PartnerPosture(joints, shift, placement.translation + shift, placement.rotation)
 
     def _improvement(self, joints: Array, target: Array) -> Array:
         """Return the next Gauss-Newton step; the rows of the least squares are kept between."""
@@ -433,7 +433,7 @@ class HumanFigure:
         step = width * float(np.logaddexp(0.0, beyond))
         return np.asarray(away * (step / max(distance, 1e-9)))
 
-    def postures(self, hand_path: Array) -> list[HumanPosture]:
+    def postures(self, hand_path: Array) -> list[PartnerPosture]:
         """
         Follow a path from its start.
 
@@ -447,7 +447,7 @@ class HumanFigure:
         self._joints = ARM_AT_EASE.copy()
         return [self.posture(point) for point in np.asarray(hand_path, dtype=float)]
 
-    def part_pose(self, part: BodyPart, posture: HumanPosture) -> tuple[Array, Array]:
+    def part_pose(self, part: BodyPart, posture: PartnerPosture) -> tuple[Array, Array]:
         """
         Say where a part is; the posture must be the one that was asked for last.
 
@@ -467,7 +467,7 @@ class HumanFigure:
 class FigureBodies:
     """A figure in a PyBullet world: massless bodies without collision shapes, moved by hand."""
 
-    def __init__(self, figure: HumanFigure, client: int) -> None:
+    def __init__(self, figure: PartnerFigure, client: int) -> None:
         """
         Put the figure into a world.
 
@@ -497,7 +497,7 @@ class FigureBodies:
         pybullet.changeVisualShape(body, -1, rgbaColor=part.colour, physicsClientId=self._client)
         return int(body)
 
-    def show(self, hand: Array, start: Array | None = None) -> HumanPosture:
+    def show(self, hand: Array, start: Array | None = None) -> PartnerPosture:
         """
         Move the figure so that its right wrist is on a point.
 

@@ -28,11 +28,11 @@ import rclpy
 from rclpy.node import Node
 
 SETTLE_S = 0.05
-LONGEST_WAIT_S = 5.0
+MAX_WAIT_S = 5.0
 LOOK_S = 0.01
 
 
-def leave(node: Node) -> None:
+def shut_down(node: Node) -> None:
     """
     Destroy the last node of a process and shut its context down, when no neighbour does so.
 
@@ -73,7 +73,7 @@ def turn_file(domain: int) -> Path:
 
 def _wait_for(file: TextIO) -> None:
     """Lock a file; or give up, when nobody hands it on."""
-    deadline_s = monotonic() + LONGEST_WAIT_S
+    deadline_s = monotonic() + MAX_WAIT_S
     while monotonic() < deadline_s:
         with suppress(BlockingIOError):
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -30,7 +30,7 @@ from rclpy.node import Node
 INTERVAL_S = 1.0
 
 
-class Housekeeping:
+class OncePerSecond:
     """Does its jobs once a second, right after a period; without periods, when it is time."""
 
     def __init__(self, node: Node) -> None:

@@ -27,8 +27,8 @@ import signal
 import sys
 
 from handover_dmp.common.errors import HandoverError, UsageError
-from handover_dmp.nodes.housekeeping import Housekeeping
-from handover_dmp.nodes.leaving import leave
+from handover_dmp.nodes.once_per_second import OncePerSecond
+from handover_dmp.nodes.shutdown import shut_down
 import rclpy
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
@@ -37,7 +37,7 @@ from rclpy.task import Future
 
 PARENT_VARIABLE = 'HANDOVER_DMP_PARENT'
 POLL_S = 0.05
-LONGEST_END_S = 15.0
+MAX_END_S = 15.0
 STDERR = 2
 
 
@@ -77,8 +77,8 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
     gc.collect()
     gc.freeze()
     gc.disable()
-    housekeeping = getattr(node, 'housekeeping', None) or Housekeeping(node)
-    housekeeping.add(lambda: gc.collect(1))
+    once_per_second = getattr(node, 'housekeeping', None) or OncePerSecond(node)
+    once_per_second.add(lambda: gc.collect(1))
     try:
         while not ended and rclpy.ok() and not _orphaned() and not getattr(node, 'ended', False):
             spin()
@@ -88,10 +88,10 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_IGN)
         # what hangs in DDS ends here all the same, and says where it was
-        faulthandler.dump_traceback_later(LONGEST_END_S, exit=True, file=STDERR)
+        faulthandler.dump_traceback_later(MAX_END_S, exit=True, file=STDERR)
         getattr(node, 'finish', lambda: None)()
         executor.shutdown()
-        leave(node)
+        shut_down(node)
     exit_code = int(getattr(node, 'exit_code', 0))
     # Extension modules complain at exit of what is still there.
     del node, executor

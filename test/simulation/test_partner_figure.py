@@ -19,7 +19,7 @@ from __future__ import annotations
 import csv
 
 from handover_dmp.common.quiet_pybullet import pybullet, silenced
-from handover_dmp.simulation.human import ARM_JOINTS, FigureBodies, HumanFigure
+from handover_dmp.simulation.partner_figure import ARM_JOINTS, FigureBodies, PartnerFigure
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -44,16 +44,18 @@ def recorded(folder):
 
 
 def test_wrist_is_on_every_point_of_the_path():
-    figure = HumanFigure(reach(), PARTNER)
+    figure = PartnerFigure(reach(), PARTNER)
     for point, posture in zip(reach(), figure.postures(reach()), strict=True):
         assert posture.hand_position == pytest.approx(point, abs=2e-6)
 
 
 def test_wrist_follows_recorded_people(kth_folder):
-    for name, p1, p2 in recorded(kth_folder):
-        figure = HumanFigure(p1, p2[-1])
-        postures = figure.postures(p1)
-        errors = [np.linalg.norm(q.hand_position - p) for q, p in zip(postures, p1, strict=True)]
+    for name, partner, demonstrator in recorded(kth_folder):
+        figure = PartnerFigure(partner, demonstrator[-1])
+        postures = figure.postures(partner)
+        errors = [
+            np.linalg.norm(q.hand_position - p) for q, p in zip(postures, partner, strict=True)
+        ]
         assert max(errors) < 2e-6, name
         # The arm as it is suffices for nearly all of it; a small step makes up for the rest.
         assert max(np.linalg.norm(q.shift) for q in postures) < 0.15, name
@@ -61,7 +63,7 @@ def test_wrist_follows_recorded_people(kth_folder):
 
 def test_shown_meshes_are_where_the_posture_says():
     """Ask PyBullet's body of the hand, not the figure's own word for it."""
-    figure = HumanFigure(reach(), PARTNER)
+    figure = PartnerFigure(reach(), PARTNER)
     with silenced():
         client = pybullet.connect(pybullet.DIRECT)
     try:
@@ -79,9 +81,9 @@ def test_shown_meshes_are_where_the_posture_says():
 
 
 def test_joints_stay_within_their_limits_and_move_smoothly():
-    model = HumanFigure(reach(), PARTNER)._model
-    coarse = np.array([p.joints for p in HumanFigure(reach(), PARTNER).postures(reach(200))])
-    fine = np.array([p.joints for p in HumanFigure(reach(), PARTNER).postures(reach(399))])
+    model = PartnerFigure(reach(), PARTNER)._model
+    coarse = np.array([p.joints for p in PartnerFigure(reach(), PARTNER).postures(reach(200))])
+    fine = np.array([p.joints for p in PartnerFigure(reach(), PARTNER).postures(reach(399))])
     assert coarse.shape == (200, len(ARM_JOINTS))
     assert np.all(coarse >= model.lowerPositionLimit - 1e-9)
     assert np.all(coarse <= model.upperPositionLimit + 1e-9)
@@ -95,7 +97,7 @@ def test_joints_stay_within_their_limits_and_move_smoothly():
 
 
 def test_posture_hardly_depends_on_the_way_there():
-    figure = HumanFigure(reach(), PARTNER)
+    figure = PartnerFigure(reach(), PARTNER)
     along = figure.postures(reach())[120].joints
     back = figure.postures(reach()[::-1][: 200 - 120])[-1].joints
     assert along == pytest.approx(back, abs=2e-3)
@@ -106,34 +108,34 @@ def test_posture_hardly_depends_on_the_way_there():
 def test_place_turns_and_moves_with_the_room(yaw, offset):
     turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
     moved = np.array([*offset, 0.0])
-    here = HumanFigure(reach(), PARTNER)
-    there = HumanFigure(reach() @ turn.T + moved, turn @ PARTNER + moved)
+    here = PartnerFigure(reach(), PARTNER)
+    there = PartnerFigure(reach() @ turn.T + moved, turn @ PARTNER + moved)
     assert there.pelvis == pytest.approx(turn @ here.pelvis + moved, abs=1e-9)
     assert there.shoulder == pytest.approx(turn @ here.shoulder + moved, abs=1e-9)
 
 
 def test_stands_upright_behind_the_hand_and_faces_the_partner(kth_folder):
-    for name, p1, p2 in recorded(kth_folder):
-        figure = HumanFigure(p1, p2[-1])
-        to_partner = p2[-1, :2] - p1[-1, :2]
+    for name, partner, demonstrator in recorded(kth_folder):
+        figure = PartnerFigure(partner, demonstrator[-1])
+        to_partner = demonstrator[-1, :2] - partner[-1, :2]
         ahead = np.array([np.cos(figure.heading), np.sin(figure.heading)])
         assert ahead @ to_partner / np.linalg.norm(to_partner) > np.cos(np.radians(41)), name
-        assert (p1[-1, :2] - figure.pelvis[:2]) @ ahead > 0.1, name
-        distance = np.linalg.norm(p1[-1] - figure.shoulder)
+        assert (partner[-1, :2] - figure.pelvis[:2]) @ ahead > 0.1, name
+        distance = np.linalg.norm(partner[-1] - figure.shoulder)
         assert 0.2 < distance < 0.56, name
         assert figure.pelvis[2] - figure.floor_height_m == pytest.approx(1.05, abs=0.05)
         assert figure.shoulder[2] - figure.floor_height_m == pytest.approx(1.38, abs=0.05)
 
 
 def test_floor_is_that_of_the_room_where_it_can_be():
-    assert HumanFigure(reach(), PARTNER).floor_height_m == 0.0
+    assert PartnerFigure(reach(), PARTNER).floor_height_m == 0.0
     low = reach() - [0, 0, 1.1]  # a frame between two chests
-    assert HumanFigure(low, PARTNER).floor_height_m == pytest.approx(-1.07, abs=0.1)
-    assert HumanFigure(low, PARTNER, floor_height_m=-1.2).floor_height_m == -1.2
+    assert PartnerFigure(low, PARTNER).floor_height_m == pytest.approx(-1.07, abs=0.1)
+    assert PartnerFigure(low, PARTNER, floor_height_m=-1.2).floor_height_m == -1.2
 
 
 def test_steps_after_a_hand_that_is_out_of_reach_without_a_jump():
-    figure = HumanFigure(reach()[-1], PARTNER)
+    figure = PartnerFigure(reach()[-1], PARTNER)
     away = np.linspace(reach()[-1], reach()[-1] + [-1.0, 0.0, 0.0], 500)
     postures = figure.postures(away)
     shifts = np.array([p.shift for p in postures])
@@ -145,6 +147,6 @@ def test_steps_after_a_hand_that_is_out_of_reach_without_a_jump():
 
 
 def test_one_point_is_enough():
-    figure = HumanFigure(np.array([0.3, 0.0, 1.0]), np.array([0.3, 0.0, 1.0]))
+    figure = PartnerFigure(np.array([0.3, 0.0, 1.0]), np.array([0.3, 0.0, 1.0]))
     posture = figure.posture(np.array([0.3, 0.0, 1.0]))
     assert posture.hand_position == pytest.approx([0.3, 0.0, 1.0], abs=2e-6)
