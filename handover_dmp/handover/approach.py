@@ -25,7 +25,8 @@ The goal takes over by time, (7), or by place, whichever is more:
     ξ_astray = (a − a_learnt − ε)/(0.25ε),
 
 with n = |g − x₀| − |x − x₀| what is left of the distance, b = |y − x₀| − |g − x₀| how far the
-shape leads beyond the goal, y = x + (K_s/K)(f + x₀ − x) being where it leads, and
+shape leads beyond the goal, y = x + (K_s/K)(f + x₀ − x) being where it leads (both for the goal
+where it will be in a tenth of a second, if that is nearer), and
 a = |g − x|/|g − x₀| − 1 how much farther from the goal the wrist is than at its start.
 
 And the wrist comes nearer no faster than it can brake again. For d = |g − x₀| − |x − x₀|, and for
@@ -67,6 +68,8 @@ FINAL_GAIN = 25.0
 """1/s; with which the bound on the speed falls with the last of the distance."""
 CLOSING_GAIN = 30.0
 """1/s; how fast the speed may come near to its bound, so that it does not hit it."""
+AHEAD_S = 0.1
+"""A hand that comes is taken to be where it will be so much later."""
 MIN_DISTANCE_M = 1e-6
 """Distances below have no direction."""
 MIN_SINE_SQUARED = 1e-6
@@ -150,7 +153,8 @@ def step_towards(
     later = -inf
     if options.enabled:
         deviations = max(
-            _near(model, state, goal, u, options), _astray(model, state, goal, options)
+            _near(model, state, goal, goal_velocity, u, options),
+            _astray(model, state, goal, options),
         )
         if deviations > -SETTLED_DEVIATIONS:
             later = parameters.mu + parameters.sigma * min(deviations, SETTLED_DEVIATIONS)
@@ -169,10 +173,16 @@ def step_towards(
 
 
 def _near(
-    model: DecoupledDmp, state: DmpState, goal: Vector, u: float, options: ApproachOptions
+    model: DecoupledDmp,
+    state: DmpState,
+    goal: Vector,
+    goal_velocity: Vector,
+    u: float,
+    options: ApproachOptions,
 ) -> float:
     position, start = state.position, state.start
-    whole = dist(goal, start)
+    soon = _plus(goal, _scaled(goal_velocity, AHEAD_S))
+    whole = min(dist(goal, start), dist(soon, start))
     left = whole - dist(position, start)
     near = (options.near_m - left) / (NEAR_WIDTH * options.near_m)
     if near <= -SETTLED_DEVIATIONS:
@@ -320,7 +330,7 @@ def bounded(
         options: of the approach.
 
     Returns:
-        The state at the end of the period; the very one that is wanted where that keeps all bounds.
+        The state at the end of the period; the very one that is wanted where it keeps all bounds.
 
     """
     max_change = acceleration_limit * dt
@@ -377,9 +387,9 @@ def rollout_towards(
     )
     state = model.initial_state(start.tolist())
     states = [state]
-    for dt, goal, velocity in zip(
-        np.diff(times).tolist(), map(tuple, goals.tolist()), map(tuple, goal_velocities.tolist())
-    ):
+    lengths = np.diff(times).tolist()
+    hands = zip(map(tuple, goals.tolist()), map(tuple, goal_velocities.tolist()), strict=True)
+    for dt, (goal, velocity) in zip(lengths, hands, strict=False):
         ahead, _ = step_towards(model, state, goal, velocity, dt, 1.0, options)
         state = bounded(state, ahead, goal, velocity, dt, limit, options)
         states.append(state)
@@ -439,7 +449,7 @@ def _shortened(needed: Vector, wanted: Vector, max_size: float) -> Vector:
 
 
 def _dot(a: Vector, b: Vector) -> float:
-    return sum(map(mul, a, b))
+    return float(sum(map(mul, a, b)))
 
 
 def _plus(a: Vector, b: Vector) -> Vector:
