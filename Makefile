@@ -20,6 +20,8 @@ export PIP_DISABLE_PIP_VERSION_CHECK = 1
 
 # Tests neither hear other robots on the network nor other tests on this machine.
 ISOLATED = ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_DOMAIN_ID=$$(($$$$ % 100 + 1))
+# As many processes as there are processors; test/conftest.py says which tests belong together.
+PYTEST = $(ISOLATED) $(BIN)/python -m pytest -n auto
 
 .PHONY: help demo test longtest lint format bench clean
 
@@ -36,10 +38,10 @@ demo: $(VENV)/.demo
 	$(BIN)/handover_dmp demo
 
 test: $(VENV)/.test
-	$(ISOLATED) $(BIN)/python -m pytest
+	$(PYTEST)
 
 longtest: $(VENV)/.test
-	$(ISOLATED) $(BIN)/python -m pytest -m 'slow or not slow'
+	$(PYTEST) -m 'slow or not slow'
 
 lint: $(VENV)/.test
 	$(BIN)/ament_flake8 --exclude .venv build install log -- .

@@ -17,7 +17,8 @@
 from __future__ import annotations
 
 from handover_dmp.robot.model import RobotModel
-from handover_dmp.robot.priority_ik import PriorityIk, WristTarget
+from handover_dmp.robot.priority_ik import PriorityIk
+from handover_dmp.robot.tasks import WristTarget
 from handover_dmp.simulation.arm import SimulatedArm
 import numpy as np
 

@@ -14,4 +14,4 @@
 
 """Human to robot handover by a decoupled Dynamic Movement Primitive (Prada et al., IROS 2013)."""
 
-__version__ = '0.1.0'
+__version__ = '0.2.0'

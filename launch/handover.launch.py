@@ -17,13 +17,17 @@ The handover as a graph: the simulated arm, the partner's hand, the five nodes, 
 
     ros2 launch handover_dmp handover.launch.py exchange:=take use_sim_time:=false rviz:=true
 
-On simulated time the handover begins by itself, on the wall clock when it is told to:
+The handover begins by itself, or with `start:=service` when it is told to:
 
     ros2 service call /hand_tracker/replay std_srvs/srv/Trigger
+
+For tests without a display, `exit_when_done:=true` ends it after the handover; the exit code is 0
+if the object was handed over.
 """
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 import shlex
 import sys
@@ -31,27 +35,41 @@ from tempfile import TemporaryDirectory
 from typing import Any
 from xml.etree import ElementTree
 
+from ament_index_python.packages import get_package_prefix, PackageNotFoundError
 from handover_dmp.common.resources import share_path
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch.conditions import IfCondition
+from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration, OrSubstitution
 from launch_ros.actions import Node
 
 PACKAGE = 'handover_dmp'
 NODES = ('recorder', 'hand_tracker', 'dmp', 'priority_ik', 'robot_sim')
-ARGUMENTS = {
-    'robot': ('lwr4', 'lwr4, iiwa14, panda, ur5 or the path of a URDF'),
-    'trial': ('', 'CSV file of a recorded handover, whose partner is replayed'),
-    'bag': ('', 'bag of a recorded handover, in place of a trial'),
-    'exchange': ('give', 'give or take, where neither trial nor bag is given'),
-    'use_sim_time': ('true', 'run in lockstep on /clock; false: on the wall clock'),
-    'parameters': (str(share_path('config/handover.yaml')), 'file with those of all nodes'),
-    'record': ('true', 'whether to record all topics'),
-    'output': ('', 'folder of the run; empty: runs/<date-time>_<exchange>_<configuration>'),
-    'rviz': ('false', 'whether to start RViz (package rviz2)'),
-    'foxglove': ('false', 'whether to start the Foxglove bridge (package foxglove_bridge)'),
+BOOLEAN = ('true', 'false', 'True', 'False', '1', '0')
+ARGUMENTS: dict[str, tuple[str, str, tuple[str, ...] | None]] = {
+    'robot': ('lwr4', 'lwr4, iiwa14, panda, ur5 or the path of a URDF', None),
+    'trial': ('', 'CSV file of a recorded handover, whose partner is replayed', None),
+    'bag': ('', 'bag of a recorded handover, in place of a trial', None),
+    'exchange': ('give', 'direction, where neither trial nor bag is given', ('give', 'take')),
+    'use_sim_time': ('true', 'run in lockstep on /clock; false: on the wall clock', BOOLEAN),
+    'start': (
+        'auto',
+        'auto: as soon as all nodes are there; service: when /hand_tracker/replay is called',
+        ('auto', 'service'),
+    ),
+    'exit_when_done': ('false', 'whether all nodes end after the handover', BOOLEAN),
+    'parameters': (str(share_path('config/handover.yaml')), 'file with those of all nodes', None),
+    'record': ('true', 'whether to record all topics', BOOLEAN),
+    'output': ('', 'folder of the run; empty: runs/<date-time>_<exchange>_<configuration>', None),
+    'rviz': ('false', 'whether to start RViz (package rviz2)', BOOLEAN),
+    'foxglove': ('false', 'whether to start the bridge (package foxglove_bridge)', BOOLEAN),
 }
+VIEWERS = {
+    'rviz': ('robot_state_publisher', 'tf2_ros', 'rviz2'),
+    'foxglove': ('robot_state_publisher', 'tf2_ros', 'foxglove_bridge'),
+}
+"""Argument to the packages that it needs."""
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -59,8 +77,10 @@ def generate_launch_description() -> LaunchDescription:
     return LaunchDescription(
         [
             *(
-                DeclareLaunchArgument(name, default_value=default, description=description)
-                for name, (default, description) in ARGUMENTS.items()
+                DeclareLaunchArgument(
+                    name, default_value=default, description=description, choices=choices
+                )
+                for name, (default, description, choices) in ARGUMENTS.items()
             ),
             OpaqueFunction(function=nodes),
         ]
@@ -70,6 +90,7 @@ def generate_launch_description() -> LaunchDescription:
 def nodes(context: LaunchContext) -> list[Node]:
     """Make the nodes, with the parameters that follow from the recording and the arm."""
     chosen = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
+    look_up(chosen)
     robot, own = prepare(chosen)
     graph = [
         Node(
@@ -83,11 +104,38 @@ def nodes(context: LaunchContext) -> list[Node]:
             parameters=[chosen['parameters'], str(own)],
             condition=IfCondition(chosen['record']) if name == 'recorder' else None,
             # The arm brakes by itself; four nodes without the fifth are of no use.
-            on_exit=Shutdown(reason=f'{name} ended'),
+            on_exit=partial(end, name),
         )
         for name in NODES
     ]
     return graph + viewers(robot, _is_true(chosen['use_sim_time']))
+
+
+def end(name: str, event: ProcessExited, _context: LaunchContext) -> Shutdown:
+    """End all nodes when one has ended; a failure of it is one of the launch, too."""
+    if event.returncode:
+        raise RuntimeError(f'{name} ended with exit code {event.returncode}')
+    return Shutdown(reason=f'{name} ended')
+
+
+def look_up(chosen: dict[str, str]) -> None:
+    """
+    Look for all that may be missing, before anything starts.
+
+    Args:
+        chosen: value of each launch argument.
+
+    Raises:
+        RuntimeError: a package that a viewer needs is not installed, or a file is not there.
+
+    """
+    for viewer, packages in VIEWERS.items():
+        missing = [name for name in packages if _is_true(chosen[viewer]) and not _has(name)]
+        if missing:
+            names = ' '.join(f'ros-jazzy-{name.replace("_", "-")}' for name in missing)
+            raise RuntimeError(f'{viewer}:=true needs {", ".join(missing)}: apt install {names}')
+    if not Path(chosen['parameters']).is_file():
+        raise RuntimeError(f'parameters:={chosen["parameters"]}: there is no such file')
 
 
 def prepare(chosen: dict[str, str]) -> tuple[Any, Path]:
@@ -101,6 +149,7 @@ def prepare(chosen: dict[str, str]) -> tuple[Any, Path]:
         The arm in its place, and the file of the parameters that go before those of the user's.
 
     """
+    from handover_dmp.handover.lockstep import REPLAY_AT_S
     from handover_dmp.nodes.graph import write_parameters
     from handover_dmp.nodes.run_graph import graph_parameters
     from handover_dmp.runs.folder import keep_inputs, new_run_folder, run_info
@@ -118,6 +167,9 @@ def prepare(chosen: dict[str, str]) -> tuple[Any, Path]:
         own['lockstep'] = simulated
         # `robot_sim` makes the time of the others.
         own['use_sim_time'] = simulated and name != 'robot_sim'
+    by_itself = chosen['start'] == 'auto'
+    parameters['hand_tracker']['replay_at_s'] = REPLAY_AT_S if by_itself else -1.0
+    parameters['dmp']['exit_when_done'] = _is_true(chosen['exit_when_done'])
     file = folder / 'parameters.yaml'
     write_parameters(file, parameters)
     return scenario.robot, file
@@ -187,14 +239,20 @@ def _scenario(chosen: dict[str, str]) -> Any:
         return make_scenario(Path(recorded), robot=chosen['robot'])
     wanted = (EXAMPLE[0], chosen['exchange'])
     trials = [t for t in synthesize() if (t.configuration, t.direction) == wanted]
-    if not trials:
-        raise RuntimeError(f'exchange is {chosen["exchange"]!r}, neither give nor take')
     with TemporaryDirectory() as folder:
         model = Path(folder) / 'model.json'
         save_model(learn_from_trials([condition(trials[0])]), model)
         trial = Path(folder) / f'{"_".join(wanted)}_{trials[1].number}.csv'
         write_trial(trials[1], trial)
         return make_scenario(trial, model=model, robot=chosen['robot'])
+
+
+def _has(package: str) -> bool:
+    try:
+        get_package_prefix(package)
+    except PackageNotFoundError:
+        return False
+    return True
 
 
 def _is_true(word: str) -> bool:

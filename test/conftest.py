@@ -12,11 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What several rooms' tests share."""
+"""What several rooms' tests share, and how they are run side by side."""
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
+from typing import Any
 
 from handover_dmp.common.threads import use_one_thread
 import pytest
@@ -24,6 +26,32 @@ import pytest
 use_one_thread()
 
 KTH = Path(__file__).resolve().parents[2] / 'shared' / 'data' / 'kth_handovers'
+DOMAINS = 100
+GRAPH = ('test/nodes/', 'test/cli/test_demo.py')
+
+
+def pytest_configure() -> None:
+    """Give every process of tests a ROS domain; the next one is left to it, too."""
+    worker = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw'))
+    first = int(os.environ.get('ROS_DOMAIN_ID') or os.getpid())
+    os.environ['ROS_DOMAIN_ID'] = str((first - 1 + 2 * worker) % DOMAINS + 1)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """
+    Let tests of a file share what they set up, and those of the running graph run one at a time.
+
+    By the files: the marks of pytest-xdist 3.8 (`--dist loadgroup`) are lost in pytest 9.2.
+    """
+    from xdist.scheduler import LoadScopeScheduling
+
+    class ByFile(LoadScopeScheduling):  # type: ignore[misc]
+        def _split_scope(self, nodeid: str) -> str:
+            file = nodeid.partition('::')[0]
+            return 'graph' if file.startswith(GRAPH) else file
+
+    return ByFile(config, log)
 
 
 @pytest.fixture(scope='session')

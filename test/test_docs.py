@@ -39,7 +39,9 @@ def test_services_that_are_told_of_are_those_of_the_nodes() -> None:
     served = set()
     for node in NODES:
         text = (ROOT / 'handover_dmp' / 'nodes' / f'{node}.py').read_text(encoding='utf-8')
-        served |= {f'/{node}/{name}' for name in re.findall(r"self\.serve\('(\w+)'", text)}
+        served |= {
+            f'/{node}/{name}' for name in re.findall(r"self\.serve(?:_switch)?\('(\w+)'", text)
+        }
     assert served == SERVICES
     told = (ROOT / 'docs' / 'topics.md').read_text(encoding='utf-8')
     assert set(re.findall(r'^\| `(/\w+/\w+)` \| [a-z]', told, re.M)) >= SERVICES

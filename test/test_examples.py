@@ -130,7 +130,7 @@ def test_velocity_to_position(monkeypatch: pytest.MonkeyPatch) -> None:
     from sensor_msgs.msg import JointState
     from std_msgs.msg import Float64MultiArray
 
-    domain = 1 + os.getpid() % 100
+    domain = int(os.environ['ROS_DOMAIN_ID'])
     process = subprocess.Popen(
         [sys.executable, str(EXAMPLES / 'velocity_to_position.py')],
         env={**os.environ, 'ROS_DOMAIN_ID': str(domain)},

@@ -25,6 +25,7 @@ import re
 import sys
 from xml.etree import ElementTree
 
+from packaging.requirements import Requirement
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -76,12 +77,13 @@ def names_of_ros() -> set[str]:
 
 def requirements(*extras: str) -> set[str]:
     """Return the distributions that an install with these extras brings."""
-    found = set()
-    for requirement in requires('handover_dmp') or ():
-        extra = re.search(r"extra == ['\"](\w+)['\"]", requirement)
-        if extra is None or extra.group(1) in extras:
-            found.add(normal(re.match(r'[\w.-]+', requirement).group()))
-    return found
+    named = [Requirement(requirement) for requirement in requires('handover_dmp') or ()]
+    return {
+        normal(each.name)
+        for each in named
+        for extra in ('', *extras)
+        if each.marker is None or each.marker.evaluate({'extra': extra})
+    }
 
 
 @cache

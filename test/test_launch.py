@@ -61,9 +61,10 @@ def functions(tree: ast.Module) -> dict[str, Any]:
 
 def test_the_arguments(functions: dict[str, Any]) -> None:
     assert set(functions['ARGUMENTS']) >= ARGUMENTS
-    for default, description in functions['ARGUMENTS'].values():
+    for default, description, choices in functions['ARGUMENTS'].values():
         assert isinstance(default, str)
         assert description
+        assert choices is None or default in choices
 
 
 def test_every_argument_is_used(tree: ast.Module) -> None:
@@ -88,7 +89,7 @@ def test_other_packages_are_those_that_package_xml_names_or_viewers(tree: ast.Mo
 
 def choose(functions: dict[str, Any], **chosen: str) -> dict[str, str]:
     """Return the value of every launch argument."""
-    return {name: default for name, (default, _) in functions['ARGUMENTS'].items()} | chosen
+    return {name: default for name, (default, _, _) in functions['ARGUMENTS'].items()} | chosen
 
 
 def sections(file: Path) -> dict[str, dict[str, Any]]:
@@ -234,7 +235,6 @@ def test_a_trial_of_the_users_own(
 @pytest.mark.parametrize(
     ('chosen', 'error', 'words'),
     [
-        ({'exchange': 'throw'}, RuntimeError, 'throw'),
         ({'trial': 'a.csv', 'bag': 'b'}, RuntimeError, 'exclude'),
         ({'trial': '/none.csv'}, HandoverError, r'none\.csv'),
         ({'robot': '/none.urdf'}, HandoverError, r'none\.urdf'),

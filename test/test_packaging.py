@@ -241,8 +241,7 @@ def test_the_command_uses_the_files_that_came_with_it(
 @pytest.mark.ros
 def test_the_nodes_start_and_end(installed: Installed, tmp_path: Path) -> None:
     pytest.importorskip('rclpy')
-    domain = str(1 + os.getpid() % 100)
-    variables = installed.environment | {'ROS_DOMAIN_ID': domain}
+    variables = installed.environment
     processes = [
         subprocess.Popen(
             [installed.executables / name, '--ros-args', '-p', 'use_sim_time:=false'],
@@ -255,7 +254,7 @@ def test_the_nodes_start_and_end(installed: Installed, tmp_path: Path) -> None:
         for name in NODES
     ]
     try:
-        wait_for_nodes(set(NODES), int(domain), processes)
+        wait_for_nodes(set(NODES), processes)
         for process in processes:
             process.send_signal(signal.SIGINT)
         for name, process in zip(NODES, processes, strict=True):
@@ -268,15 +267,13 @@ def test_the_nodes_start_and_end(installed: Installed, tmp_path: Path) -> None:
             process.wait()
 
 
-def wait_for_nodes(
-    names: set[str], domain: int, processes: Sequence[subprocess.Popen[str]]
-) -> None:
+def wait_for_nodes(names: set[str], processes: Sequence[subprocess.Popen[str]]) -> None:
     """Wait until nodes of these names are in the graph."""
     from handover_dmp.nodes.shutdown import shut_down
     import rclpy
 
     context = rclpy.Context()
-    rclpy.init(context=context, domain_id=domain)
+    rclpy.init(context=context)
     node = rclpy.create_node('packaging', context=context)
     try:
         end = time.monotonic() + PATIENCE_S

@@ -46,8 +46,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-SETTLING_S = 10.0
-"""For the timers to find their places with the probes beside them, s."""
+SETTLING_S = 3.0
+"""Until the graph runs evenly with the probes beside it, s."""
 MAX_WAIT_S = 60.0
 ROUNDING_S = 1e-6
 PROBES = ('empty', 'urgent', 'sleep', 'echo', 'ping', 'listener')
@@ -63,10 +63,9 @@ class WallClockRun:
 
     Attributes:
         hand: (n, 2) when a pose was published and its stamp, s.
-        dmp: (n, 4) when a period began; stamp of the newest pose it knew; how long ago that had
-            come, s; 1 while a handover was on.
-        ik: (n, 3) when a period began; stamp of the wrist command it followed; how long ago that
-            had come, s.
+        dmp: (n, 3) when a period began; stamp of the newest pose it knew, s; 1 while a handover
+            was on.
+        ik: (n, 2) when a period began; stamp of the wrist command it followed, s.
         joints: (n, 3) which period a joint command answers, when it was heard, s; 1 if it moves.
         ticks: node to (n, 2) when a period began, s; its number.
         probes: name to what the probe wrote.
@@ -110,7 +109,6 @@ class LockstepRun:
 def run_by_the_wall_clock(
     scenario: Scenario,
     duration_s: float,
-    changes: dict[str, dict[str, Any]],
     progress: Callable[[str], None],
 ) -> WallClockRun:
     """
@@ -119,7 +117,6 @@ def run_by_the_wall_clock(
     Args:
         scenario: what is run.
         duration_s: how long to measure, s.
-        changes: node to parameters that are to be other than usual.
         progress: is told what goes on.
 
     Returns:
@@ -131,7 +128,7 @@ def run_by_the_wall_clock(
     """
     with TemporaryDirectory() as name:
         folder = Path(name)
-        with _graph(folder, scenario, changes, progress) as graph, ExitStack() as running:
+        with _graph(folder, scenario, progress) as graph, ExitStack() as running:
             for probe in PROBES:
                 running.enter_context(_probe(probe, folder))
             _wait_for_probes(graph, folder)
@@ -164,7 +161,7 @@ def run_in_lockstep(
     """
     with TemporaryDirectory() as name:
         folder = Path(name)
-        with _graph(folder, scenario, {}, progress, lockstep=True) as graph:
+        with _graph(folder, scenario, progress, lockstep=True) as graph:
             progress(f'measuring for {duration_s:.0f} s of simulated time')
             begun_s, simulated_s = monotonic(), graph.time_s
             graph.linger(duration_s)
@@ -178,7 +175,6 @@ def run_in_lockstep(
 def _graph(
     folder: Path,
     scenario: Scenario,
-    changes: dict[str, dict[str, Any]],
     progress: Callable[[str], None],
     *,
     lockstep: bool = False,
@@ -192,12 +188,10 @@ def _graph(
     # the conductor says when to start, once the hand is back
     parameters['dmp']['start'] = 'service'
     parameters['hand_tracker'] |= {'lead_s': LEAD_S, 'replay_at_s': -1.0}
-    for node, more in changes.items():
-        parameters[node] |= more
     progress('starting the graph')
     with Graph(folder, parameters, lockstep=lockstep) as graph, _probe(CONDUCTOR, folder):
         if lockstep:
-            graph.unpause()
+            graph.pause(False)
         if not graph.wait_for_state(('done',), MAX_WAIT_S, lambda: None):
             raise HandoverError(f'no handover within {MAX_WAIT_S:.0f} s')
         yield graph
@@ -231,9 +225,9 @@ def _read(folder: Path, span: tuple[float, float]) -> WallClockRun:
             stamp = message.header.stamp
             stamps[topic].append((stamp.sec * 10**9 + stamp.nanosec) / 1e9)
         elif topic == PHASE.name:
-            dmp.append(_float_array(message, 'time_s', 'hand_stamp_s', 'hand_age_s', 'phase'))
+            dmp.append(_float_array(message, 'time_s', 'hand_stamp_s', 'phase'))
         else:
-            ik.append(_float_array(message, 'time_s', 'command_stamp_s', 'command_age_s'))
+            ik.append(_float_array(message, 'time_s', 'command_stamp_s'))
     ticks, handovers = _ticks(folder)
     hand, person = map(np.array, stamps.values())
     # `hand_tracker` stamps the person's pose with its own time, the hand's with that of the pose
@@ -275,5 +269,5 @@ def _float_array(message: Any, *names: str) -> list[float]:
 
 def _with_motion(dmp: Array) -> Array:
     """Make the last column tell whether a handover is on: the phase stands still while not."""
-    falls = np.diff(dmp[:, 3], prepend=np.inf) < 0.0
-    return np.column_stack((dmp[:, :3], falls))
+    falls = np.diff(dmp[:, 2], prepend=np.inf) < 0.0
+    return np.column_stack((dmp[:, :2], falls))

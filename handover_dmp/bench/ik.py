@@ -34,7 +34,8 @@ from handover_dmp.bench.ik_scenarios import (
 from handover_dmp.bench.measurement import Measurement, time_call
 from handover_dmp.robot.interpolator import JointInterpolator
 from handover_dmp.robot.model import RobotModel
-from handover_dmp.robot.priority_ik import IkOptions, PriorityIk, WristTarget
+from handover_dmp.robot.priority_ik import PriorityIk
+from handover_dmp.robot.tasks import WristTarget
 import numpy as np
 from numpy.typing import NDArray
 import pinocchio as pin
@@ -60,7 +61,7 @@ def run(progress: Callable[[str], None]) -> list[Measurement]:
 
     """
     model = RobotModel.load('lwr4')
-    plain = PriorityIk(model, IkOptions(self_collision=False, forearm_collision=False))
+    plain = PriorityIk(model, self_collision=False, forearm_collision=False)
     peers = {}
     missing = []
     for name in PEERS:

@@ -19,7 +19,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timezone
-from importlib.metadata import PackageNotFoundError, version
 import json
 import os
 from pathlib import Path
@@ -30,6 +29,7 @@ from handover_dmp import __version__
 from handover_dmp.bench.measurement import Measurement
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.files import write_text
+from handover_dmp.common.versions import installed_versions
 from rich.markup import escape
 from rich.table import Table
 
@@ -41,6 +41,7 @@ LIBRARIES = (
     'daqp',
     'ruckig',
     'pybullet',
+    'pybullet-arm64',
     'mcap',
     'ros-jazzy-rclpy',
     'movement-primitives',
@@ -90,12 +91,6 @@ def machine() -> dict[str, Any]:
         Plain types: processor, cores, load, system, Python, date, versions of the libraries.
 
     """
-    versions = {'handover_dmp': __version__}
-    for library in LIBRARIES:
-        try:
-            versions[library] = version(library)
-        except PackageNotFoundError:
-            continue
     return {
         'processor': _processor(),
         'cores': len(os.sched_getaffinity(0)),
@@ -103,7 +98,7 @@ def machine() -> dict[str, Any]:
         'system': platform.platform(),
         'python': platform.python_version(),
         'date': datetime.now(timezone.utc).isoformat(timespec='seconds'),
-        'versions': versions,
+        'versions': {'handover_dmp': __version__, **installed_versions(LIBRARIES)},
     }
 
 

@@ -17,7 +17,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 import os
 
 from handover_dmp.bench.graph_run import (
@@ -34,29 +33,12 @@ import numpy as np
 PERIOD_S = 0.005
 DURATION_S = float(os.environ.get('HANDOVER_DMP_BENCH_SECONDS', '60'))
 MIN_S = 5.0
-BESIDE_EACH_OTHER_HZ = {'dmp': 200.4, 'priority_ik': 201.1}
-"""Rates of timers that pass through every offset from each other and from the hand's 200 Hz."""
+MAX_LATENCY_MS = 5.0
+"""From a pose of the hand to joint velocities, in the median."""
 MESSAGES_IN_TURN = 4
 """Of a period in lockstep: joint states, wrist, its command, joint velocities."""
 IN_MOTION = 80.0
 """Share of the periods that is to be in motion for the figures to tell anything, %."""
-
-
-@dataclass(frozen=True)
-class _Answers:
-    """
-    How long poses of the hand took to become joint velocities, while a handover was on.
-
-    Attributes:
-        latency_ms: from the tracker's period that published a pose to the reception of the first
-            joint command that follows from this pose or a newer one.
-        waiting_ms: of that, how long the pose lay in `dmp` and the wrist command in `priority_ik`
-            until their timers fired.
-
-    """
-
-    latency_ms: Array
-    waiting_ms: Array
 
 
 def run(progress: Callable[[str], None]) -> list[Measurement]:
@@ -64,8 +46,7 @@ def run(progress: Callable[[str], None]) -> list[Measurement]:
     Run the five nodes on the wall clock and the probes beside them, all at the same time.
 
     The arm is in motion nearly all the time: one handover follows the other. For a third of the
-    time more, the same is run with timers that are not moved behind their input, and for another
-    third in lockstep, as fast as it goes.
+    time more the same is run in lockstep, as fast as it goes.
 
     Args:
         progress: is told what goes on.
@@ -75,19 +56,13 @@ def run(progress: Callable[[str], None]) -> list[Measurement]:
 
     """
     scenario = make_scenario()
-    locked = run_by_the_wall_clock(scenario, DURATION_S, {}, progress)
-    alone = {
-        node: {'phase_lock': False, 'rate_hz': rate} for node, rate in BESIDE_EACH_OTHER_HZ.items()
-    }
-    shorter_s = max(DURATION_S / 3.0, MIN_S)
-    free = run_by_the_wall_clock(scenario, shorter_s, alone, progress)
-    simulated = run_in_lockstep(scenario, shorter_s, progress)
+    timed = run_by_the_wall_clock(scenario, DURATION_S, progress)
+    simulated = run_in_lockstep(scenario, max(DURATION_S / 3.0, MIN_S), progress)
     return [
-        *_motion(locked),
-        *_periods('dmp', locked, locked.dmp),
-        *_periods('priority_ik', locked, locked.ik),
-        *_latency(locked, free),
-        *_lockstep(simulated, float(np.median(locked.probes['ping']))),
+        *_motion(timed),
+        *_periods(timed),
+        *_latency(timed),
+        *_lockstep(simulated, float(np.median(timed.probes['ping']))),
     ]
 
 
@@ -109,57 +84,40 @@ def _motion(run: WallClockRun) -> list[Measurement]:
     ]
 
 
-def _periods(node: str, run: WallClockRun, rows: Array) -> list[Measurement]:
-    """Compare the periods of a node with those of the probes and of its own input."""
-    ticks = run.within(run.ticks[node])
-    empty, ordinary, slept = (run.within(run.probes[p]) for p in ('urgent', 'empty', 'sleep'))
-    errors = [_errors_ms(np.diff(each)) for each in (empty, ordinary, slept)]
-    errors.insert(0, _errors_ms(_recorded_periods(ticks)))
-    errors.append(_errors_ms(_input_periods(run.within(rows))))
+def _periods(run: WallClockRun) -> list[Measurement]:
+    """Compare the periods of `dmp` with those of the probes."""
+    ticks, empty = run.within(run.ticks['dmp']), run.within(run.probes['urgent'])
+    times, numbers = ticks.T
+    # only where the recorder has seen both ends of a period
+    errors = _errors_ms(np.diff(times)[np.diff(numbers) == 1.0])
+    floors = _errors_ms(np.diff(empty))
+    peers = {
+        'empty timer, ordinary priority': _errors_ms(np.diff(run.within(run.probes['empty']))),
+        'plain sleep loop': _errors_ms(np.diff(run.within(run.probes['sleep']))),
+    }
     found = []
     for share in (50, 99):
-        value, floor, at_ordinary_priority, plain, on_arrival = (
-            float(np.percentile(e, share)) for e in errors
-        )
+        floor = float(np.percentile(floors, share))
         found.append(
             Measurement(
-                name=f'period error of {node}, {share} %',
-                value=value,
+                name=f'period error of dmp, {share} %',
+                value=float(np.percentile(errors, share)),
                 unit='ms',
                 target=1.2 * floor if share == 99 else None,
                 floor=floor,
-                peers={
-                    'empty timer, ordinary priority': at_ordinary_priority,
-                    'plain sleep loop': plain,
-                    'if it answered on arrival': on_arrival,
-                },
+                peers={name: float(np.percentile(peer, share)) for name, peer in peers.items()},
                 note='floor: empty rclpy timer beside it, same executor and priority',
             )
         )
-    return [*found, *_pace(node, ticks, empty)]
+    return [*found, *_pace(ticks, empty)]
 
 
 def _errors_ms(periods: Array) -> Array:
     return np.abs(periods - PERIOD_S) * 1e3
 
 
-def _recorded_periods(ticks: Array) -> Array:
-    """Return the times between the beginnings of periods, s; only where both were recorded."""
-    times, numbers = ticks.T
-    recorded: Array = np.diff(times)[np.diff(numbers) == 1.0]
-    return recorded
-
-
-def _input_periods(rows: Array) -> Array:
-    """Return the times between arrivals of one input and the next, s; between those used alone."""
-    stamps, arrivals = rows[:, 1], rows[:, 0] - rows[:, 2]
-    new = np.flatnonzero(np.diff(stamps)) + 1
-    neighbours = np.diff(stamps[new]) < 1.5 * PERIOD_S
-    return np.diff(arrivals[new])[neighbours]
-
-
-def _pace(node: str, ticks: Array, empty: Array) -> list[Measurement]:
-    """Tell whether a node's rate is that of the clock, and whether it loses periods."""
+def _pace(ticks: Array, empty: Array) -> list[Measurement]:
+    """Tell whether the rate of `dmp` is that of the clock, and whether it loses periods."""
     bare: Array = np.column_stack((empty, np.arange(len(empty))))
 
     def behind(ticks: Array) -> float:
@@ -173,7 +131,7 @@ def _pace(node: str, ticks: Array, empty: Array) -> list[Measurement]:
     periods = int(ticks[-1, 1] - ticks[0, 1]) + 1
     return [
         Measurement(
-            name=f'periods lost by {node}',
+            name='periods lost by dmp',
             value=_lost(ticks),
             unit='periods',
             target=_lost(bare),
@@ -182,7 +140,7 @@ def _pace(node: str, ticks: Array, empty: Array) -> list[Measurement]:
             'floor and target: empty rclpy timer beside it',
         ),
         Measurement(
-            name=f'drift of {node} from 200 Hz',
+            name='drift of dmp from 200 Hz',
             value=parts_per_million(behind(ticks)),
             unit='ppm',
             target=parts_per_million(abs(behind(bare)) + 1.0),
@@ -193,36 +151,23 @@ def _pace(node: str, ticks: Array, empty: Array) -> list[Measurement]:
 
 
 def _lost(ticks: Array) -> float:
-    """Count the periods that are missing; a timer that is moved may gain one, and loses none."""
+    """Count the periods that are missing between ticks, (n, 2): time in s, number."""
     between_s, numbers = np.diff(ticks, axis=0).T
     return max(float(np.sum(np.rint(between_s / PERIOD_S) - numbers)), 0.0)
 
 
-def _latency(locked: WallClockRun, free: WallClockRun) -> list[Measurement]:
-    answers, left_alone = _answers(locked), _answers(free)
-    names = {
-        'hand pose to joint velocity': (locked, answers),
-        'hand pose to joint velocity, timers left alone': (free, left_alone),
-    }
-    notes = (
-        'from publication to reception of the first command that follows from it: three hops; '
-        'floor: bare round trip of a JointState between two processes, two hops',
-        'the same, timers not moved behind their input, at every offset from it',
-    )
+def _latency(run: WallClockRun) -> list[Measurement]:
+    latency_ms = _latencies_ms(run)
     return [
         Measurement(
-            name=f'{name}, {share} %',
-            value=float(np.percentile(found.latency_ms, share)),
+            name=f'hand pose to joint velocity, {share} %',
+            value=float(np.percentile(latency_ms, share)),
             unit='ms',
+            target=MAX_LATENCY_MS if share == 50 else None,
             floor=float(np.percentile(run.probes['ping'], share)) * 1e3,
-            peers={
-                'on arrival, without waiting for a timer': float(
-                    np.percentile(found.latency_ms - found.waiting_ms, share)
-                )
-            },
-            note=note,
+            note='from publication to reception of the first command that follows from it: three '
+            'hops and half a period of dmp; floor: bare round trip of a JointState, two hops',
         )
-        for (name, (run, found)), note in zip(names.items(), notes, strict=True)
         for share in (50, 99)
     ]
 
@@ -252,33 +197,34 @@ def _lockstep(run: LockstepRun, round_trip_s: float) -> list[Measurement]:
     ]
 
 
-def _answers(run: WallClockRun) -> _Answers:
+def _latencies_ms(run: WallClockRun) -> Array:
     """
-    Follow each pose of the hand through the periods that used it.
+    Follow each pose of the hand through the periods that used it, while a handover was on.
 
     A joint command names the period of `priority_ik` that it answers, that period the wrist
-    command, and the period of `dmp` which made that names the newest pose it knew.
+    command, and the period of `dmp` which made that names the newest pose it knew. Counted is from
+    the tracker's period that published a pose to the reception of the first joint command that
+    follows from this pose or a newer one.
     """
     # the same whole number of nanoseconds gives the same float, so these match exactly
-    solved = {row[0]: row[1:] for row in run.ik.tolist()}
+    solved = dict(run.ik.tolist())
     stepped = {row[0]: row[1:] for row in run.dmp.tolist()}
     chain = []
     traced = True
     for period_s, heard_s, moves in run.joints.tolist():
-        stamp_s, command_age_s = solved.get(period_s, (None, 0.0))
-        known_s, hand_age_s, handing_over = stepped.get(stamp_s, (np.nan, 0.0, 0.0))
+        known_s, handing_over = stepped.get(solved.get(period_s), (np.nan, 0.0))
         # after a period that the recorder missed, nobody knows what was answered in that
         counts = moves and handing_over and traced
         traced = bool(np.isfinite(known_s))
         if traced:
-            chain.append((known_s, heard_s, hand_age_s + command_age_s, counts))
-    known, heard, waiting, moving = np.array(chain).T
+            chain.append((known_s, heard_s, counts))
+    known, heard, moving = np.array(chain).T
     published, stamps = run.within(run.hand).T
     answer = np.searchsorted(np.maximum.accumulate(known), stamps)
     answered = answer < len(known)
     answer, published = answer[answered], published[answered]
     # a pose from before the start has nothing to answer it
-    begun = run.dmp[np.searchsorted(run.dmp[:, 0], published) - 1, 3]
+    begun = run.dmp[np.searchsorted(run.dmp[:, 0], published) - 1, 2]
     shown = (moving[answer] > 0.0) & (begun > 0.0)
-    answer, published = answer[shown], published[shown]
-    return _Answers((heard[answer] - published) * 1e3, waiting[answer] * 1e3)
+    latencies_ms: Array = (heard[answer[shown]] - published[shown]) * 1e3
+    return latencies_ms

@@ -26,7 +26,7 @@ from handover_dmp.bench.measurement import Measurement
 from handover_dmp.handover.controller import HandoverState, MOVING
 from handover_dmp.handover.lockstep import Handover, Period
 from handover_dmp.handover.scenario import make_scenario, Scenario
-from handover_dmp.robot.priority_ik import WristTarget
+from handover_dmp.robot.tasks import WristTarget
 from handover_dmp.robot.wrist_controller import WristController
 from handover_dmp.simulation.arm import ArmState, CommandOutcome, SimulatedArm
 import numpy as np

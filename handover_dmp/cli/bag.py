@@ -82,7 +82,7 @@ def run(options: argparse.Namespace) -> int:
         case ['repair', bag]:
             outcome = _repair(Path(bag), console)
         case ['info' | 'repair' as word] if not Path(word).exists():
-            raise UsageError(f'{word}: of which bag?')
+            raise UsageError(f'{word} needs a bag: handover_dmp bag {word} BAG')
         case [source]:
             if options.output is None:
                 raise UsageError('-o DIR: where the bags go is missing')

@@ -80,6 +80,8 @@ def run_and_report(
         scenario = make_scenario(
             trial, model=model, robot=options.robot, scale=options.scale, seed=options.seed
         )
+        for remark in scenario.robot.remarks:
+            console.print(f'{scenario.robot.urdf_path}: {remark}', style='yellow', soft_wrap=True)
         folder = new_run_folder(options.output, scenario.trial)
         keep_inputs(folder, scenario)
         run_graph(folder, scenario, run_info(scenario, options.scale), tell)

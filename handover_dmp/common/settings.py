@@ -16,7 +16,8 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+from collections.abc import Mapping
+from dataclasses import field, fields
 from functools import cache
 from typing import Any
 
@@ -52,7 +53,23 @@ def setting(node: str, name: str) -> Any:
         The dataclass field.
 
     """
-    return field(default_factory=lambda: defaults(node)[name])
+    return field(default_factory=lambda: defaults(node)[name], metadata={'parameter': name})
+
+
+def parameters_of(kind: type[Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """
+    Choose the values that belong to a dataclass with fields made by `setting`.
+
+    Args:
+        kind: the dataclass.
+        values: parameter name to value, of this dataclass and of others.
+
+    Returns:
+        Field name to value, for those that are given.
+
+    """
+    names = {one.name: str(one.metadata.get('parameter')) for one in fields(kind)}
+    return {field: values[name] for field, name in names.items() if name in values}
 
 
 def _flatten(tree: dict[str, Any], prefix: str = '') -> list[tuple[str, Any]]:

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,14 +42,18 @@ class Basis:
 
     centres: NDArray[np.float64]
     sharpness: NDArray[np.float64]
-    _tables: dict[float, NDArray[np.float64]] = field(default_factory=dict, repr=False)
+    _tables: dict[float, NDArray[np.float64]] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
         for name in ('centres', 'sharpness'):
-            array = np.array(getattr(self, name), dtype=float)
+            array = np.array(getattr(self, name), dtype=float, order='C')
             array.setflags(write=False)
             object.__setattr__(self, name, array)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy and pickle what it is made of, without the tables."""
+        return type(self), (self.centres, self.sharpness)
 
     @property
     def size(self) -> int:

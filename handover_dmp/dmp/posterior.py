@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from handover_dmp.common.errors import DataError
 import numpy as np
@@ -43,7 +44,7 @@ class WeightPosterior:
     def __post_init__(self) -> None:
         """Check the shapes and make the arrays read-only."""
         active = np.array(self.active, dtype=np.int64)
-        matrix = np.array(self.matrix, dtype=float).reshape(-1, active.size)
+        matrix = np.array(self.matrix, dtype=float, order='C').reshape(-1, active.size)
         if active.ndim != 1 or matrix.shape != (active.size, active.size):
             raise DataError(f'covariance has the shape {matrix.shape} for {active.size} weights')
         if not np.isfinite(matrix).all():
@@ -51,3 +52,7 @@ class WeightPosterior:
         for name, array in (('active', active), ('matrix', matrix)):
             array.setflags(write=False)
             object.__setattr__(self, name, array)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy and pickle what it is made of, and make it anew: read-only."""
+        return type(self), (self.active, self.matrix)

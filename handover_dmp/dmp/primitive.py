@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from math import ceil, exp, inf, log, nan
 from typing import Any, NamedTuple, TypeVar
@@ -95,6 +95,9 @@ class Primitive(ABC):
     """
     A learnt movement of d dimensions, ready to be run; it never changes.
 
+    However it came to be, equal numbers move to the last bit alike: every array lies in memory row
+    by row, since the libraries of linear algebra sum in another order where it does not.
+
     Attributes:
         parameters: K, D and the others.
         duration_s: τ, s.
@@ -143,7 +146,7 @@ class Primitive(ABC):
             ('weights', (self.basis.size, dimensions)),
         ):
             given = getattr(self, name)
-            array = np.array(given, dtype=float)
+            array = np.array(given, dtype=float, order='C')
             if array.size == 0 and name in _OPTIONAL:
                 array = np.zeros(shape)
             if array.shape != shape:
@@ -153,6 +156,10 @@ class Primitive(ABC):
             array.setflags(write=False)
             object.__setattr__(self, name, array)
         object.__setattr__(self, '_memo', Step(nan, nan))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy and pickle what it is made of, and make it anew: without tables, read-only."""
+        return type(self), tuple(getattr(self, each.name) for each in fields(self) if each.init)
 
     @property
     def dimensions(self) -> int:

@@ -231,7 +231,7 @@ class HandoverController:
 
         """
         if abs(stamp_s - now_s) > self.options.stamp_tolerance_s:
-            return 'stamp of the hand is not of this time'
+            return 'stamp of the hand differs from the present time by more than stamp_tolerance_s'
         if not self._estimator.update(stamp_s, position, now_s):
             return 'pose of the hand is an outlier, old or not finite'
         self._hand = position

@@ -31,8 +31,9 @@ from handover_dmp.handover.controller import (
     WristCommand,
 )
 from handover_dmp.handover.scenario import Scenario
-from handover_dmp.robot.priority_ik import PriorityIk, WristTarget
-from handover_dmp.robot.separation import Partner
+from handover_dmp.robot.partner import Partner
+from handover_dmp.robot.priority_ik import PriorityIk
+from handover_dmp.robot.tasks import WristTarget
 from handover_dmp.robot.wrist_controller import JointCommand, WristController
 from handover_dmp.simulation.arm import SimulatedArm
 from handover_dmp.tracking.playback import HandSample, Replay, TrackedHand

@@ -33,7 +33,7 @@ INDEX_COLUMNS = ('file', 'configuration', 'exchange', 'trial')
 MIN_SAMPLES = 10
 LARGEST_COORDINATE_M = 100.0
 LARGEST_STAMP_S = 1e12
-SHORTEST_PERIOD_S = 1e-5
+MIN_PERIOD_S = 1e-5
 MAX_GAP_S = 2.0
 MAX_DURATION_S = 600.0
 # A hand is neither this fast nor does a dropped sample hide such a way: the frame has changed.
@@ -247,7 +247,7 @@ def _time_fault(times: NDArray[np.float64], max_duration_s: float) -> Fault | No
     if abs(times[0]) > LARGEST_STAMP_S:
         return Fault(0, f'time {times[0]:g} s is absurd')
     periods = np.diff(times)
-    wrong = (periods < SHORTEST_PERIOD_S) | (periods > MAX_GAP_S)
+    wrong = (periods < MIN_PERIOD_S) | (periods > MAX_GAP_S)
     if not wrong.any():
         if times[-1] - times[0] > max_duration_s:
             return Fault(None, f'{times[-1] - times[0]:.0f} s are too long for one handover')

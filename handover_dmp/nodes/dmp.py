@@ -33,6 +33,7 @@ from handover_dmp.handover.controller import (
     HandoverState,
     MOVING,
 )
+from handover_dmp.handover.lockstep import AFTERWARDS_S
 from handover_dmp.handover.scenario import example_model, read_model
 from handover_dmp.nodes.conversions import (
     NANOSECONDS,
@@ -51,8 +52,7 @@ from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.lockstep import Lockstep
 from handover_dmp.nodes.markers import Markers
 from handover_dmp.nodes.node import HandoverNode
-from handover_dmp.nodes.parameters import declare, HAND, on_change, Parameter, TIMER, Values
-from handover_dmp.nodes.punctual_timer import PunctualTimer
+from handover_dmp.nodes.parameters import declare, HAND, on_change, Parameter, Values
 from handover_dmp.nodes.spin import run
 from handover_dmp.topics import (
     FRAME,
@@ -71,11 +71,12 @@ import numpy as np
 from std_msgs.msg import Float64MultiArray, Header, String
 
 MAX_STALL_S = 0.5
-"""Beyond this, by the clock of the periods or of the processor, a motion is not taken up again."""
+"""After a longer gap between two periods, or a longer stall of the process, the motion ends, s."""
 WAKING_PERIODS = 10
-"""After a stall in motion, periods that may still be some that were asked for during it."""
-MAX_GAP_S = 0.05
-"""What `MAX_STALL_S` is in these."""
+"""The first periods after a stall, which may be late answers to questions asked during it."""
+MAX_WAKING_GAP_S = 0.05
+"""In the first periods after a stall, the motion ends after a gap longer than this, s."""
+OVER = (HandoverState.DONE, HandoverState.ABORTED)
 PRIMITIVE = (
     Parameter('stiffness', 'K of (8)', *RANGES['stiffness']),
     Parameter('damping', 'D of (8); 0: critical, 2 sqrt(K)', *RANGES['damping']),
@@ -131,7 +132,11 @@ class Dmp(HandoverNode):
     PARAMETERS = (
         Parameter('model', 'file of the learnt movement; empty: a synthetic one', read_only=True),
         Parameter('rate_hz', 'of the commands, Hz', 10.0, 1000.0, read_only=True),
-        *TIMER,
+        Parameter(
+            'exit_when_done',
+            'whether to end after a handover, with exit code 0, or 1 if it was aborted',
+            read_only=True,
+        ),
         *HAND,
         *HANDOVER,
         *APPROACH,
@@ -164,6 +169,9 @@ class Dmp(HandoverNode):
         self._since_stall = WAKING_PERIODS
         self._begun_s: float | None = None
         self._signal_s: float | None = None
+        self._over_s: float | None = None
+        self.ended = False
+        self.exit_code = 0
         self._faults: dict[str, int] = {}
         self._connect()
         self._markers = Markers(self, _path(learnt))
@@ -177,7 +185,7 @@ class Dmp(HandoverNode):
             jumped=self._jumped,
         )
         if not self.lockstep:
-            self._timer = PunctualTimer(self, period_s, self._tick)
+            self.every(period_s, self._tick)
         Diagnostics(self, self._periods, self._condition)
         self._publish_state()
 
@@ -212,7 +220,6 @@ class Dmp(HandoverNode):
             self._clock_of_periods.look()
         else:
             self._take_hands(self.now_s(), self.arrival_s())
-            self._timer.arrived()
 
     def _take_hands(self, now_s: float, arrival_s: float) -> None:
         for stamp_s, position in self._hands:
@@ -319,11 +326,22 @@ class Dmp(HandoverNode):
         self._values = to_float_array({**command.status_values(now_s), **known}, into=self._values)
         self._publish()
         self._publish_state()
+        self._exit_when_done(now_s)
         controller = self._controller
         self._markers.update(time, controller.hand, controller.wrist, controller.exchange_position)
 
+    def _exit_when_done(self, now_s: float) -> None:
+        state = self._controller.state
+        if not self.values['exit_when_done'] or state not in OVER:
+            return
+        if self._over_s is None:
+            self._over_s = now_s
+        elif now_s - self._over_s > AFTERWARDS_S:
+            self.exit_code = int(state is not HandoverState.DONE)
+            self.ended = True
+
     def _watch_time(self, now_s: float, arrival_s: float) -> None:
-        """Take up nothing that began before this node did, or before it stalled for long."""
+        """End a motion when time jumped or this node stalled; ignore an older signal."""
         last_s, self._stepped_s = self._stepped_s, arrival_s
         stepped_s, self._stepped_monotonic_s = self._stepped_monotonic_s, monotonic()
         stalled = self._stepped_monotonic_s - stepped_s > MAX_STALL_S
@@ -334,17 +352,16 @@ class Dmp(HandoverNode):
             if self._signal_s is not None and self._signal_s >= now_s:
                 self._controller.signal(self._signal_s)
             return
-        # the first periods after a stall may be some that were asked for during it
         woken = self._since_stall < WAKING_PERIODS
-        max_duration_s = MAX_GAP_S if woken else MAX_STALL_S
-        if 0 <= arrival_s - last_s <= max_duration_s:
+        max_gap_s = MAX_WAKING_GAP_S if woken else MAX_STALL_S
+        if 0 <= arrival_s - last_s <= max_gap_s:
             return
         if self._controller.state in MOVING:
             self._fault('time jumped, or this node stalled: aborted')
         elif not (woken and self._controller.state is HandoverState.ABORTED):
             return
         if woken:
-            # again, too, as at first the wrist may be seen where it still braked
+            # in each of these periods: the first wrist poses may be of an arm that still braked
             self._controller.hold()
         else:
             self._controller.abort()

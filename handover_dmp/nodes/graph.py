@@ -60,7 +60,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 import yaml
 
 NODES = ('recorder', 'hand_tracker', 'dmp', 'priority_ik', 'robot_sim')
@@ -96,7 +96,7 @@ class Graph:
     The five nodes, and a look at their topics.
 
     A context manager: starts them on entry, ends them on exit. With `lockstep` every node waits
-    for the others on the simulated time of `robot_sim`, which stands still until `unpause`.
+    for the others on the simulated time of `robot_sim`, which stands still until `pause(False)`.
     """
 
     def __init__(
@@ -209,30 +209,32 @@ class Graph:
                     f'{name} ended with code {process.returncode}{self._last_words(name)}'
                 )
 
-    def call(self, service: str) -> None:
+    def call(self, service: str, request: Any = None) -> None:
         """
-        Call a service of type `std_srvs/Trigger`.
+        Call a service of type `std_srvs/Trigger`, or `std_srvs/SetBool`.
 
         Args:
             service: its name, e.g. `/dmp/start`.
+            request: of type `SetBool.Request`; None: a `Trigger`.
 
         Raises:
             GraphError: it does not answer, or says no.
 
         """
-        fault = self._ask(service)
+        fault = self._ask(service, request=request)
         if fault is not None:
             raise GraphError(f'{service}: {fault}')
 
-    def _ask(self, service: str, again_s: float = inf) -> str | None:
+    def _ask(self, service: str, again_s: float = inf, request: Any = None) -> str | None:
         """
-        Call a service; give why it could not do what it does, None if it could.
+        Call a service; return the reason if it failed, None if it succeeded.
 
-        Call it again after `again_s` without an answer: who is asked and does not know yet to whom
-        the answer is to go drops it. Not for what must not be done twice.
+        Call it again after `again_s` without an answer: a server that has not discovered its
+        client yet drops the answer. Only for services that may be called twice.
         """
         if service not in self._clients:
-            self._clients[service] = self.node.create_client(Trigger, service)
+            kind = Trigger if request is None else SetBool
+            self._clients[service] = self.node.create_client(kind, service)
         client = self._clients[service]
         self._wait_for(client.service_is_ready, CALL_TIMEOUT_S, f'{service} is not offered')
         calls: list[Future] = []
@@ -240,7 +242,7 @@ class Graph:
 
         def answered() -> bool:
             if not calls or monotonic() >= begun_s + len(calls) * again_s:
-                calls.append(client.call_async(Trigger.Request()))
+                calls.append(client.call_async(request or Trigger.Request()))
             return any(call.done() for call in calls)
 
         self._wait_for(answered, CALL_TIMEOUT_S, f'{service} does not answer')
@@ -255,9 +257,15 @@ class Graph:
                 raise GraphError(f'recorder: {fault} within {START_TIMEOUT_S:.0f} s')
             self.spin(0.05)
 
-    def unpause(self) -> None:
-        """Let simulated time run."""
-        self.call('/robot_sim/pause')
+    def pause(self, paused: bool) -> None:
+        """
+        Stop time, or let it run.
+
+        Args:
+            paused: whether it is to stand still.
+
+        """
+        self.call('/robot_sim/pause', SetBool.Request(data=paused))
 
     def wait_for_state(
         self, wanted: tuple[str, ...], timeout_s: float, progress: Callable[[], None]

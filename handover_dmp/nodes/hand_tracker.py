@@ -28,10 +28,12 @@ from handover_dmp.nodes.lockstep import Lockstep
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import Parameter, Values
 from handover_dmp.nodes.spin import run
-from handover_dmp.topics import CLOCK, DEMONSTRATOR_POSE, FRAME, HAND_POSE, SIGNAL
+from handover_dmp.topics import CLOCK, DEMONSTRATOR_POSE, FRAME, HAND_POSE, SIGNAL, WRIST_POSE
 from handover_dmp.tracking.playback import HandSample, PlayedBag, PlayedTrial
 from handover_dmp.tracking.sensor_model import SensorModel
 from std_msgs.msg import Header
+
+LOOK_S = 0.1
 
 
 class HandTracker(HandoverNode):
@@ -50,7 +52,14 @@ class HandTracker(HandoverNode):
         Parameter(
             'cutoff_hz', 'low-pass of the recording, Hz; 0: none', 0.0, 100.0, read_only=True
         ),
-        Parameter('replay_at_s', 'when to start; negative: when told', -1.0, 1e9, read_only=True),
+        Parameter(
+            'replay_at_s',
+            'when to start, on simulated time; on the wall clock, after all nodes are there; '
+            'negative: when told, s',
+            -1.0,
+            1e9,
+            read_only=True,
+        ),
         Parameter('lead_s', 'from the signal to the start, s', 0.0, 60.0, read_only=True),
         Parameter('rate_hz', 'of the tracker, Hz', 1.0, 1000.0, read_only=True),
         Parameter('sensor.noise_m', 'standard deviation an axis, m', 0.0, 1.0, read_only=True),
@@ -73,7 +82,10 @@ class HandTracker(HandoverNode):
         self._signal = self.advertise(SIGNAL)
         self.serve('replay', self._replay)
         if values['replay_at_s'] >= 0.0:
-            self._begin(values['replay_at_s'])
+            if self.simulated:
+                self._begin(values['replay_at_s'])
+            else:
+                self._awaited = self.every(LOOK_S, self._begin_when_all_are_there)
         if self.lockstep:
             periods = Lockstep(1.0 / values['rate_hz'], self._answer, self._publish)
             self.subscribe(CLOCK, lambda message: periods.ask(nanoseconds(message.clock)))
@@ -87,6 +99,15 @@ class HandTracker(HandoverNode):
     def _replay(self) -> str:
         self._begin(self.now_s() + self.values['lead_s'])
         return ''
+
+    def _begin_when_all_are_there(self) -> None:
+        """Start the replay once `dmp` listens and the wrist of the arm is known."""
+        listened_to = all(
+            publisher.get_subscription_count() for publisher in (self._hand_pose, self._signal)
+        )
+        if listened_to and self.count_publishers(WRIST_POSE.name):
+            self._awaited.cancel()
+            self._begin(self.now_s() + self.values['replay_at_s'])
 
     def _begin(self, at_s: float) -> None:
         self._played.start(at_s)

@@ -13,15 +13,15 @@
 # limitations under the License.
 
 """
-Answering each period of simulated time once, however slow the machine.
+Lockstep: every node answers each period of simulated time once, however slow the machine is.
 
-`robot_sim` does not step on before the joint command of a period has come, so every node has one
-answer a period to give: when it has been asked, and when all that the answer needs is there. A
-message that was lost makes `robot_sim` ask again; then the same answer is given again. An input
-that does not come for `patience_s` is done without, and from then on not waited for until it comes
-again. Who waits for one that waits is that much more patient, so that only the neighbour of the
-one that is gone goes on without it. Where questions were lost, so that one who waits is itself
-given up first, time goes on without it: then it waits no longer, else it would be left behind.
+`robot_sim` makes the next period when the joint command of the last one has come. A node answers a
+period when it has been asked and all inputs of the answer are there. If a message is lost,
+`robot_sim` asks again, and the node repeats its answer. A node waits `patience_s` for an input.
+Then it answers without that input, and does not wait for it again until it has come back. Nodes
+further down the chain are more patient, so only the direct neighbour of a lost node answers
+without it. If the questions to a waiting node are lost, time goes on without that node; it then
+stops waiting, so that it is not left behind.
 """
 
 from __future__ import annotations

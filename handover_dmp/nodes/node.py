@@ -33,7 +33,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.publisher import Publisher
 from rclpy.timer import Timer
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
 ROUNDING_S = 1e-6
 
@@ -108,6 +108,23 @@ class HandoverNode(Node):  # type: ignore[misc]
             return response
 
         self.create_service(Trigger, f'~/{name}', answer)
+
+    def serve_switch(self, name: str, switch: Callable[[bool], None]) -> None:
+        """
+        Offer a service `~/name` of type `std_srvs/SetBool`.
+
+        Args:
+            name: of the service.
+            switch: takes what is asked for.
+
+        """
+
+        def answer(request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+            switch(request.data)
+            response.success = True
+            return response
+
+        self.create_service(SetBool, f'~/{name}', answer)
 
     def every(self, period_s: float, callback: Callable[[], None], *, wall: bool = False) -> Timer:
         """

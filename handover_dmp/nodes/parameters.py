@@ -100,21 +100,6 @@ COMMON = (
     ),
 )
 
-TIMER = (
-    Parameter(
-        'phase_lock',
-        'whether the timer is moved behind its input; not on simulated time',
-        read_only=True,
-    ),
-    Parameter(
-        'wake_early_s',
-        'how long before a period is due the node wakes and waits; not on simulated time, s',
-        0.0,
-        0.0005,
-        read_only=True,
-    ),
-)
-
 HAND = (
     Parameter(
         'hand_stamps',

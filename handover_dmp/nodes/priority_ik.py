@@ -17,13 +17,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import nan
+from math import inf, nan
 import sys
 from time import sleep
 from typing import Any
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TwistStamped
+from handover_dmp.nodes.arm import limits_told, load_arm
 from handover_dmp.nodes.conversions import (
     NANOSECONDS,
     nanoseconds,
@@ -38,12 +39,12 @@ from handover_dmp.nodes.conversions import (
 from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.lockstep import HEAD_START_S, Lockstep
 from handover_dmp.nodes.node import HandoverNode
-from handover_dmp.nodes.parameters import ARM, HAND, on_change, Parameter, TIMER, Values
-from handover_dmp.nodes.punctual_timer import PunctualTimer
+from handover_dmp.nodes.parameters import ARM, HAND, on_change, Parameter, Values
 from handover_dmp.nodes.spin import run
-from handover_dmp.robot.model import BasePlacement, RobotModel
-from handover_dmp.robot.priority_ik import IkOptions, ORIENTATIONS, PriorityIk, WristTarget
-from handover_dmp.robot.separation import Partner
+from handover_dmp.robot.orientation_task import ORIENTATIONS
+from handover_dmp.robot.partner import Partner
+from handover_dmp.robot.priority_ik import PriorityIk
+from handover_dmp.robot.tasks import WristTarget
 from handover_dmp.robot.wrist_controller import WristController, WristControllerOptions
 from handover_dmp.topics import (
     FRAME,
@@ -60,6 +61,9 @@ import numpy as np
 from sensor_msgs.msg import JointState
 
 MAX_STEP = 4.0
+"""Longest time that one step may cover, in periods."""
+OVERDUE = 1.5
+"""Periods without a step after which the watchdog makes one."""
 TIMEOUTS = (
     Parameter('joint_state_timeout_s', 'older: the arm brakes without looking, s', 0.005, 10.0),
     Parameter('command_timeout_s', 'older: the arm brakes, s', 0.005, 10.0),
@@ -96,20 +100,24 @@ class PriorityIkNode(HandoverNode):
     NAME = 'priority_ik'
     PARAMETERS = (
         *ARM,
-        *TIMER,
         *HAND,
         *TIMEOUTS,
         *TASKS,
-        Parameter('rate_hz', 'of the joint commands, Hz', 10.0, 1000.0, read_only=True),
+        Parameter(
+            'rate_hz',
+            'of the wrist commands, and of the watchdog in their place, Hz',
+            10.0,
+            1000.0,
+            read_only=True,
+        ),
     )
 
     def __init__(self) -> None:
         """Load the arm, connect the topics, wait for joint states and commands."""
         super().__init__()
-        base = BasePlacement(tuple(self.values['base_position']), self.values['base_yaw'])
-        self._model = RobotModel.load(self.values['robot'], base=base)
+        self._model = load_arm(self)
         self._controller = WristController(
-            self._model, PriorityIk(self._model, _tasks(self.values)), _timeouts(self.values)
+            self._model, PriorityIk(self._model, **_tasks(self.values)), _timeouts(self.values)
         )
         on_change(self, TIMEOUTS + TASKS, self._prepare)
         self._period_s = 1.0 / self.values['rate_hz']
@@ -120,6 +128,7 @@ class PriorityIkNode(HandoverNode):
         self._twist: TwistStamped | None = None
         self._pair: tuple[PoseStamped, TwistStamped, float] | None = None
         self._answered_s: float | None = None
+        self._commanded = False
         self._followed_s = self._follows_since_s = nan
         self._measured_stamp: Time | None = None
         self._wrist: PoseStamped | None = None
@@ -143,7 +152,7 @@ class PriorityIkNode(HandoverNode):
             ready=self._ready,
         )
         if not self.lockstep:
-            self._timer = PunctualTimer(self, self._period_s, self._tick)
+            self.every(self._period_s, self._watch)
         Diagnostics(self, self._periods, self._condition)
 
     def _connect(self) -> None:
@@ -199,7 +208,10 @@ class PriorityIkNode(HandoverNode):
         elif (twist := self._twist_of_pose()) is not None:
             self._pair = self._pose, twist, self.arrival_s()
             self._pose = None
-            self._timer.arrived()
+            # of commands that come in a burst after a stall, the watchdog takes the newest
+            if self._since_step_s() >= 0.5 * self._period_s:
+                self._tick()
+                self._commanded = True
 
     def _on_hand(self, message: PoseStamped) -> None:
         if message.header.frame_id != FRAME:
@@ -240,9 +252,7 @@ class PriorityIkNode(HandoverNode):
             self._refuse('wrist command')
 
     def _prepare(self, values: Values) -> Callable[[], None]:
-        ik, tasks, timeouts = self._controller.ik, _tasks(values), _timeouts(values)
-        if tasks != ik.options:
-            ik = PriorityIk(self._model, tasks, collision_model=ik.collision_model)
+        ik, timeouts = PriorityIk(self._model, **_tasks(values)), _timeouts(values)
 
         def apply() -> None:
             self._controller.ik = ik
@@ -270,6 +280,16 @@ class PriorityIkNode(HandoverNode):
                 self._take(self._pose, self._twist_of_pose(), now_s)
             self._pose = None
         self._solve(now_s, elapsed_s, tick_ns)
+
+    def _watch(self) -> None:
+        """Step in place of a wrist command that did not come in time."""
+        overdue = OVERDUE if self._commanded and self._pair is None else 0.5
+        if self._since_step_s() >= overdue * self._period_s:
+            self._tick()
+            self._commanded = False
+
+    def _since_step_s(self) -> float:
+        return inf if self._answered_s is None else self.arrival_s() - self._answered_s
 
     def _tick(self) -> None:
         time_ns = self.now_ns()
@@ -335,6 +355,7 @@ class PriorityIkNode(HandoverNode):
             **{f'age of the {name} (s)': f'{age_s:.3f}' for name, age_s in ages.items()},
             'active limits': ', '.join(self._active) or 'none',
             'messages refused': str(refused),
+            **limits_told(self._model),
         }
 
 
@@ -342,8 +363,8 @@ def _timeouts(values: Values) -> WristControllerOptions:
     return WristControllerOptions(**{p.name: values[p.name] for p in TIMEOUTS})
 
 
-def _tasks(values: Values) -> IkOptions:
-    return IkOptions(**{p.name: values[p.name] for p in TASKS})
+def _tasks(values: Values) -> Values:
+    return {p.name: values[p.name] for p in TASKS}
 
 
 def main() -> int:

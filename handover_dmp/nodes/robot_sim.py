@@ -23,15 +23,15 @@ import sys
 from time import monotonic, sleep
 
 from handover_dmp.common.errors import UsageError
+from handover_dmp.nodes.arm import limits_told, load_arm
 from handover_dmp.nodes.conversions import NANOSECONDS, period_of, stamp
 from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.lockstep import ASK_AGAIN_S, HEAD_START_S, Pace
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import ARM, declare, on_change, Parameter, Values
 from handover_dmp.nodes.spin import run
-from handover_dmp.robot.model import BasePlacement, RobotModel
+from handover_dmp.robot.model import RobotModel
 from handover_dmp.simulation.arm import ArmOptions, ArmState, SimulatedArm
-from handover_dmp.simulation.self_check import check_models
 from handover_dmp.topics import CLOCK, JOINT_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -43,7 +43,7 @@ PATIENCE_WHEN_LOST_S = 0.5
 MIN_FACTOR = 0.01
 """Slower, and a period would keep the node from its services and from ending."""
 MAX_STEP_S = 1.0
-"""Where the clock of another simulator leaps further, it has begun or begun anew."""
+"""A longer step of the other simulator's clock means that it was started or reset, s."""
 
 CHANGEABLE = (
     Parameter(
@@ -80,11 +80,9 @@ class RobotSim(HandoverNode):
         """Load the arm, hold it against Pinocchio's, begin to simulate."""
         super().__init__()
         _check_factor(self.values)
-        base = BasePlacement(tuple(self.values['base_position']), self.values['base_yaw'])
-        model = RobotModel.load(self.values['robot'], base=base)
+        model = load_arm(self)
         home = {'initial_positions': model.home.tolist()}
         self.values |= declare(self, POSTURE, defaults_from=home)
-        check_models(model)
         self._arm = SimulatedArm(
             model,
             options=ArmOptions(self.values['command_timeout_s'], self.values['resume_required']),
@@ -121,7 +119,7 @@ class RobotSim(HandoverNode):
         self._description = self.advertise(ROBOT_DESCRIPTION)
         self._description.publish(String(data=model.urdf_text))
         self.subscribe(JOINT_COMMAND, self._on_command)
-        self.serve('pause', self._pause)
+        self.serve_switch('pause', self._pause)
         self.serve('resume', self._resume)
         self.serve('reset', self._reset)
         on_change(self, CHANGEABLE, self._prepare)
@@ -209,9 +207,8 @@ class RobotSim(HandoverNode):
 
     # Services, parameters, condition
 
-    def _pause(self) -> str:
-        self._paused = not self._paused
-        return ''
+    def _pause(self, paused: bool) -> None:
+        self._paused = paused
 
     def _resume(self) -> str:
         self._arm.resume()
@@ -229,6 +226,7 @@ class RobotSim(HandoverNode):
         report = self._arm.report
         fault = '' if report.state is ArmState.READY else f'stopped: {report.last_fault}'
         values = {key: str(value) for key, value in asdict(report).items()}
+        values |= limits_told(self._arm.model)
         values['age of the joint command (s)'] = f'{self._time_s() - self._commanded_s:.3f}'
         if self.lockstep:
             values |= {

@@ -54,7 +54,7 @@ def run_graph(
         tell('handing over', 0.2)
         begun_s = g.time_s
         if lockstep:
-            g.unpause()
+            g.pause(False)
         else:
             g.call('/hand_tracker/replay')
         g.wait_for_state(
@@ -84,7 +84,7 @@ def graph_parameters(
     """
     robot = scenario.robot
     arm = {
-        'robot': str(robot.urdf_path),
+        'robot': robot.asked_for,
         'base_position': [float(x) for x in robot.base.position],
         'base_yaw': float(robot.base.yaw),
     }

@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from handover_dmp.report.motion import bell_of, RATE_HZ, resample, velocity
-from handover_dmp.report.recorded_run import Array, RunRecord
+from handover_dmp.report.recorded_run import Array, JointLimits, RunRecord
 from handover_dmp.topics import DIAGNOSTICS
 import numpy as np
 
@@ -39,6 +39,8 @@ RESOLUTION_M = 1e-5
 MIN_RATE_SAMPLES = 10
 # of the limits: measured joint states carry the noise of the simulator or of the encoders
 LIMIT_TOLERANCE = 0.01
+# limits as text lose digits
+BELIEF_TOLERANCE = 1e-6
 
 Numbers = dict[str, Any]
 
@@ -206,7 +208,7 @@ def _fit_lag(times: Array, behind: Array, speeds: Array) -> tuple[float, float]:
 
 def joint_limits(run: RunRecord) -> Numbers:
     """
-    Hold the joint states against the limits of the arm.
+    Hold the joint states against the limits of the arm: those of its recorded description.
 
     Accelerations are differences of successive measured velocities over successive stamps.
 
@@ -217,13 +219,18 @@ def joint_limits(run: RunRecord) -> Numbers:
         For `position`, `velocity` and `acceleration`: the greatest share of the limit that was
         used (`share`, 1 at the limit), the joint, and whether it was kept (`met`, with 1 %
         for the noise of measurement); `met` for all; None where the limits are not known.
-        Joints without a limit, as those that turn for ever, do not count.
+        Joints without a limit, as those that turn for ever, do not count. `judged_by` is the topic
+        that the limits are of, `sources` where each comes from, `believed_beyond` the joints that
+        whoever moved the arm believed to be capable of more, with both numbers.
 
     """
     limits = run.joint_limits
     if limits is None:
-        return {'met': None, 'position': None, 'velocity': None, 'acceleration': None}
-    middle, half = (limits.upper + limits.lower) / 2, (limits.upper - limits.lower) / 2
+        nothing = dict.fromkeys(('met', 'position', 'velocity', 'acceleration', 'judged_by'))
+        return {**nothing, 'sources': {}, 'believed_beyond': []}
+    ends = np.isfinite(limits.lower) & np.isfinite(limits.upper)
+    lower, upper = np.where(ends, (limits.lower, limits.upper), np.nan)
+    middle, half = (upper + lower) / 2, (upper - lower) / 2
     steps = np.diff(run.joint_times)[:, None]
     accelerations = np.diff(run.joint_velocities, axis=0) / steps
     quantities = {
@@ -235,7 +242,33 @@ def joint_limits(run: RunRecord) -> Numbers:
     for name, (values, bound) in quantities.items():
         found[name] = None if bound is None else _most_used(run.joint_names, values, bound)
     known = [one['met'] for one in found.values() if one is not None]
-    return {'met': all(known) if known else None, **found}
+    return {
+        'met': all(known) if known else None,
+        **found,
+        'judged_by': limits.origin,
+        'sources': limits.sources,
+        'believed_beyond': _believed_beyond(run, limits),
+    }
+
+
+def _believed_beyond(run: RunRecord, limits: JointLimits) -> list[str]:
+    """Name the limits that were believed to be wider than they are."""
+    believed, found = run.believed_limits, []
+    if believed is None or believed is limits:
+        return []
+    for quantity, unit, sign in (
+        ('lower', 'rad', -1.0),
+        ('upper', 'rad', 1.0),
+        ('velocity', 'rad/s', 1.0),
+        ('acceleration', 'rad/s²', 1.0),
+    ):
+        for name, true, told in zip(
+            run.joint_names, getattr(limits, quantity), getattr(believed, quantity), strict=True
+        ):
+            beyond = sign * (told - true) > BELIEF_TOLERANCE * abs(true)
+            if beyond or (np.isnan(told) and np.isfinite(true)):
+                found.append(f'{quantity} of {name}: {told:.4g} {unit}, is {true:.4g}')
+    return found
 
 
 def _most_used(names: Sequence[str], values: Array, bound: Array) -> Numbers | None:

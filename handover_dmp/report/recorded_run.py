@@ -22,10 +22,12 @@ from dataclasses import dataclass
 import json
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 from handover_dmp.common.errors import DataError
 from handover_dmp.recording import bag_files, read_bag
+from handover_dmp.robot.chain import described_limits
+from handover_dmp.robot.effective_limits import DEFAULT, source_summary
+from handover_dmp.robot.errors import RobotDescriptionError
 from handover_dmp.topics import (
     CLOCK,
     DEMONSTRATOR_POSE,
@@ -66,17 +68,21 @@ class JointLimits:
     Limits of the joints, in the order of the joints of the run.
 
     Attributes:
-        lower: (n,) rad; NaN for a joint that turns for ever.
+        lower: (n,) rad; not finite for a joint that turns for ever.
         upper: (n,) rad; the same.
         velocity: (n,) rad/s.
-        acceleration: (n,) rad/s²; None where the run does not tell.
+        acceleration: (n,) rad/s²; not finite where nobody says.
+        origin: the topic that says so.
+        sources: quantity to where its limits come from, in words.
 
     """
 
     lower: Array
     upper: Array
     velocity: Array
-    acceleration: Array | None
+    acceleration: Array
+    origin: str
+    sources: dict[str, str]
 
 
 @dataclass(frozen=True)
@@ -131,7 +137,10 @@ class RunRecord:
         joint_velocities: (f, n) rad/s.
         joint_command_times: (g,) s, and
         joint_commands: (g, n) rad/s.
-        joint_limits: of the joints; None where neither the run nor its URDF tells.
+        joint_limits: those that the joints are judged by: of the recorded description, or, where
+            there is none, those that the run says of itself; None where there are neither.
+        believed_limits: those that the run says of itself, which whoever moved the arm believed;
+            None where it does not tell.
         phase_times: (h,) s.
         phase: name to (h,), the values of `/handover/phase`.
         ik_times: (k,) s.
@@ -165,6 +174,7 @@ class RunRecord:
     joint_command_times: Array
     joint_commands: Array
     joint_limits: JointLimits | None
+    believed_limits: JointLimits | None
     phase_times: Array
     phase: dict[str, Array]
     ik_times: Array
@@ -358,6 +368,7 @@ def _assemble(path: Path, samples: _Samples) -> RunRecord:
     phase_times, phase = track(PHASE.name, len(phase_labels) or 1)
     # an arm whose joints are not known still says that it is not commanded
     ik_times, ik = track(IK_STATUS.name, len(ik_labels) or 1, partly=True)
+    believed = _believed_limits(path, info, names)
     for needed, times in zip(NEEDED, (hand_times, wrist_times, joint_times), strict=True):
         if len(times) < MIN_SAMPLES:
             raise DataError(f'{path}: not a recorded run: {needed.name} has no proper positions')
@@ -383,7 +394,8 @@ def _assemble(path: Path, samples: _Samples) -> RunRecord:
         joint_velocities=joints[:, count:],
         joint_command_times=joint_command_times,
         joint_commands=joint_commands,
-        joint_limits=_limits(path, info, description, names),
+        joint_limits=_described_limits(description, names, believed) or believed,
+        believed_limits=believed,
         phase_times=phase_times,
         phase={label: phase[:, column] for column, label in enumerate(phase_labels)},
         ik_times=ik_times,
@@ -462,34 +474,43 @@ def _info(path: Path, texts: list[str]) -> dict[str, Any]:
     return info
 
 
-def _limits(
-    path: Path, info: dict[str, Any], description: str, names: tuple[str, ...]
+def _believed_limits(
+    path: Path, info: dict[str, Any], names: tuple[str, ...]
 ) -> JointLimits | None:
     told = info.get('joint_limits')
-    if isinstance(told, dict):
-        lower, upper, velocity, acceleration = (
-            _vector(told.get(key), len(names), path)
-            for key in ('lower', 'upper', 'velocity', 'acceleration')
-        )
-        return JointLimits(lower, upper, velocity, acceleration)
-    return _limits_of_urdf(description, names)
-
-
-def _limits_of_urdf(description: str, names: tuple[str, ...]) -> JointLimits | None:
-    try:
-        joints = {
-            joint.get('name'): joint for joint in ElementTree.fromstring(description).iter('joint')
-        }
-        rows = []
-        for name in names:
-            limit = joints[name].find('limit')
-            if limit is None:
-                return None
-            rows.append([float(limit.get(key, 'nan')) for key in ('lower', 'upper', 'velocity')])
-    except (ElementTree.ParseError, KeyError, ValueError):
+    if not isinstance(told, dict):
         return None
-    lower, upper, velocity = np.array(rows).T
-    return JointLimits(lower, upper, velocity, None)
+    lower, upper, velocity, acceleration = (
+        _vector(told.get(key), len(names), path)
+        for key in ('lower', 'upper', 'velocity', 'acceleration')
+    )
+    return JointLimits(lower, upper, velocity, acceleration, INFO.name, {})
+
+
+def _described_limits(
+    description: str, names: tuple[str, ...], believed: JointLimits | None
+) -> JointLimits | None:
+    """Take them from the description alone, whatever whoever moved the arm believed."""
+    if not description:
+        return None
+    try:
+        found = described_limits(description, names, ROBOT_DESCRIPTION.name)
+    except RobotDescriptionError:
+        return None
+    limits = found.limits
+    # a description need say nothing of accelerations; then nobody knows but who moved the arm,
+    # and whoever goes beyond what is usual here is not believed
+    told = np.full(len(names), np.nan) if believed is None else believed.acceleration
+    guessed = np.array(found.sources['acceleration']) == DEFAULT
+    at_most = np.where(told > 0.0, np.minimum(told, limits.acceleration), np.nan)
+    return JointLimits(
+        limits.lower,
+        limits.upper,
+        limits.velocity,
+        np.where(guessed, at_most, limits.acceleration),
+        ROBOT_DESCRIPTION.name,
+        source_summary(found.sources, names),
+    )
 
 
 def _vector(value: Any, count: int, path: Path) -> Array:

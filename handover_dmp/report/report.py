@@ -27,7 +27,7 @@ from handover_dmp.recording import bag_information
 from handover_dmp.report.figures import Picture, write_figures
 from handover_dmp.report.metrics import measure, Numbers
 from handover_dmp.report.page import as_html, as_markdown, Page, Section, Table
-from handover_dmp.report.recorded_run import load_run, RunRecord
+from handover_dmp.report.recorded_run import JointLimits, load_run, RunRecord
 
 MUCH_NEARER, MUCH_FARTHER = 0.5, 1.5
 """Parts of the learnt distance beyond which a hand is not where the demonstration had it."""
@@ -112,6 +112,14 @@ def _page(run: RunRecord, report: Numbers, pictures: list[Picture], scenes: list
             figures=tuple((f'figures/{one.name}.png', one.caption) for one in pictures),
         )
     )
+    if run.joint_limits is not None:
+        sections.append(
+            Section(
+                'Limits of the joints',
+                text=_judged(report['limits']),
+                tables=(_joint_limits(run, run.joint_limits),),
+            )
+        )
     if about:
         sections.append(Section('What was run', tables=(_about(about),)))
     if about.get('command'):
@@ -199,6 +207,40 @@ def _limits_note(limits: Numbers) -> str:
         return 'not known'
     parts = [f'{name} {limits[name]["share"]:.0%} ({limits[name]["joint"]})' for name in names]
     return 'used at the most: ' + ', '.join(parts)
+
+
+def _judged(limits: Numbers) -> str:
+    text = f'Judged by {limits["judged_by"]}, as recorded.'
+    if limits['believed_beyond']:
+        text += ' Whoever moved the arm believed otherwise: ' + '; '.join(
+            limits['believed_beyond']
+        )
+    return text
+
+
+def _joint_limits(run: RunRecord, limits: JointLimits) -> Table:
+    rows = [
+        (
+            name,
+            _between(limits.lower[i], limits.upper[i]),
+            *(_limit(values[i]) for values in (limits.velocity, limits.acceleration)),
+        )
+        for i, name in enumerate(run.joint_names)
+    ]
+    if limits.sources:
+        quantities = ('position', 'velocity', 'acceleration')
+        rows.append(('from', *(limits.sources[quantity] for quantity in quantities)))
+    return Table(
+        ('joint', 'position, rad', 'velocity, rad/s', 'acceleration, rad/s²'), tuple(rows)
+    )
+
+
+def _between(lower: float, upper: float) -> str:
+    return f'{lower:.4g} … {upper:.4g}' if math.isfinite(upper - lower) else 'turns for ever'
+
+
+def _limit(value: float) -> str:
+    return f'{value:.4g}' if math.isfinite(value) and value > 0.0 else 'not told'
 
 
 def _about(about: Numbers) -> Table:

@@ -18,16 +18,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, TYPE_CHECKING
+from typing import Any, ClassVar
+from weakref import WeakKeyDictionary
 
 import coal
 from handover_dmp.robot.errors import RobotDescriptionError
+from handover_dmp.robot.model import RobotModel
 import numpy as np
 from numpy.typing import NDArray
 import pinocchio as pin
-
-if TYPE_CHECKING:
-    from handover_dmp.robot.model import RobotModel
 
 Array = NDArray[np.float64]
 
@@ -103,13 +102,11 @@ def link_capsules(model: RobotModel) -> tuple[LinkCapsule, ...]:
         RobotDescriptionError: the geometry cannot be read, a mesh is missing for example.
 
     """
-    folders = [str(folder) for folder in model.urdf_path.parents]
     try:
         geometry = pin.buildGeomFromUrdfString(
             model.pinocchio_model,
             model.chain_text,
             pin.GeometryType.COLLISION,
-            package_dirs=folders,
         )
     except (ValueError, RuntimeError) as error:
         raise RobotDescriptionError(f'{model.urdf_path}: {error}') from error
@@ -135,6 +132,24 @@ def link_capsules(model: RobotModel) -> tuple[LinkCapsule, ...]:
 
 class CollisionModel:
     """Distances between the capsules of the arm, and from them to the partner's forearm."""
+
+    _made: ClassVar[WeakKeyDictionary[RobotModel, CollisionModel]] = WeakKeyDictionary()
+
+    @classmethod
+    def of(cls, model: RobotModel) -> CollisionModel:
+        """
+        Give the one of an arm; it is made once, since that takes longer than many periods.
+
+        Args:
+            model: the arm.
+
+        Returns:
+            Its collision model.
+
+        """
+        if model not in cls._made:
+            cls._made[model] = cls(model)
+        return cls._made[model]
 
     def __init__(self, model: RobotModel, *, forearm_radius: float = 0.06) -> None:
         """
@@ -214,7 +229,7 @@ class CollisionModel:
         pairs = range(len(self._geometry.collisionPairs))
         return np.array([pin.computeDistance(self._geometry, data, k).min_distance for k in pairs])
 
-    def least_distance(self, joint_positions: Array) -> float:
+    def min_distance(self, joint_positions: Array) -> float:
         """
         Compute how near the arm is to itself.
 
@@ -301,8 +316,7 @@ class CollisionModel:
     def _avoidable(
         self, model: RobotModel, watched: list[tuple[int, int]]
     ) -> list[tuple[int, int]]:
-        low = np.maximum(model.limits.lower, -np.pi)
-        high = np.minimum(model.limits.upper, np.pi)
+        low, high = model.limits.one_turn
         rng = np.random.default_rng(0)
         configurations = [model.home, *rng.uniform(low, high, (SAMPLED_CONFIGURATIONS, model.dof))]
         for i, j in watched:

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
@@ -23,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from handover_dmp.common.resources import share_path
+from handover_dmp.robot.effective_limits import DefaultLimits, KnownLimits, QUANTITIES
 from handover_dmp.robot.errors import RobotDescriptionError
 import yaml
 
@@ -35,34 +37,64 @@ class ArmEntry:
     Attributes:
         name: what the arm is called here.
         urdf_name: the name in the `<robot>` element of its URDF.
-        urdf: where the URDF lies, see `urdf_file`; empty for the entry of an unknown arm.
-        wrist_frame: the link whose frame follows the wrist; None where the entry has none.
-        velocity: limits along the chain that replace the URDF's, rad/s.
-        effort: the same, Nm.
-        acceleration: limits along the chain, rad/s²; a URDF cannot hold them.
-        jerk: the same, rad/s³.
-        home: the posture to come back to, rad.
-        default_acceleration: for joints that `acceleration` does not cover, rad/s².
-        default_effort: for joints without one in the URDF, Nm.
-        default_jerk_time_s: from rest to full acceleration, for joints that `jerk` does not cover.
+        urdf: where the URDF lies, see `urdf_file`.
+        wrist_frame: the link whose frame follows the wrist.
+        limits: `velocity` (rad/s), `effort` (Nm), `acceleration` (rad/s²) and `jerk` (rad/s³)
+            along the chain, as far as the entry has them.
+        home: the configuration to come back to, rad; empty where the entry has none.
 
     """
 
     name: str
     urdf_name: str
     urdf: str
-    wrist_frame: str | None
-    velocity: tuple[float, ...] | None
-    effort: tuple[float, ...] | None
-    acceleration: tuple[float, ...] | None
-    jerk: tuple[float, ...] | None
-    home: tuple[float, ...] | None
-    default_acceleration: float
-    default_effort: float
-    default_jerk_time_s: float
+    wrist_frame: str
+    limits: dict[str, tuple[float, ...]]
+    home: tuple[float, ...]
+
+    def fits(self, joint_names: Sequence[str]) -> bool:
+        """
+        Tell whether the entry can be that of a chain.
+
+        Args:
+            joint_names: of the chain that ends in `wrist_frame`.
+
+        Returns:
+            Whether each of its lists has one number a joint.
+
+        """
+        rows = [*self.limits.values(), *([self.home] if self.home else [])]
+        return all(len(row) == len(joint_names) for row in rows)
+
+    def known_limits(self, joint_names: Sequence[str], *, rules: bool) -> KnownLimits:
+        """
+        Give the limits of the entry to the joints that they are of.
+
+        Args:
+            joint_names: of the chain that ends in `wrist_frame`.
+            rules: whether they count alone.
+
+        Returns:
+            The limits by joint.
+
+        """
+        by_joint = {
+            joint: {quantity: row[i] for quantity, row in self.limits.items()}
+            for i, joint in enumerate(joint_names)
+        }
+        return KnownLimits(self.name, rules, by_joint)
 
 
 @cache
+def _table() -> tuple[dict[str, ArmEntry], DefaultLimits]:
+    tree = yaml.safe_load(share_path('config/robots.yaml').read_text(encoding='utf-8'))
+    defaults = tree.pop('default')
+    return {name: _entry(name, entry) for name, entry in tree.items()}, DefaultLimits(
+        position_rad=float(defaults.pop('position')),
+        **{key: float(value) for key, value in defaults.items()},
+    )
+
+
 def known_arms() -> dict[str, ArmEntry]:
     """
     Read `config/robots.yaml`.
@@ -71,12 +103,21 @@ def known_arms() -> dict[str, ArmEntry]:
         The arms by their names here.
 
     """
-    tree = yaml.safe_load(share_path('config/robots.yaml').read_text(encoding='utf-8'))
-    fallback = tree.pop('default')
-    return {name: _entry(name, entry, fallback) for name, entry in tree.items()}
+    return _table()[0]
 
 
-def entry_for_urdf(urdf_name: str) -> ArmEntry:
+def default_limits() -> DefaultLimits:
+    """
+    Read what `config/robots.yaml` says of joints that nobody knows.
+
+    Returns:
+        The defaults.
+
+    """
+    return _table()[1]
+
+
+def entry_for_urdf(urdf_name: str) -> ArmEntry | None:
     """
     Find what is known about the arm of a URDF.
 
@@ -84,14 +125,11 @@ def entry_for_urdf(urdf_name: str) -> ArmEntry:
         urdf_name: the name in its `<robot>` element.
 
     Returns:
-        The entry of that arm, or one that holds only the defaults.
+        The entry of that arm, if there is one.
 
     """
-    for entry in known_arms().values():
-        if entry.urdf_name == urdf_name:
-            return entry
-    tree = yaml.safe_load(share_path('config/robots.yaml').read_text(encoding='utf-8'))
-    return _entry(urdf_name, {}, tree['default'])
+    entries = known_arms().values()
+    return next((entry for entry in entries if entry.urdf_name == urdf_name), None)
 
 
 def urdf_file(robot: str | Path) -> Path:
@@ -168,21 +206,12 @@ def _existing(path: Path, name: str) -> Path:
     return path
 
 
-def _entry(name: str, entry: dict[str, Any], fallback: dict[str, float]) -> ArmEntry:
-    def numbers(key: str) -> tuple[float, ...] | None:
-        return tuple(map(float, entry[key])) if key in entry else None
-
+def _entry(name: str, entry: dict[str, Any]) -> ArmEntry:
     return ArmEntry(
         name=name,
-        urdf_name=entry.get('urdf_name', name),
-        urdf=entry.get('urdf', ''),
-        wrist_frame=entry.get('wrist_frame'),
-        velocity=numbers('velocity'),
-        effort=numbers('effort'),
-        acceleration=numbers('acceleration'),
-        jerk=numbers('jerk'),
-        home=numbers('home'),
-        default_acceleration=float(fallback['acceleration']),
-        default_effort=float(fallback['effort']),
-        default_jerk_time_s=float(fallback['jerk_time_s']),
+        urdf_name=entry['urdf_name'],
+        urdf=entry['urdf'],
+        wrist_frame=entry['wrist_frame'],
+        limits={key: tuple(map(float, entry[key])) for key in QUANTITIES if key in entry},
+        home=tuple(map(float, entry.get('home', ()))),
     )

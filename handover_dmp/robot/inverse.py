@@ -16,16 +16,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 from handover_dmp.robot.errors import UnreachableError
+from handover_dmp.robot.limits import JointLimits
 import numpy as np
 from numpy.typing import NDArray
 import pinocchio as pin
 from scipy.optimize import least_squares, minimize
-
-if TYPE_CHECKING:
-    from handover_dmp.robot.model import RobotModel
 
 Array = NDArray[np.float64]
 
@@ -35,8 +33,50 @@ ATTEMPTS = 12
 POLISHING_STEPS = 20
 
 
+class Arm(Protocol):
+    """What inverse kinematics needs of an arm; `model.RobotModel` has all of it."""
+
+    @property
+    def name(self) -> str:
+        """Of the robot."""
+        ...
+
+    @property
+    def dof(self) -> int:
+        """Return the number of joints, n."""
+        ...
+
+    @property
+    def limits(self) -> JointLimits:
+        """Of the joints."""
+        ...
+
+    @property
+    def home(self) -> Array:
+        """Joint positions to come back to, (n,), rad."""
+        ...
+
+    @property
+    def shoulder(self) -> Array:
+        """Centre of the space in reach, (3,), m."""
+        ...
+
+    @property
+    def pinocchio_model(self) -> Any:
+        """Return the chain of joints."""
+        ...
+
+    def wrist_pose(self, joint_positions: Array) -> tuple[Array, Array]:
+        """Give position, (3,), m, and rotation, (3, 3), of the wrist in `world`."""
+        ...
+
+    def wrist_jacobian(self, joint_positions: Array) -> Array:
+        """Give how the wrist moves with the joints, (6, n), linear above angular."""
+        ...
+
+
 def inverse_kinematics(
-    model: RobotModel, position: Array, rotation: Array | None, q0: Array | None
+    model: Arm, position: Array, rotation: Array | None, q0: Array | None
 ) -> Array:
     """
     Find a posture with the wrist at a pose, within the limits and not far from another one.
@@ -83,7 +123,7 @@ def inverse_kinematics(
     )
 
 
-def shoulder(model: RobotModel) -> Array:
+def shoulder(model: Arm) -> Array:
     """
     Find the centre of the space in reach.
 
@@ -111,7 +151,7 @@ def shoulder(model: RobotModel) -> Array:
     return np.asarray(point)
 
 
-def greatest_reach(model: RobotModel) -> float:
+def greatest_reach(model: Arm) -> float:
     """
     Find how far from the shoulder the wrist gets.
 
@@ -123,12 +163,12 @@ def greatest_reach(model: RobotModel) -> float:
 
     """
     centre = model.shoulder
-    low = np.maximum(model.limits.lower, -np.pi)
-    high = np.minimum(model.limits.upper, np.pi)
+    low, high = model.limits.one_turn
 
     def cost(q: Array) -> tuple[float, Array]:
+        position, _ = model.wrist_pose(q)
         jacobian = model.wrist_jacobian(q)[:3]
-        arm = model.pinocchio_data.oMf[model.wrist_frame_id].translation - centre
+        arm = position - centre
         return -0.5 * float(arm @ arm), -(jacobian.T @ arm)
 
     rng = np.random.default_rng(0)
@@ -140,7 +180,7 @@ def greatest_reach(model: RobotModel) -> float:
     return float(np.sqrt(2.0 * best))
 
 
-def _pose_error(model: RobotModel, q: Array, goal: Array, rotation: Array | None) -> Array:
+def _pose_error(model: Arm, q: Array, goal: Array, rotation: Array | None) -> Array:
     """Give what is missing to the pose, (3,) or (6,), m and rad, along the axes of `world`."""
     position, current = model.wrist_pose(q)
     if rotation is None:
@@ -149,7 +189,7 @@ def _pose_error(model: RobotModel, q: Array, goal: Array, rotation: Array | None
 
 
 def _near_pose(
-    model: RobotModel,
+    model: Arm,
     goal: Array,
     rotation: Array | None,
     near: Array,
@@ -174,7 +214,7 @@ def _near_pose(
 
 
 def _polished(
-    model: RobotModel, goal: Array, rotation: Array | None, q: Array, low: Array, high: Array
+    model: Arm, goal: Array, rotation: Array | None, q: Array, low: Array, high: Array
 ) -> Array:
     rows = 3 if rotation is None else 6
     free = np.ones(model.dof, dtype=bool)

@@ -64,6 +64,15 @@ class JointLimits:
             and np.all(joint_positions <= self.upper + tolerance)
         )
 
+    @property
+    def one_turn(self) -> tuple[Array, Array]:
+        """Return the ranges within ±π, (n,) each; of one that lies beyond, 2π of it."""
+        lower, upper, turn = self.lower, self.upper, 2.0 * np.pi
+        return (
+            np.where(upper <= -np.pi, np.maximum(lower, upper - turn), np.maximum(lower, -np.pi)),
+            np.where(lower >= np.pi, np.minimum(upper, lower + turn), np.minimum(upper, np.pi)),
+        )
+
 
 class VelocityBox:
     """
@@ -116,34 +125,52 @@ class VelocityBox:
             Lower and upper bounds, (n,) each, rad/s; the lower never above the upper.
 
         """
+        lows, highs = self.sides(joint_positions.tolist(), previous_velocity.tolist(), dt)
+        return np.array(lows), np.array(highs)
+
+    def sides(
+        self, joint_positions: list[float], previous_velocity: list[float], dt: float
+    ) -> tuple[list[float], list[float]]:
+        """
+        Compute the box in plain floats, which for a handful of joints is twice as fast.
+
+        Args:
+            joint_positions: n, rad.
+            previous_velocity: n, rad/s, of the period that ends now.
+            dt: length of the next period, s.
+
+        Returns:
+            Lower and upper bounds, n each, rad/s; the lower never above the upper.
+
+        """
         if dt != self._period:
             self._prepare(dt)
         lows, highs = [], []
-        # plain floats and no min(), max(): for a handful of joints twice as fast as arrays
-        state = zip(
-            joint_positions.tolist(), previous_velocity.tolist(), self._joints, strict=True
-        )
-        for position, previous, (lower, upper, fastest, step, square, twice, change) in state:
-            room = upper - position
-            if room >= 0.0:
-                high = sqrt(square + twice * room) - step
-                high = high if high < fastest else fastest
-            else:
-                high = step - sqrt(square - twice * room)
-                high = high if high > -fastest else -fastest
-            room = position - lower
-            if room >= 0.0:
-                low = step - sqrt(square + twice * room)
-                low = low if low > -fastest else -fastest
-            else:
-                low = sqrt(square - twice * room) - step
-                low = low if low < fastest else fastest
+        state = zip(joint_positions, previous_velocity, self._joints, strict=True)
+        for position, previous, joint in state:
+            lower, upper, after, before, fastest, step, square, twice, change = joint
+            low, high = -fastest, fastest
+            if not after <= position <= before:  # near enough to a position limit
+                room = upper - position
+                if room >= 0.0:
+                    high = sqrt(square + twice * room) - step
+                    high = high if high < fastest else fastest
+                else:
+                    high = step - sqrt(square - twice * room)
+                    high = high if high > -fastest else -fastest
+                room = position - lower
+                if room >= 0.0:
+                    low = step - sqrt(square + twice * room)
+                    low = low if low > -fastest else -fastest
+                else:
+                    low = sqrt(square - twice * room) - step
+                    low = low if low < fastest else fastest
             slowest, quickest = previous - change, previous + change
             low = low if low > slowest else slowest
             high = high if high > slowest else slowest
             lows.append(low if low < quickest else quickest)
             highs.append(high if high < quickest else quickest)
-        return np.array(lows), np.array(highs)
+        return lows, highs
 
     def brake(self, joint_positions: Array, previous_velocity: Array, dt: float) -> Array:
         """
@@ -164,10 +191,14 @@ class VelocityBox:
     def _prepare(self, dt: float) -> None:
         """Compute what depends on the period alone."""
         limits, step = self._limits, self._braking * dt
+        # from the top speed on, braking takes this much room, rad
+        room = ((limits.velocity + step) ** 2 - step**2) / (2.0 * self._braking)
         self._period = dt
         columns = (
             limits.lower,
             limits.upper,
+            limits.lower + room,
+            limits.upper - room,
             limits.velocity,
             step,
             step * step,

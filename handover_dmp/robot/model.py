@@ -16,7 +16,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -24,9 +25,22 @@ from xml.etree import ElementTree
 
 from handover_dmp.common.errors import UsageError
 from handover_dmp.common.quiet_pybullet import silenced
-from handover_dmp.robot import descriptions
+from handover_dmp.robot import descriptions, inverse
+from handover_dmp.robot.chain import chain_to, known_arm, read, wrist_link
+from handover_dmp.robot.effective_limits import (
+    DEFAULT,
+    effective_limits,
+    EffectiveLimits,
+    source_summary,
+)
 from handover_dmp.robot.errors import RobotDescriptionError
 from handover_dmp.robot.limits import JointLimits
+from handover_dmp.robot.plain_description import (
+    assume_inertia,
+    immovable_joints,
+    make_plain,
+    Meshes,
+)
 import numpy as np
 from numpy.typing import NDArray
 import pinocchio as pin
@@ -35,8 +49,10 @@ Array = NDArray[np.float64]
 
 TURNS_FOR_EVER = 1e9
 """Position limit, rad, that stands for none while a description is parsed."""
-NUMBERS = {'xyz': 3, 'rpy': 3, 'lower': 1, 'upper': 1, 'velocity': 1, 'effort': 1}
-"""Attributes of a URDF that are numbers, and how many each holds."""
+SAMPLED = 30
+"""Configurations in which is looked for the effort that an arm needs."""
+HOME_INSET = 0.02
+"""Share of its range that a joint at home keeps from either end."""
 
 
 @dataclass(frozen=True)
@@ -77,10 +93,12 @@ class RobotModel:
 
     Attributes:
         name: of the robot, as in its URDF.
+        asked_for: the name of `config/robots.yaml` or the path that loads the same arm again.
         urdf_path: the file.
         urdf_text: its text, unchanged.
         joint_names: along the chain.
         limits: of those joints.
+        limit_sources: `position`, `velocity`, … to where that limit of each joint comes from.
         home: (n,), rad, the posture to come back to.
         wrist_frame: the link that follows the wrist.
         tool: (3,), m, the point that follows the wrist, in the frame of that link.
@@ -88,14 +106,20 @@ class RobotModel:
         pinocchio_model: the chain, its root at `base`, so that all of its poses are in `world`.
         pinocchio_data: scratch space of Pinocchio; one model serves one thread.
         wrist_frame_id: index of the controlled frame in `pinocchio_model`.
+        chain_text: what every engine reads: the URDF in plain form, the chain alone movable, the
+            meshes by the paths of their files.
+        meshes: those that the URDF names.
+        remarks: what had to be changed or assumed that a user should know, limits first.
 
     """
 
     name: str
+    asked_for: str
     urdf_path: Path
     urdf_text: str
     joint_names: tuple[str, ...]
     limits: JointLimits
+    limit_sources: Mapping[str, tuple[str, ...]]
     home: Array
     wrist_frame: str
     tool: tuple[float, float, float]
@@ -104,6 +128,8 @@ class RobotModel:
     pinocchio_data: Any
     wrist_frame_id: int
     chain_text: str
+    meshes: Meshes
+    remarks: tuple[str, ...]
 
     @classmethod
     def load(
@@ -134,26 +160,39 @@ class RobotModel:
 
         """
         path = descriptions.urdf_file(robot)
-        text, tree = _read(path)
-        name = tree.get('name', path.stem)
-        entry = descriptions.entry_for_urdf(name)
-        wrist_frame = _wrist_link(tree, wrist_frame or entry.wrist_frame, path)
-        chain = _chain(tree, wrist_frame, path)
-        limits = _limits(chain, entry, path)
-        chain_text = _chain_urdf(tree, chain, limits)
+        text, tree = read(path)
+        name = str(robot) if str(robot) in descriptions.known_arms() else ''
+        known = known_arm(tree, str(path), name)
+        if wrist_frame is None and known.entry is not None:
+            wrist_frame = known.entry.wrist_frame
+        wrist_frame = wrist_link(tree, wrist_frame, str(path))
+        chain = chain_to(tree, wrist_frame, str(path))
+        joint_names = tuple(joint.get('name', '') for joint in chain)
+        found = effective_limits(chain, known.limits, descriptions.default_limits(), str(path))
+        meshes, remarks = make_plain(tree, path.parent, chain)
+        chain_text = _chain_urdf(tree, chain, found.limits)
         placement = base or BasePlacement()
         model = _pinocchio_model(chain_text, placement, path)
+        if immovable := immovable_joints(model, found.limits):
+            carried = [chain[i - 1].find('child') for i in immovable]
+            links = [link.get('link', '') for link in carried if link is not None]
+            remarks.append(assume_inertia(tree, links))
+            chain_text = ElementTree.tostring(tree, encoding='unicode')
+            model = _pinocchio_model(chain_text, placement, path)
         tool = tool or (0.0, 0.0, 0.0)
         wrist_id = model.getFrameId(wrist_frame, pin.FrameType.BODY)
         if any(tool):
             wrist_id = _add_tool(model, wrist_id, tool)
+        limits = _with_strong_motors(found, model)
         return cls(
-            name=name,
+            name=tree.get('name', path.stem),
+            asked_for=name or str(path),
             urdf_path=path,
             urdf_text=text,
-            joint_names=tuple(joint.get('name', '') for joint in chain),
+            joint_names=joint_names,
             limits=limits,
-            home=_home(entry, limits, model, wrist_id),
+            limit_sources=found.sources,
+            home=_home([known.home.get(joint) for joint in joint_names], limits, model, wrist_id),
             wrist_frame=wrist_frame,
             tool=tool,
             base=placement,
@@ -161,7 +200,14 @@ class RobotModel:
             pinocchio_data=model.createData(),
             wrist_frame_id=wrist_id,
             chain_text=chain_text,
+            meshes=meshes,
+            remarks=(*filter(None, [known.remark]), *found.remarks, *remarks),
         )
+
+    @property
+    def limit_origins(self) -> dict[str, str]:
+        """Say where the limits come from, for people: quantity to words."""
+        return source_summary(self.limit_sources, self.joint_names)
 
     @property
     def dof(self) -> int:
@@ -180,7 +226,7 @@ class RobotModel:
 
         """
         return RobotModel.load(
-            self.urdf_path, base=base, wrist_frame=self.wrist_frame, tool=self.tool
+            self.asked_for, base=base, wrist_frame=self.wrist_frame, tool=self.tool
         )
 
     def wrist_pose(self, joint_positions: Array) -> tuple[Array, Array]:
@@ -240,163 +286,17 @@ class RobotModel:
             UnreachableError: there is none.
 
         """
-        from handover_dmp.robot.inverse import inverse_kinematics
-
-        return inverse_kinematics(self, position, rotation, q0)
+        return inverse.inverse_kinematics(self, position, rotation, q0)
 
     @cached_property
     def shoulder(self) -> Array:
         """Return the point of the first joint's axis that is nearest to the second's, (3,), m."""
-        from handover_dmp.robot.inverse import shoulder
-
-        return shoulder(self)
+        return inverse.shoulder(self)
 
     @cached_property
     def reach_m(self) -> float:
         """How far from `shoulder` the wrist gets at most, m."""
-        from handover_dmp.robot.inverse import greatest_reach
-
-        return greatest_reach(self)
-
-
-def _read(path: Path) -> tuple[str, ElementTree.Element]:
-    try:
-        text = path.read_text(encoding='utf-8')
-        tree = ElementTree.fromstring(text)
-    except UnicodeDecodeError as error:
-        raise RobotDescriptionError(f'{path}: not UTF-8: save it in that encoding') from error
-    except ElementTree.ParseError as error:
-        raise RobotDescriptionError(f'{path}: not XML: {error}') from error
-    if tree.tag != 'robot':
-        raise RobotDescriptionError(f'{path}: no <robot> element; is it a URDF?')
-    _check_numbers(tree, path)
-    return text, tree
-
-
-def _check_numbers(tree: ElementTree.Element, path: Path) -> None:
-    """Name the first number that is none; Pinocchio only says that something is wrong."""
-    for element in tree.iter():
-        for key, count in NUMBERS.items():
-            text = element.get(key)
-            if text is not None and _count_numbers(text) != count:
-                wanted = 'a number' if count == 1 else f'{count} numbers'
-                raise RobotDescriptionError(
-                    f'{path}: {key}="{text}" of <{element.tag}> is not {wanted}; '
-                    'if it is a xacro, expand it first: xacro FILE > robot.urdf'
-                )
-
-
-def _count_numbers(text: str) -> int:
-    """Count the numbers of a text; 0 where it holds anything else."""
-    try:
-        return len([float(word) for word in text.split()])
-    except ValueError:
-        return 0
-
-
-def _wrist_link(tree: ElementTree.Element, wrist_frame: str | None, path: Path) -> str:
-    links = [link.get('name', '') for link in tree.findall('link')]
-    if wrist_frame is not None:
-        if wrist_frame not in links:
-            raise RobotDescriptionError(
-                f'{path}: no link {wrist_frame!r} for the wrist; it has {", ".join(links)}'
-            )
-        return wrist_frame
-    parents = {parent for _, parent in _by_child(tree, path).values()}
-    ends = [link for link in links if link not in parents]
-    if len(ends) != 1:
-        raise RobotDescriptionError(
-            f'{path}: say which link is the wrist; the chains end in {", ".join(ends)}'
-        )
-    return ends[0]
-
-
-def _by_child(
-    tree: ElementTree.Element, path: Path
-) -> dict[str | None, tuple[ElementTree.Element, str | None]]:
-    """Index the joints by the link that they carry, each with the link that it hangs on."""
-    by_child = {}
-    for joint in tree.findall('joint'):
-        child, parent = joint.find('child'), joint.find('parent')
-        if child is None or parent is None:
-            raise RobotDescriptionError(
-                f'{path}: joint {joint.get("name")!r} lacks its parent or its child'
-            )
-        by_child[child.get('link')] = (joint, parent.get('link'))
-    return by_child
-
-
-def _chain(
-    tree: ElementTree.Element, wrist_frame: str, path: Path
-) -> tuple[ElementTree.Element, ...]:
-    """Find the joints that move the wrist, from the base on."""
-    by_child = _by_child(tree, path)
-    chain: list[ElementTree.Element] = []
-    link: str | None = wrist_frame
-    passed = 0
-    while link in by_child:
-        joint, link = by_child[link]
-        passed += 1
-        if passed > len(by_child):
-            raise RobotDescriptionError(f'{path}: the joints form a loop')
-        if joint.get('type') != 'fixed':
-            chain.insert(0, joint)
-    for joint in chain:
-        if joint.get('type') not in ('revolute', 'continuous', 'prismatic'):
-            raise RobotDescriptionError(
-                f'{path}: joint {joint.get("name")!r} is {joint.get("type")}; '
-                'only revolute, continuous and prismatic joints can carry the wrist'
-            )
-        mimic = joint.find('mimic')
-        if mimic is not None:
-            raise RobotDescriptionError(
-                f'{path}: joint {joint.get("name")!r} mimics {mimic.get("joint")!r}; '
-                'the joints that carry the wrist must move one by one'
-            )
-    if not chain:
-        raise RobotDescriptionError(f'{path}: no joint moves {wrist_frame!r}')
-    return tuple(chain)
-
-
-def _limits(
-    chain: tuple[ElementTree.Element, ...], entry: descriptions.ArmEntry, path: Path
-) -> JointLimits:
-    count = len(chain)
-    for key in ('velocity', 'effort', 'acceleration', 'jerk', 'home'):
-        numbers = getattr(entry, key)
-        if numbers is not None and len(numbers) != count:
-            raise RobotDescriptionError(
-                f'config/robots.yaml: {entry.name} has {len(numbers)} numbers for {key}, '
-                f'the chain of {path} has {count} joints'
-            )
-    lower, upper = np.empty(count), np.empty(count)
-    velocity, effort = np.empty(count), np.empty(count)
-    for i, joint in enumerate(chain):
-        name, kind = joint.get('name'), joint.get('type')
-        limit = joint.find('limit')
-        given = {} if limit is None else {k: float(v) for k, v in limit.items() if k in NUMBERS}
-        lower[i], upper[i] = given.get('lower', 0.0), given.get('upper', 0.0)
-        if kind == 'continuous':
-            lower[i], upper[i] = -np.inf, np.inf
-        elif not lower[i] < upper[i]:
-            raise RobotDescriptionError(
-                f'{path}: joint {name!r} has no position limits; '
-                'give it <limit lower= upper=> or make it continuous'
-            )
-        velocity[i] = entry.velocity[i] if entry.velocity else given.get('velocity', 0.0)
-        if not velocity[i] > 0.0:
-            raise RobotDescriptionError(
-                f'{path}: joint {name!r} has no velocity limit; give it <limit velocity=> or '
-                'an entry in config/robots.yaml'
-            )
-        effort[i] = entry.effort[i] if entry.effort else given.get('effort', 0.0)
-        if not effort[i] > 0.0:
-            effort[i] = entry.default_effort
-    acceleration = np.array(entry.acceleration or [entry.default_acceleration] * count)
-    jerk = np.array(entry.jerk) if entry.jerk else acceleration / entry.default_jerk_time_s
-    for array in (lower, upper, velocity, acceleration, effort, jerk):
-        array.flags.writeable = False
-    return JointLimits(lower, upper, velocity, acceleration, effort, jerk)
+        return inverse.greatest_reach(self)
 
 
 def _chain_urdf(
@@ -421,8 +321,6 @@ def _chain_urdf(
             velocity=repr(float(limits.velocity[i])),
             effort=repr(float(limits.effort[i])),
         )
-    for element in tree.findall('transmission') + tree.findall('gazebo'):
-        tree.remove(element)
     return ElementTree.tostring(tree, encoding='unicode')
 
 
@@ -449,13 +347,31 @@ def _add_tool(model: Any, wrist_id: int, tool: tuple[float, float, float]) -> in
     return int(model.addFrame(frame))
 
 
-def _home(entry: descriptions.ArmEntry, limits: JointLimits, model: Any, wrist_id: int) -> Array:
-    """Take the posture that the entry names, or the one of many that moves the wrist best."""
-    if entry.home is not None:
-        home = np.array(entry.home)
-    else:
-        low = np.maximum(limits.lower, -np.pi)
-        high = np.minimum(limits.upper, np.pi)
+def _with_strong_motors(found: EffectiveLimits, model: Any) -> JointLimits:
+    """Give joints of which nobody knows the effort one that can hold and accelerate the arm."""
+    limits = found.limits
+    unknown = [source == DEFAULT for source in found.sources['effort']]
+    if not any(unknown):
+        return limits
+    low, high = limits.one_turn
+    data, needed = model.createData(), limits.effort.copy()
+    for q in np.random.default_rng(0).uniform(low, high, (SAMPLED, model.nq)):
+        upper = np.triu(pin.crba(model, data, q))
+        inertia = np.abs(upper + np.triu(upper, 1).T)
+        hold = np.abs(pin.computeGeneralizedGravity(model, data, q))
+        needed = np.maximum(needed, hold + inertia @ limits.acceleration)
+    effort = np.where(unknown, needed, limits.effort)
+    effort.flags.writeable = False
+    return replace(limits, effort=effort)
+
+
+def _home(known: Sequence[float | None], limits: JointLimits, model: Any, wrist_id: int) -> Array:
+    """Take the configuration that is known, or the one of many that moves the wrist best."""
+    home = np.array([np.nan if q is None else q for q in known])
+    low, high = limits.one_turn
+    inset = HOME_INSET * (high - low)
+    # NaN, of a joint of which no home is known, is inside nothing
+    if not (np.all(home >= low + inset) and np.all(home <= high - inset)):
         middle, half = (low + high) / 2.0, (high - low) / 2.0
         samples = np.random.default_rng(0).uniform(-0.6, 0.6, (300, len(low)))
         samples[0] = 0.0

@@ -17,56 +17,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+import math
 
+from handover_dmp.common.settings import setting
+from handover_dmp.robot.model import RobotModel
+from handover_dmp.robot.partner import Partner
+from handover_dmp.robot.tasks import HalfSpace, Period
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-
-@dataclass(frozen=True, eq=False)
-class Partner:
-    """
-    The partner's arm, as far as it is known.
-
-    Attributes:
-        position: (3,), m, of the hand, in `world`.
-        velocity: (3,), m/s, of the hand.
-        elbow: (3,), m, the other end of the forearm; None if unknown.
-
-    """
-
-    position: Array
-    velocity: Array
-    elbow: Array | None = None
-
-    @classmethod
-    def of(cls, hand: object) -> Partner | None:
-        """
-        Take what is known of the hand in any of its forms.
-
-        Args:
-            hand: a `Partner`; anything with a `position` and perhaps a `velocity` and an `elbow`;
-                a position, (3,), m; or None.
-
-        Returns:
-            The partner; None if there is none. A velocity that is not known is taken to be zero.
-
-        """
-        if hand is None or isinstance(hand, Partner):
-            return hand
-        position = getattr(hand, 'position', hand)
-        velocity = getattr(hand, 'velocity', None)
-        elbow = getattr(hand, 'elbow', None)
-        return cls(
-            np.asarray(position, dtype=float),
-            np.zeros(3) if velocity is None else np.asarray(velocity, dtype=float),
-            None if elbow is None else np.asarray(elbow, dtype=float),
-        )
+NAMES = ('approach', 'speed near hand')
 
 
-@dataclass(frozen=True)
-class SpeedSeparation:
+@dataclass(eq=False)
+class SeparationLimit:
     """
     The speed of the wrist relative to the hand, as a function of their distance (ISO/TS 15066).
 
@@ -75,15 +41,25 @@ class SpeedSeparation:
     asked to flee: standing still is always allowed, however fast the hand comes.
 
     Attributes:
-        distance: m.
-        speed: m/s, relative to the hand, within the distance.
-        deceleration: m/s².
+        model: the arm.
+        separation_distance: m to the hand within which `separation_speed` holds.
+        separation_speed: m/s relative to the hand.
+        separation_deceleration: m/s², with which the wrist slows on its way there.
 
     """
 
-    distance: float
-    speed: float
-    deceleration: float
+    model: RobotModel
+    separation_distance: float = setting('priority_ik', 'separation_distance')
+    separation_speed: float = setting('priority_ik', 'separation_speed')
+    separation_deceleration: float = setting('priority_ik', 'separation_deceleration')
+
+    def half_spaces(self, period: Period) -> list[HalfSpace]:
+        """Bound the wrist's speed, see `tasks.Limit`."""
+        # a hand that is not known may be at the wrist itself
+        partner = period.partner or Partner(period.position, np.zeros(3))
+        directions, bounds = self.rows(period.position, period.wrist_velocity, partner, period.dt)
+        rows = -directions @ period.linear
+        return [HalfSpace(*named) for named in zip(NAMES, rows, (-bounds).tolist(), strict=False)]
 
     def allowed(self, distance: float, dt: float) -> float:
         """
@@ -97,16 +73,12 @@ class SpeedSeparation:
             The speed, m/s; that of the braking at the end of `dt`, so that it is not exceeded.
 
         """
-        beyond = distance - self.distance
+        beyond = distance - self.separation_distance
         if beyond <= 0.0:
-            return self.speed
-        fall = self.deceleration * dt
-        return float(
-            max(
-                self.speed,
-                np.sqrt(fall * fall + self.speed**2 + 2.0 * self.deceleration * beyond) - fall,
-            )
-        )
+            return self.separation_speed
+        fall = self.separation_deceleration * dt
+        square = self.separation_speed**2 + 2.0 * self.separation_deceleration * beyond
+        return max(self.separation_speed, math.sqrt(fall * fall + square) - fall)
 
     def rows(
         self, wrist: Array, velocity: Array, partner: Partner, dt: float
@@ -135,7 +107,7 @@ class SpeedSeparation:
         directions = []
         if distance > 1e-6:
             directions.append(apart / distance)
-        touching = _shutting_down(velocity, hand, allowed)
+        touching = _ball_exit(velocity, hand, allowed)
         if touching is not None:
             directions.append(touching)
         if not directions:
@@ -144,7 +116,7 @@ class SpeedSeparation:
         return stacked, np.maximum(allowed + stacked @ hand, 0.0)
 
 
-def _shutting_down(velocity: Array, hand: Array, allowed: float) -> Array | None:
+def _ball_exit(velocity: Array, hand: Array, allowed: float) -> Array | None:
     """Find where s·velocity − hand, 0 ≤ s ≤ 1, leaves the ball of radius `allowed`."""
     relative = velocity - hand
     if float(relative @ relative) <= allowed * allowed:

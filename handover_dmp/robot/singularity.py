@@ -29,7 +29,23 @@ Array = NDArray[np.float64]
 _SOLVER = eigenpy.SelfAdjointEigenSolver(3)  # to make one anew takes as long as to solve
 
 
-def smallest_singular(jacobian: Array) -> tuple[float, Array]:
+def smallest_singular_value(jacobian: Array) -> float:
+    """
+    Find how fast the wrist moves at least, in its worst direction, for joint speeds of norm one.
+
+    Args:
+        jacobian: (3, n), of the wrist's position.
+
+    Returns:
+        The smallest singular value, m.
+
+    """
+    _SOLVER.compute(jacobian.dot(jacobian.T))
+    minimum: float = _SOLVER.eigenvalues()[0]
+    return math.sqrt(minimum) if minimum > 0.0 else 0.0
+
+
+def smallest_singular_direction(jacobian: Array) -> Array:
     """
     Find the direction in which the wrist moves least.
 
@@ -37,12 +53,12 @@ def smallest_singular(jacobian: Array) -> tuple[float, Array]:
         jacobian: (3, n), of the wrist's position.
 
     Returns:
-        The smallest singular value, m (wrist speed for joint speeds of norm one), and its
-        direction in space, (3,).
+        The direction in space that goes with the smallest singular value, (3,).
 
     """
     _SOLVER.compute(jacobian.dot(jacobian.T))
-    return math.sqrt(max(_SOLVER.eigenvalues()[0], 0.0)), _SOLVER.eigenvectors()[:, 0]
+    direction: Array = _SOLVER.eigenvectors()[:, 0]
+    return direction
 
 
 def singular_slope(

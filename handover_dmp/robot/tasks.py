@@ -12,141 +12,184 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the arm is asked for beside the wrist's position: orientation, and a good posture."""
+"""
+What one period of the inverse kinematics starts from, and what tasks and limits answer.
+
+A task or a limit is any object with the method of `Task`, `Preference` or `Limit`. To add one,
+write its class and hand it to `PriorityIk`; nothing else has to know of it.
+"""
 
 from __future__ import annotations
 
-from handover_dmp.robot.limits import JointLimits
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple, Protocol
+
+from handover_dmp.robot.model import RobotModel
+from handover_dmp.robot.partner import Partner
+from handover_dmp.robot.singularity import smallest_singular_value
 import numpy as np
 from numpy.typing import NDArray
 import pinocchio as pin
 
 Array = NDArray[np.float64]
 
-UP = np.array([0.0, 0.0, 1.0])
 
-
-def full_orientation(
-    rotation: Array, target: Array, angular_velocity: Array, gain: float, fastest: float
-) -> Array:
+@dataclass(frozen=True, eq=False)
+class WristTarget:
     """
-    Turn the wrist to a rotation.
+    Where the wrist shall be now, and how fast it shall move.
 
-    Args:
-        rotation: (3, 3), of the wrist in `world`.
-        target: (3, 3), the one wanted.
-        angular_velocity: (3,), of the target, rad/s, in `world`.
-        gain: rad/s per rad.
-        fastest: what the gain may ask for, rad/s.
-
-    Returns:
-        The wrist's angular velocity, (3,), rad/s, in `world`.
+    Attributes:
+        position: (3,), m, in `world`.
+        velocity: (3,), m/s.
+        rotation: (3, 3), of the wrist in `world`; None if any will do.
+        angular_velocity: (3,), rad/s, in `world`; None for zero.
 
     """
-    turn = rotation @ pin.log3(rotation.T @ target)
-    return angular_velocity + _at_most(gain * turn, fastest)
+
+    position: Array
+    velocity: Array = field(default_factory=lambda: np.zeros(3))
+    rotation: Array | None = None
+    angular_velocity: Array | None = None
 
 
-def axis_alignment(axis: Array, target: Array, gain: float, fastest: float) -> tuple[Array, Array]:
+class Period:
     """
-    Turn one axis of the wrist to a direction, free about that axis.
+    The arm at the beginning of a period, and what it is asked for.
 
-    Args:
-        axis: (3,), the axis in `world`, of unit length.
-        target: (3,), the direction wanted in `world`, of unit length.
-        gain: rad/s per rad.
-        fastest: what the gain may ask for, rad/s.
-
-    Returns:
-        Two directions square to the axis, (2, 3), and the wrist's angular velocity about each,
-        (2,), rad/s.
-
-    """
-    crossed = _cross(axis, target)
-    sine, cosine = float(np.sqrt(crossed @ crossed)), float(axis @ target)
-    first, second = orthogonal_directions(axis)
-    if sine > 1e-9:
-        turn = crossed * (np.arctan2(sine, cosine) / sine)
-    else:
-        turn = first * (0.0 if cosine > 0.0 else np.pi)
-    directions = np.array([first, second])
-    return directions, directions @ _at_most(gain * turn, fastest)
-
-
-def orthogonal_directions(axis: Array) -> tuple[Array, Array]:
-    """
-    Find two directions square to an axis and to each other.
-
-    Args:
-        axis: (3,), of unit length.
-
-    Returns:
-        The two, (3,) each, of unit length.
+    Attributes:
+        model: the arm. The joints' placements stand in its `pinocchio_data`.
+        joint_positions: (n,), rad.
+        joints: the same as plain floats.
+        target: of the wrist.
+        partner: what is known of the partner; None for nothing.
+        dt: length of the period, s.
+        joint_jacobian: (6, n), Pinocchio's `computeJointJacobians`.
+        position: (3,), m, of the wrist in `world`.
+        jacobian: (6, n), of the wrist, linear above angular velocity, along the axes of `world`.
+        linear: (3, n), its upper half.
+        singular_value: the smallest one of `linear`, m.
+        lower: n joint velocities, rad/s, the lower side of the box of the joints' own limits.
+        upper: its upper side.
+        wrist_velocity: (3,), m/s, what the wrist is asked for. The tasks are asked before the
+            limits, and the direction task may change it.
+        held_back: names of what has slowed the wrist down already.
 
     """
-    helper = np.zeros(3)
-    helper[int(np.argmin(np.abs(axis)))] = 1.0
-    first = _cross(axis, helper)
-    first /= np.sqrt(first @ first)
-    return first, _cross(axis, first)
-
-
-class PostureTask:
-    """Move the joints towards the home posture, and harder away from a limit that is near."""
 
     def __init__(
-        self, home: Array, limits: JointLimits, fastest: Array, gain: float, margin: float
+        self,
+        model: RobotModel,
+        joint_positions: Array,
+        joints: list[float],
+        target: WristTarget,
+        partner: Partner | None,
+        dt: float,
+        box: tuple[list[float], list[float]],
     ) -> None:
+        pinocchio_model, data, wrist = (
+            model.pinocchio_model,
+            model.pinocchio_data,
+            model.wrist_frame_id,
+        )
+        self.model = model
+        self.joint_positions = joint_positions
+        self.joints = joints
+        self.target = target
+        self.partner = partner
+        self.dt = dt
+        self.lower, self.upper = box
+        self.joint_jacobian = pin.computeJointJacobians(pinocchio_model, data, joint_positions)
+        self._pose = pin.updateFramePlacement(pinocchio_model, data, wrist)
+        self.position: Array = self._pose.translation
+        self.jacobian: Array = pin.getFrameJacobian(
+            pinocchio_model, data, wrist, pin.LOCAL_WORLD_ALIGNED
+        )
+        self.linear = self.jacobian[:3]
+        self.singular_value = smallest_singular_value(self.linear)
+        self.wrist_velocity = target.velocity
+        self.held_back: list[str] = []
+
+    @property
+    def rotation(self) -> Array:
+        """Rotation of the wrist in `world`, (3, 3)."""
+        rotation: Array = self._pose.rotation
+        return rotation
+
+
+Rows = tuple[Array, Array | None]
+"""Rows and values of a task, see `Task.rows`."""
+
+
+class Task(Protocol):
+    """Something that the arm shall do, as well as the levels above leave it free to."""
+
+    name: str
+    """Of its residual in `IkSolution`."""
+
+    def rows(self, period: Period) -> Rows | None:
         """
-        Say where to.
+        Give the equations of the task.
 
         Args:
-            home: (n,), rad.
-            limits: of the joints.
-            fastest: (n,), what may be asked for, rad/s.
-            gain: rad/s per rad.
-            margin: rad before a limit from where the joint is pushed away, 20 times as hard.
-
-        """
-        self._gain = gain
-        self._push = 20.0 * gain
-        columns = (home, limits.lower + margin, limits.upper - margin, fastest)
-        self._joints = [tuple(map(float, joint)) for joint in zip(*columns, strict=True)]
-
-    def velocity(self, joint_positions: Array) -> Array:
-        """
-        Compute the joint velocities to ask for.
-
-        Args:
-            joint_positions: (n,), rad.
+            period: the arm and what it is asked for.
 
         Returns:
-            (n,), rad/s.
+            Rows A and values b, (m,) or None for zeros, for A q̇ = b where A is (m, n), or for
+            A (q̇, s) = b where it is (m, n + 1) and so has the speed scale s in it, too. None if
+            nothing is asked for.
+            The shape is always the same unless it is None. The arrays may be used again.
 
         """
-        gain, push = self._gain, self._push
-        wanted = []
-        # plain floats and no min(), max(): for a handful of joints twice as fast as arrays
-        for position, (home, low, high, fastest) in zip(
-            joint_positions.tolist(), self._joints, strict=True
-        ):
-            speed = gain * (home - position)
-            if position < low:
-                speed += push * (low - position)
-            elif position > high:
-                speed += push * (high - position)
-            speed = speed if speed < fastest else fastest
-            wanted.append(speed if speed > -fastest else -fastest)
-        return np.array(wanted)
+        ...
 
 
-def _at_most(vector: Array, length: float) -> Array:
-    size = float(np.sqrt(vector @ vector))
-    return vector if size <= length else vector * (length / size)
+class Preference(Protocol):
+    """Something that the joints shall do where all tasks leave them free."""
+
+    def velocity(self, period: Period) -> Sequence[float] | None:
+        """
+        Give the joint velocities that it wants.
+
+        Args:
+            period: the arm and what it is asked for.
+
+        Returns:
+            n numbers, rad/s; None for none. Those of all preferences are added.
+
+        """
+        ...
 
 
-def _cross(a: Array, b: Array) -> Array:
-    """Do what `numpy.cross` does for two vectors, ten times as fast."""
-    return np.array(
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    )
+class HalfSpace(NamedTuple):
+    """
+    A bound on the joint velocities, row·q̇ ≥ bound.
+
+    Attributes:
+        name: what it is called among the active limits.
+        row: (n,).
+        bound: at most 0, so that standing still is allowed.
+
+    """
+
+    name: str
+    row: Array
+    bound: float
+
+
+class Limit(Protocol):
+    """Something that must never be broken, beside the limits of the joints."""
+
+    def half_spaces(self, period: Period) -> Sequence[HalfSpace]:
+        """
+        Bound the joint velocities.
+
+        Args:
+            period: the arm and what it is asked for.
+
+        Returns:
+            The bounds of this period.
+
+        """
+        ...

@@ -28,9 +28,10 @@ from typing import NamedTuple
 
 from handover_dmp.common.settings import setting
 from handover_dmp.robot.model import RobotModel
-from handover_dmp.robot.priority_ik import IkSolution, PriorityIk, WristTarget
-from handover_dmp.robot.separation import Partner
-from handover_dmp.robot.singularity import smallest_singular
+from handover_dmp.robot.partner import Partner
+from handover_dmp.robot.priority_ik import IkSolution, PriorityIk
+from handover_dmp.robot.singularity import smallest_singular_value
+from handover_dmp.robot.tasks import WristTarget
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -275,7 +276,7 @@ class WristController:
             return self._brake('', dt)
         solution = self.ik.solve(self._measured(), self._commanded, self._target, dt, hand=hand)
         if solution.speed_scale < STALLED and self._is_stalled(self._target, hand):
-            return self._brake('the wrist command leads nowhere from here', dt)
+            return self._brake('wrist command out of reach: singularity or limit', dt)
         self._commanded = solution.joint_velocity
         return JointCommand(
             solution.joint_velocity, '', solution, solution.smallest_singular_value
@@ -309,16 +310,17 @@ class WristController:
             return False
         place, rotation = self.model.wrist_pose(self._measured())
         turned = 0.0
-        if target.rotation is not None and self.ik.options.orientation == 'full':
+        if target.rotation is not None and self.ik.stack.follows_rotation():
             turned = float(np.linalg.norm(rotation - target.rotation))
         near = float(np.linalg.norm(place - target.position)) < self.options.hold_distance_m
         return near and turned < HELD_ROTATION
 
     def _is_stalled(self, target: WristTarget, hand: Partner | None) -> bool:
         """
-        Whether even an arm that could change its speed at once would hardly get any nearer.
+        Whether the wrist could hardly move towards the target even without acceleration limits.
 
-        Such an arm would whirl joints that bring it next to nothing: it had better stand.
+        Near a singularity the joints would turn fast for almost no motion of the wrist, so the arm
+        stops instead.
         """
         positions = self._measured()
         at_ease = self.ik.solve(positions, np.zeros(len(positions)), target, AT_EASE_S, hand=hand)
@@ -332,7 +334,7 @@ class WristController:
         assert self._commanded is not None
         positions = self._measured()
         self._commanded = self.ik.brake(positions, self._commanded, dt)
-        singular_value, _ = smallest_singular(self.model.wrist_jacobian(positions)[:3])
+        singular_value = smallest_singular_value(self.model.wrist_jacobian(positions)[:3])
         return JointCommand(self._commanded, reason, smallest_singular_value=singular_value)
 
 

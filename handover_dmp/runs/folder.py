@@ -17,7 +17,6 @@
 from __future__ import annotations
 
 from datetime import datetime
-from importlib.metadata import PackageNotFoundError, version
 import json
 import math
 from pathlib import Path
@@ -29,6 +28,7 @@ from typing import Any
 from handover_dmp import __version__
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.files import write_text
+from handover_dmp.common.versions import installed_versions
 from handover_dmp.dmp import save_model
 from handover_dmp.handover.scenario import Scenario
 from handover_dmp.mocap import HandoverTrial, write_trial
@@ -38,7 +38,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-LIBRARIES = ('numpy', 'scipy', 'pin', 'daqp', 'ruckig', 'pybullet', 'mcap')
+LIBRARIES = ('numpy', 'scipy', 'pin', 'daqp', 'ruckig', 'pybullet', 'pybullet-arm64', 'mcap')
 
 
 def new_run_folder(output: Path | None, trial: HandoverTrial) -> Path:
@@ -118,7 +118,7 @@ def run_info(scenario: Scenario, scale: float) -> dict[str, Any]:
         'versions': {
             'handover_dmp': __version__,
             'python': platform.python_version(),
-            **{library: _version(library) for library in LIBRARIES},
+            **installed_versions(LIBRARIES),
         },
         'machine': f'{platform.system()} {platform.machine()}',
     }
@@ -127,14 +127,6 @@ def run_info(scenario: Scenario, scale: float) -> dict[str, Any]:
 def _finite(numbers: NDArray[np.float64]) -> list[float | None]:
     """Return them as JSON has them, which knows of no limit that is infinite."""
     return [number if math.isfinite(number) else None for number in numbers.tolist()]
-
-
-def _version(library: str) -> str:
-    """Its version; a system's ROS brings some libraries without telling Python."""
-    try:
-        return version(library)
-    except PackageNotFoundError:
-        return 'unknown'
 
 
 def finish(folder: Path, scenario: Scenario) -> dict[str, Any]:
@@ -149,7 +141,7 @@ def finish(folder: Path, scenario: Scenario) -> dict[str, Any]:
         The report, plain types.
 
     """
-    with set_up(folder, str(scenario.robot.urdf_path)) as stage:
+    with set_up(folder, scenario.robot.asked_for) as stage:
         (folder / 'figures').mkdir(exist_ok=True)
         met = math.isfinite(stage.scene.exchange_time_s)
         names = ('start', 'middle', 'exchange' if met else 'end')

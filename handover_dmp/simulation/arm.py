@@ -33,6 +33,7 @@ from handover_dmp.common.settings import setting
 from handover_dmp.robot.interpolator import JointInterpolator
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.simulation.partner_figure import PartnerFigure
+from handover_dmp.simulation.self_check import check_models, ModelMismatchError
 from handover_dmp.simulation.world import World, WorldOptions
 import numpy as np
 from numpy.typing import NDArray
@@ -126,11 +127,17 @@ class SimulatedArm:
 
         Raises:
             DataError: PyBullet cannot read the URDF, or finds another robot in it.
+            ModelMismatchError: it has another robot than Pinocchio.
 
         """
         self.model = model
         self.options = options or ArmOptions()
         self.world = World(model, figure=figure, options=world_options)
+        try:
+            check_models(model, self.world)
+        except ModelMismatchError:
+            self.close()
+            raise
         self._time_step_s = self.world.options.time_step_s
         self._gain = self.world.options.tracking_gain
         self._figure_period_s = 1.0 / figure.options.update_rate_hz if figure is not None else 0.0

@@ -73,8 +73,7 @@ def compare_models(model: RobotModel, world: World, *, postures: int = 20) -> Mo
 
     """
     random = np.random.default_rng(0)
-    low = np.maximum(model.limits.lower, -np.pi)
-    high = np.minimum(model.limits.upper, np.pi)
+    low, high = model.limits.one_turn
     names = model.joint_names
     position, rotation = np.zeros(model.dof), np.zeros(model.dof)
     mass = np.zeros((model.dof, model.dof))

@@ -24,13 +24,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import TracebackType
 from typing import Any
+from xml.etree import ElementTree
 
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.quiet_pybullet import pybullet, silenced
 from handover_dmp.common.settings import setting
 from handover_dmp.robot.model import RobotModel
+from handover_dmp.robot.plain_description import moved_links
 from handover_dmp.simulation.partner_figure import FigureBodies, PartnerFigure
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +71,6 @@ class World:
         *,
         figure: PartnerFigure | None = None,
         options: WorldOptions | None = None,
-        use_file_inertia: bool = True,
     ) -> None:
         """
         Load the robot and put it on its base.
@@ -77,9 +79,6 @@ class World:
             model: the robot.
             figure: the human partner; None: nobody.
             options: how the world is stepped.
-            use_file_inertia: take the inertia tensors of the URDF. Without, PyBullet makes its own
-                from the collision shapes and the mass matrix is off, by 2 % of its largest entry
-                (LWR 4+) to 29 % (UR5); to show just that is what the switch is for.
 
         Raises:
             DataError: PyBullet cannot read the URDF, or finds another robot in it.
@@ -92,13 +91,13 @@ class World:
         if self.client < 0:
             raise DataError('PyBullet has no room for another world: close some')
         try:
-            self._fill(figure, use_file_inertia)
+            self._fill(figure)
         except BaseException:
             self.close()
             raise
         self.reset(model.home)
 
-    def _fill(self, figure: PartnerFigure | None, use_file_inertia: bool) -> None:
+    def _fill(self, figure: PartnerFigure | None) -> None:
         pybullet.setTimeStep(self.options.time_step_s, physicsClientId=self.client)
         pybullet.setGravity(0, 0, self.options.gravity, physicsClientId=self.client)
         # The motors are equations that hang together, more so the nearer joints are to coaxial.
@@ -109,28 +108,15 @@ class World:
                 constraintSolverType=pybullet.CONSTRAINT_SOLVER_LCP_DANTZIG,
                 physicsClientId=self.client,
             )
-        self.robot = load_robot(self.model, self.client, use_file_inertia=use_file_inertia)
+        self.robot = load_robot(self.model, moving_masses(self.model), self.client)
         self.joints = joint_numbers(self.model, self.robot, self.client)
         self._forces = [float(effort) for effort in self.model.limits.effort]
-        self._hold_other_joints()
+        self._undamp()
         self.bodies = FigureBodies(figure, self.client) if figure is not None else None
 
-    def _hold_other_joints(self) -> None:
-        """Fingers and the like stay where they are; nothing in the world touches anything."""
+    def _undamp(self) -> None:
         kwargs = {'physicsClientId': self.client}
-        for number in range(pybullet.getNumJoints(self.robot, **kwargs)):
-            kind = pybullet.getJointInfo(self.robot, number, **kwargs)[2]
-            if number not in self.joints and kind != pybullet.JOINT_FIXED:
-                pybullet.setJointMotorControl2(
-                    self.robot,
-                    number,
-                    pybullet.VELOCITY_CONTROL,
-                    targetVelocity=0,
-                    force=1e3,
-                    **kwargs,
-                )
         for link in range(-1, pybullet.getNumJoints(self.robot, **kwargs)):
-            pybullet.setCollisionFilterGroupMask(self.robot, link, 0, 0, **kwargs)
             pybullet.changeDynamics(
                 self.robot, link, linearDamping=0, angularDamping=0, jointDamping=0, **kwargs
             )
@@ -220,22 +206,13 @@ class World:
             (n, n), kg m², in the model's order.
 
         """
-        q: list[float] = []
-        columns: list[tuple[int, int]] = []
-        wanted = dict(zip(self.joints, positions, strict=True))
-        for number in range(pybullet.getNumJoints(self.robot, physicsClientId=self.client)):
-            info = pybullet.getJointInfo(self.robot, number, physicsClientId=self.client)
-            if info[2] == pybullet.JOINT_FIXED:
-                continue
-            if number in wanted:
-                columns.append((self.joints.index(number), len(q)))
-                q.append(float(wanted[number]))
-            else:
-                state = pybullet.getJointState(self.robot, number, physicsClientId=self.client)
-                q.append(state[0])
-        matrix = np.array(pybullet.calculateMassMatrix(self.robot, q, physicsClientId=self.client))
-        order = [column for _, column in sorted(columns)]
-        return matrix[np.ix_(order, order)]
+        order = np.argsort(self.joints)
+        in_its_order = [float(positions[i]) for i in order]
+        matrix = np.array(
+            pybullet.calculateMassMatrix(self.robot, in_its_order, physicsClientId=self.client)
+        )
+        back = np.argsort(order)
+        return matrix[np.ix_(back, back)]
 
     def close(self) -> None:
         """Let PyBullet forget this world; a second call does nothing."""
@@ -255,21 +232,62 @@ class World:
         self.close()
 
 
-def load_robot(
-    model: RobotModel,
-    client: int,
-    *,
-    urdf_path: Path | None = None,
-    use_file_inertia: bool = True,
-) -> int:
+def moving_masses(model: RobotModel) -> str:
+    """
+    Leave in the description of a robot what counts where nothing touches anything.
+
+    That is the chain, and what it carries that has mass. PyBullet has no room for more than 128
+    links.
+
+    Args:
+        model: the robot.
+
+    Returns:
+        Its URDF without shapes, and without the links that neither move nor weigh.
+
+    """
+    robot = ElementTree.fromstring(model.chain_text)
+    links = {link.get('name', ''): link for link in robot.findall('link')}
+    joints = {_end(joint, 'child'): joint for joint in robot.findall('joint')}
+    kept: set[str] = set()
+
+    def keep(name: str) -> None:
+        """Keep a link and those that it hangs on."""
+        while name not in kept:
+            kept.add(name)
+            if name in joints:
+                name = _end(joints[name], 'parent')
+
+    chain = [joint for joint in joints.values() if joint.get('name') in model.joint_names]
+    for joint in chain:
+        keep(_end(joint, 'child'))
+    for name in moved_links(robot, chain):
+        mass = links[name].find('inertial/mass')
+        if mass is not None and float(mass.get('value', '0')) > 0.0:
+            keep(name)
+    for name, link in links.items():
+        for shape in link.findall('visual') + link.findall('collision'):
+            link.remove(shape)
+        if name not in kept:
+            robot.remove(link)
+            robot.remove(joints[name])
+    return ElementTree.tostring(robot, encoding='unicode')
+
+
+def _end(joint: ElementTree.Element, end: str) -> str:
+    """Return the link at an end of a joint."""
+    element = joint.find(end)
+    return '' if element is None else element.get('link', '')
+
+
+def load_robot(model: RobotModel, description: str, client: int) -> int:
     """
     Load a robot into a world, on its base.
 
     Args:
         model: the robot.
+        description: its URDF, as PyBullet is to read it.
         client: PyBullet's number of the world.
-        urdf_path: a URDF to take in place of the model's.
-        use_file_inertia: take the inertia tensors of the URDF.
 
     Returns:
         PyBullet's number of the robot.
@@ -278,22 +296,24 @@ def load_robot(
         DataError: PyBullet cannot read the URDF.
 
     """
-    path = urdf_path or model.urdf_path
     half_yaw = 0.5 * model.base.yaw
     try:
-        with silenced():
+        with silenced(), TemporaryDirectory() as folder:
+            file = Path(folder) / 'robot.urdf'
+            file.write_text(description, encoding='utf-8')
             return int(
                 pybullet.loadURDF(
-                    str(path),
+                    str(file),
                     basePosition=[float(x) for x in model.base.position],
                     baseOrientation=[0.0, 0.0, float(np.sin(half_yaw)), float(np.cos(half_yaw))],
                     useFixedBase=True,
-                    flags=pybullet.URDF_USE_INERTIA_FROM_FILE if use_file_inertia else 0,
+                    # else it makes inertia of its own from the shapes
+                    flags=pybullet.URDF_USE_INERTIA_FROM_FILE,
                     physicsClientId=client,
                 )
             )
     except pybullet.error as error:
-        raise DataError(f'{path}: PyBullet cannot load it ({error})') from error
+        raise DataError(f'{model.urdf_path}: PyBullet cannot load it ({error})') from error
 
 
 def joint_numbers(model: RobotModel, robot: int, client: int) -> list[int]:

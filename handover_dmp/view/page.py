@@ -33,6 +33,7 @@ from typing import Any
 
 from handover_dmp.common.errors import DataError, UsageError
 from handover_dmp.common.files import write_text
+from handover_dmp.view.drawn_robot import drawn_description
 from handover_dmp.view.scene import (
     FIELD_OF_VIEW_DEG,
     HAND_COLOUR,
@@ -191,9 +192,8 @@ class _Drawing:
         model = robot.pinocchio_model
         visual = pin.buildGeomFromUrdfString(
             model,
-            robot.chain_text,
+            drawn_description(robot),
             pin.GeometryType.VISUAL,
-            package_dirs=[str(folder) for folder in robot.urdf_path.parents],
         )
         data, shapes = model.createData(), visual.createData()
         tracks: dict[str, list[tuple[Array, Array]]] = {g.name: [] for g in visual.geometryObjects}

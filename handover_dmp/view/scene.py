@@ -33,6 +33,7 @@ from handover_dmp.common.settings import setting
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.simulation.partner_figure import FigureBodies, PartnerFigure
 from handover_dmp.simulation.world import joint_numbers, load_robot
+from handover_dmp.view.drawn_robot import drawn_description
 from handover_dmp.view.primitives import refine, write_unit_cylinder, write_unit_sphere
 import numpy as np
 from numpy.typing import NDArray
@@ -228,21 +229,12 @@ class Scene:
             self._cylinder = Path(folder) / 'cylinder.obj'
             write_unit_sphere(self._sphere)
             write_unit_cylinder(self._cylinder)
-            self._robot = self._load_robot(Path(folder))
+            fine = refine(drawn_description(model), self._sphere, self._cylinder)
+            self._robot = load_robot(model, fine, self._client)
             self._furnish()
         self._numbers = joint_numbers(model, self._robot, self._client)
         self._trails = self._lay_trails()
         self._backdrops: dict[tuple[int, int], _Backdrop] = {}
-
-    def _load_robot(self, folder: Path) -> int:
-        """Load the robot with round surfaces; one with meshes of its own as it is."""
-        if '<mesh' in self.model.urdf_text:
-            return load_robot(self.model, self._client)
-        fine = folder / 'robot.urdf'
-        fine.write_text(
-            refine(self.model.urdf_text, self._sphere, self._cylinder), encoding='utf-8'
-        )
-        return load_robot(self.model, self._client, urdf_path=fine)
 
     def _furnish(self) -> None:
         """Put up the pedestal, and the object for now anywhere."""

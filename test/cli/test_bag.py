@@ -152,8 +152,8 @@ def test_information_and_repair(
     ('words', 'code', 'fault'),
     [
         (['somewhere'], 2, '-o DIR'),
-        (['info'], 2, 'of which bag'),
-        (['repair'], 2, 'of which bag'),
+        (['info'], 2, 'needs a bag'),
+        (['repair'], 2, 'needs a bag'),
         (['a', 'b', '-o', 'c'], 2, 'one data set'),
         (['nowhere', '-o', 'c'], 1, 'no such folder'),
         (['info', 'nowhere'], 1, 'no such bag'),

@@ -98,7 +98,7 @@ def undisturbed(
     folder = tmp_path_factory.mktemp('undisturbed')
     keep_inputs(folder, scenario)
     with Graph(folder, graph_parameters(folder, scenario, {}, True)) as graph:
-        graph.unpause()
+        graph.pause(False)
         assert graph.wait_for_state(('done',), MAX_S, lambda: None)
     return positions(folder / 'bag', '/wrist/pose')
 
@@ -118,7 +118,7 @@ def test_gives_the_same_motion_as_one_process_at_any_speed(
     )
     with Graph(folder, parameters) as graph:
         begun = time.monotonic()
-        graph.unpause()
+        graph.pause(False)
         assert graph.wait_for_state(('done',), MAX_S, lambda: None)
         took, passed = time.monotonic() - begun, graph.time_s
         print(f'{passed / took:.2f} times real time')
@@ -184,7 +184,7 @@ def test_a_node_that_stalls_changes_nothing(
     """Nobody goes on without it, and nothing tells afterwards that it stood still."""
     folder, parameters = prepare()
     with Graph(folder, parameters) as graph:
-        graph.unpause()
+        graph.pause(False)
         assert graph.wait_for_state(('reaching',), MAX_S, lambda: None)
         for stalled in ('hand_tracker', 'dmp', 'priority_ik'):
             graph.linger(0.2)
@@ -210,7 +210,7 @@ def test_parameters_that_are_set_back_leave_the_movement_as_it_was(
             while not answer.done():
                 graph.spin(0.02)
             assert answer.result().results[0].successful
-        graph.unpause()
+        graph.pause(False)
         assert graph.wait_for_state(('done',), MAX_S, lambda: None)
     way = positions(folder / 'bag', '/wrist/pose')
     assert len(way) > 100
@@ -267,7 +267,7 @@ def test_lockstep_goes_on_with_the_velocities_of_anybody(prepare: Any, with_labe
     with Graph(folder, parameters, nodes=('robot_sim',)) as graph:
         kind, quality = message_class(JOINT_COMMAND.type_name), qos_profile(JOINT_COMMAND.quality)
         publisher = graph.node.create_publisher(kind, JOINT_COMMAND.name, quality)
-        graph.unpause()
+        graph.pause(False)
         end_s = time.monotonic() + 60.0
         while graph.time_s < 0.1 and time.monotonic() < end_s:
             command = to_joint_command(round(graph.time_s * NANOSECONDS), [0.1] * 7)
@@ -485,7 +485,7 @@ def test_the_hand_may_come_from_a_bag_or_from_a_slow_tracker(
     }  # fmt: skip
     folder, parameters = prepare(**changes[source])
     with Graph(folder, parameters) as graph:
-        graph.unpause()
+        graph.pause(False)
         assert graph.wait_for_state(('done',), MAX_S, lambda: None)
     recorded = positions(folder / 'bag', '/wrist/pose')
     apart = [

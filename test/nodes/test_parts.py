@@ -174,7 +174,7 @@ def test_robot_sim_takes_velocities_from_anybody(tmp_path: Path) -> None:
         ratio = moved() / np.abs(moved()).max()
         assert np.allclose(ratio, np.array(velocities) / 0.2, atol=0.02)
         assert any(hearing.newest[JOINT_STATES].velocity)
-        graph.call('/robot_sim/pause')
+        graph.pause(True)
         assert hearing.until(
             lambda: not any(hearing.newest[JOINT_STATES].velocity), lambda: None, 50.0
         )

@@ -15,6 +15,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import copy
 from dataclasses import replace
 import json
 from pathlib import Path
@@ -131,6 +132,28 @@ def test_a_joint_without_limits_keeps_them(run_bag: Path, endless: int) -> None:
         assert limits['position'] is None
     else:
         assert 0.0 < limits['position']['share'] < 1.0
+
+
+@pytest.mark.parametrize('quantity', ['lower', 'upper', 'velocity', 'acceleration'])
+def test_limits_are_those_of_the_description_whatever_was_believed(
+    make_run: Callable[..., Path], tmp_path: Path, quantity: str
+) -> None:
+    honest = load_run(make_run(tmp_path / 'honest'))
+    believed = copy.deepcopy(honest.info)
+    believed['joint_limits'][quantity][2] *= 5.0
+    run = load_run(make_run(tmp_path / 'run', info=believed))
+    assert run.joint_limits is not None and honest.joint_limits is not None
+    if quantity == 'acceleration':
+        # the description is silent of it: no more than is usual for an arm that nobody knows
+        assert run.joint_limits.acceleration[2] == 10.0
+    else:
+        np.testing.assert_array_equal(
+            getattr(run.joint_limits, quantity), getattr(honest.joint_limits, quantity)
+        )
+    limits = measure(run)['limits']
+    assert [text.split(':')[0] for text in limits['believed_beyond']] == [f'{quantity} of joint_3']
+    assert limits['judged_by'] == '/robot_description'
+    assert measure(honest)['limits']['believed_beyond'] == []
 
 
 @pytest.mark.parametrize('quantity', ['position', 'velocity', 'acceleration'])

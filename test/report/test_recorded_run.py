@@ -52,8 +52,9 @@ def test_arrays_are_what_was_written(run_bag: Path, make_motion: Callable[..., A
     assert run.diagnostics[0].values == {'rate (Hz)': '200.0'}
     limits = run.joint_limits
     assert limits is not None
-    assert limits.acceleration is not None
+    np.testing.assert_array_equal(limits.acceleration, 8.0)
     assert limits.upper[1] == 2.09
+    assert limits.origin == '/robot_description'
 
 
 def test_what_is_not_known_of_a_period_does_not_hide_the_rest(run_bag: Path) -> None:
@@ -101,9 +102,9 @@ def test_what_is_optional_may_be_missing(make_run: Callable[..., Path], tmp_path
     assert not run.handed_over
     assert run.demonstrator_positions.shape == (0, 3)
     np.testing.assert_array_equal(run.goal_offset, 0.0)
-    # limits are those of the URDF then, which knows of no accelerations
+    # a URDF knows of no accelerations
     assert run.joint_limits is not None
-    assert run.joint_limits.acceleration is None
+    assert not np.isfinite(run.joint_limits.acceleration).any()
     np.testing.assert_array_equal(run.joint_limits.velocity[:2], [1.74, 1.91])
 
 

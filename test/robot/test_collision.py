@@ -16,8 +16,9 @@ from __future__ import annotations
 
 from handover_dmp.robot.collision import CollisionModel, link_capsules
 from handover_dmp.robot.model import BasePlacement, RobotModel
-from handover_dmp.robot.priority_ik import IkOptions, PriorityIk, WristTarget
-from handover_dmp.robot.separation import Partner
+from handover_dmp.robot.partner import Partner
+from handover_dmp.robot.priority_ik import PriorityIk
+from handover_dmp.robot.tasks import WristTarget
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -147,7 +148,7 @@ def test_forearm_distance_and_row(arm, bodies):
 def test_the_arm_never_touches_itself(robot):
     """Goals in its own body, as fast as it can: it stays apart where it would collide without."""
     arm = RobotModel.load(robot)
-    ik = PriorityIk(arm, IkOptions(forearm_collision=False))
+    ik = PriorityIk(arm, forearm_collision=False)
     bodies = CollisionModel(arm)
     rng = np.random.default_rng(5)
     minimum = np.inf
@@ -159,7 +160,7 @@ def test_the_arm_never_touches_itself(robot):
 
 def test_without_the_rows_it_would_touch():
     arm = RobotModel.load('ur5')
-    blind = PriorityIk(arm, IkOptions(forearm_collision=False, self_collision=False))
+    blind = PriorityIk(arm, forearm_collision=False, self_collision=False)
     goal = arm.shoulder + [0.05, 0.0, -0.1]
     assert _least_distance(arm, blind, CollisionModel(arm), goal) < -0.01
 
@@ -184,7 +185,7 @@ def test_the_arm_keeps_off_the_forearm_but_not_off_the_hand():
     partner = Partner(goal, np.zeros(3), elbow)
     minimum = []
     for avoid in (True, False):
-        ik = PriorityIk(arm, IkOptions(forearm_collision=avoid, self_collision=False))
+        ik = PriorityIk(arm, forearm_collision=avoid, self_collision=False)
         posture, velocity = arm.home.copy(), np.zeros(arm.dof)
         distances = []
         for _ in range(600):

@@ -19,7 +19,8 @@ from handover_dmp.mocap.filtering import condition
 from handover_dmp.robot.errors import UnreachableError
 from handover_dmp.robot.model import BasePlacement, RobotModel
 from handover_dmp.robot.placement import choose_base_placement
-from handover_dmp.robot.priority_ik import PriorityIk, WristTarget
+from handover_dmp.robot.priority_ik import PriorityIk
+from handover_dmp.robot.tasks import WristTarget
 import numpy as np
 import pytest
 

@@ -14,12 +14,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from handover_dmp.bench.ik_scenarios import follow, limit_drives, minimum_jerk
 from handover_dmp.common.errors import UsageError
+from handover_dmp.common.settings import defaults
 from handover_dmp.robot.limits import VelocityBox
 from handover_dmp.robot.model import RobotModel
-from handover_dmp.robot.priority_ik import IkOptions, IkSolution, PriorityIk, WristTarget
-from handover_dmp.robot.separation import Partner
+from handover_dmp.robot.partner import Partner
+from handover_dmp.robot.priority_ik import IkSolution, PriorityIk
+from handover_dmp.robot.task_stack import TaskStack
+from handover_dmp.robot.tasks import HalfSpace, WristTarget
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -29,7 +34,7 @@ from scipy.optimize import linprog, lsq_linear
 
 DT = 0.005
 ARMS = ('lwr4', 'iiwa14', 'panda', 'ur5')
-PLAIN = IkOptions(self_collision=False, forearm_collision=False)
+PLAIN = {'self_collision': False, 'forearm_collision': False}
 
 
 @pytest.fixture(scope='module', params=ARMS)
@@ -68,15 +73,18 @@ def test_every_level_is_the_best_that_the_levels_above_allow(arm):
     all that miss no more.
     """
     rng = np.random.default_rng(0)
-    ik = PriorityIk(arm, PLAIN)
-    box = VelocityBox(arm.limits, PLAIN.braking_share)
+    ik = PriorityIk(arm, **PLAIN)
+    box = VelocityBox(arm.limits, ik.stack.braking_share)
     limited = 0
     for _ in range(60):
         posture = random_state(arm, rng)
         lower, upper = box.bounds(posture, np.zeros(arm.dof), DT)
         velocity = rng.uniform(lower, upper)
         jacobian = arm.wrist_jacobian(posture)[:3].copy()
-        if np.linalg.svd(jacobian, compute_uv=False)[-1] < PLAIN.singularity_activation:
+        if (
+            np.linalg.svd(jacobian, compute_uv=False)[-1]
+            < defaults('priority_ik')['singularity_activation']
+        ):
             continue  # there the wrist is asked for less than what is asked here
         position, _ = arm.wrist_pose(posture)
         asked = rng.normal(size=3) * rng.choice([0.02, 0.5, 3.0])
@@ -102,8 +110,8 @@ def test_every_level_is_the_best_that_the_levels_above_allow(arm):
 def test_orientation_takes_what_is_left(arm):
     """Among all with the same wrist velocity none turns the wrist better (least squares)."""
     rng = np.random.default_rng(1)
-    options = IkOptions(orientation='full', self_collision=False, forearm_collision=False)
-    ik, box = PriorityIk(arm, options), VelocityBox(arm.limits, options.braking_share)
+    ik = PriorityIk(arm, orientation='full', **PLAIN)
+    box = VelocityBox(arm.limits, ik.stack.braking_share)
     limited = 0
     for _ in range(25):
         posture = arm.home + rng.uniform(-0.3, 0.3, arm.dof)
@@ -140,9 +148,9 @@ def test_no_limit_is_broken_and_no_step_fails(seed, robot, orientation):
     rng = np.random.default_rng(seed)
     ik = PriorityIk(
         arm,
-        IkOptions(
-            orientation=orientation, separation=bool(seed % 2), self_collision=seed % 3 == 0
-        ),
+        orientation=orientation,
+        separation=bool(seed % 2),
+        self_collision=seed % 3 == 0,
     )
     posture, velocity = random_state(arm, rng), np.zeros(arm.dof)
     if seed % 5 == 0:
@@ -190,8 +198,8 @@ def test_no_limit_is_broken_in_many_steps(robot):
 def test_half_spaces_always_leave_braking(arm):
     """Whatever hand and forearm do, the hardest braking is within every bound of level 1."""
     rng = np.random.default_rng(2)
-    ik = PriorityIk(arm, IkOptions(separation=True, self_collision=True, forearm_collision=True))
-    box = VelocityBox(arm.limits, ik.options.braking_share)
+    ik = PriorityIk(arm, separation=True)
+    box = VelocityBox(arm.limits, ik.stack.braking_share)
     for _ in range(150):
         posture = random_state(arm, rng)
         lower, upper = box.bounds(posture, rng.uniform(-1, 1, arm.dof), DT)
@@ -221,7 +229,7 @@ def test_is_not_stopped_by_a_joint_limit_while_there_is_a_way(lwr4):
     assert len(drives) >= 4
     touched = 0
     for start, path, name in drives:
-        run = follow(lwr4, follower(PriorityIk(lwr4, PLAIN)), start, path, 4.5)
+        run = follow(lwr4, follower(PriorityIk(lwr4, **PLAIN)), start, path, 4.5)
         assert run.errors.max() < 1e-4, name
         assert run.excess(lwr4)['position'] <= 1e-12
         touched += run.excess(lwr4)['position'] > -1e-3
@@ -233,7 +241,7 @@ def test_rests_at_the_end_of_its_reach(arm, direction):
     towards = np.array(direction) / np.linalg.norm(direction)
     start, _ = arm.wrist_pose(arm.home)
     path = minimum_jerk(start, arm.shoulder + (arm.reach_m + 0.05) * towards, 1.5)
-    run = follow(arm, follower(PriorityIk(arm, PLAIN)), arm.home, path, 5.0)
+    run = follow(arm, follower(PriorityIk(arm, **PLAIN)), arm.home, path, 5.0)
     nearest = arm.shoulder + arm.reach_m * towards
     assert np.linalg.norm(run.wrist[-1] - nearest) < 0.020
     assert run.rms_jerk(1.5) < 0.5
@@ -248,7 +256,7 @@ def test_comes_back_from_the_end_of_its_reach(arm):
     def path(time_s):
         return out(time_s) if time_s < 2.0 else back(time_s - 2.0)
 
-    run = follow(arm, follower(PriorityIk(arm, PLAIN)), arm.home, path, 5.0)
+    run = follow(arm, follower(PriorityIk(arm, **PLAIN)), arm.home, path, 5.0)
     assert run.errors[-1] < 1e-4
 
 
@@ -271,7 +279,7 @@ def test_too_fast_a_path_is_left_by_little_and_by_less_with_phase_stopping(lwr4)
     posture = lwr4.inverse(ends[0])
     deviations = []
     for stopping in (False, True):
-        ik = PriorityIk(lwr4, PLAIN)
+        ik = PriorityIk(lwr4, **PLAIN)
         run = follow(lwr4, follower(ik), posture, path, 2.0, phase_stopping=stopping)
         assert run.scales.min() < 0.8
         assert run.errors[-1] < 1e-4
@@ -289,14 +297,7 @@ def test_orientation_does_not_disturb_the_position(arm, orientation):
     hand = start + [0.6, 0.3, 0.0]
     errors = []
     for kind in ('none', orientation):
-        options = IkOptions(
-            orientation=kind,
-            orientation_speed=0.1,
-            position_gain=100.0,
-            self_collision=False,
-            forearm_collision=False,
-        )
-        ik = PriorityIk(arm, options)
+        ik = PriorityIk(arm, orientation=kind, orientation_speed=0.1, position_gain=100.0, **PLAIN)
         posture, velocity, missed = arm.home.copy(), np.zeros(arm.dof), []
         for step in range(1200):
             position, speed = path(step * dt)
@@ -312,7 +313,7 @@ def test_orientation_does_not_disturb_the_position(arm, orientation):
 
 @pytest.mark.parametrize('orientation', ['full', 'level', 'point'])
 def test_orientation_is_reached_where_the_joints_allow_it(arm, orientation):
-    ik = PriorityIk(arm, IkOptions(orientation=orientation, self_collision=False))
+    ik = PriorityIk(arm, orientation=orientation, self_collision=False)
     position, home = arm.wrist_pose(arm.home)
     position, home = position.copy(), home.copy()
     hand = position + home @ [0.2, 0.1, 0.6]
@@ -343,10 +344,7 @@ def test_orientation_is_reached_where_the_joints_allow_it(arm, orientation):
 def test_orientation_changes_no_wrist_velocity(arm, orientation):
     """Step by step, from the same state: the wrist's velocity with the task and without it."""
     rng = np.random.default_rng(3)
-    kinds = [
-        PriorityIk(arm, IkOptions(orientation=kind, self_collision=False, forearm_collision=False))
-        for kind in ('none', orientation)
-    ]
+    kinds = [PriorityIk(arm, orientation=kind, **PLAIN) for kind in ('none', orientation)]
     for _ in range(40):
         posture = arm.home + rng.uniform(-0.4, 0.4, arm.dof)
         velocity = rng.uniform(-0.3, 0.3, arm.dof)
@@ -368,7 +366,7 @@ def test_redundancy_brings_the_arm_home(robot):
     start = arm.inverse(arm.wrist_pose(arm.home)[0], q0=arm.home + rng.uniform(-1, 1, arm.dof))
     position, _ = arm.wrist_pose(start)
     run = follow(
-        arm, follower(PriorityIk(arm, PLAIN)), start, lambda _: (position, np.zeros(3)), 4.0
+        arm, follower(PriorityIk(arm, **PLAIN)), start, lambda _: (position, np.zeros(3)), 4.0
     )
     assert run.errors.max() < 2e-4
     before, after = (np.linalg.norm(run.joints[i] - arm.home) for i in (0, -1))
@@ -382,7 +380,7 @@ def test_elbow_moves_away_from_the_partner(lwr4):
     hand = elbow + [0.05, 0.2, 0.0]
     apart = []
     for seen in (hand, None):
-        ik = PriorityIk(lwr4, PLAIN)
+        ik = PriorityIk(lwr4, **PLAIN)
         posture, velocity = lwr4.home.copy(), np.zeros(7)
         for _ in range(400):
             solution = ik.solve(posture, velocity, WristTarget(position), DT, hand=seen)
@@ -395,7 +393,7 @@ def test_elbow_moves_away_from_the_partner(lwr4):
 
 
 def test_names_what_holds_it_back(lwr4):
-    ik = PriorityIk(lwr4, PLAIN)
+    ik = PriorityIk(lwr4, **PLAIN)
     position, _ = lwr4.wrist_pose(lwr4.home)
     rush = WristTarget(position, np.array([0.0, 3.0, 0.0]))
     first = ik.solve(lwr4.home, np.zeros(7), rush, DT)
@@ -414,7 +412,7 @@ def test_names_what_holds_it_back(lwr4):
     edge[3] = lwr4.limits.upper[3]
     jacobian = lwr4.wrist_jacobian(edge)[:3]
     wanted = WristTarget(lwr4.wrist_pose(edge)[0], 0.01 * jacobian[:, 3])
-    lazy = PriorityIk(lwr4, IkOptions(posture_gain=0.0))
+    lazy = PriorityIk(lwr4, posture_gain=0.0)
     assert 'joint_4 position' in lazy.solve(edge, np.zeros(7), wanted, DT).active_limits
 
 
@@ -448,9 +446,14 @@ def test_depends_on_nothing_but_its_arguments(lwr4):
         np.testing.assert_allclose(fresh.joint_velocity, one, atol=1e-9)
 
 
-def test_refuses_an_orientation_that_it_does_not_know():
+def test_refuses_an_orientation_that_it_does_not_know(lwr4):
     with pytest.raises(UsageError, match="'sideways' is none of none, full, level, point"):
-        IkOptions(orientation='sideways')
+        PriorityIk(lwr4, orientation='sideways')
+
+
+def test_refuses_a_parameter_that_it_does_not_know(lwr4):
+    with pytest.raises(UsageError, match='priority_ik has no parameter speed'):
+        PriorityIk(lwr4, speed=1.0)
 
 
 def _within_limits(arm, before, solution):
@@ -467,3 +470,48 @@ def _loaded(robot):
     if robot not in _arms:
         _arms[robot] = RobotModel.load(robot)
     return _arms[robot]
+
+
+class _Wall:
+    """A limit of a user's own: the wrist goes no further along x."""
+
+    def __init__(self, x):
+        self.x = x
+
+    def half_spaces(self, period):
+        room = max(self.x - period.position[0], 0.0)
+        return [HalfSpace('wall', -period.linear[0], -5.0 * room)]
+
+
+def test_takes_a_limit_of_a_users_own(lwr4):
+    wrist, _ = lwr4.wrist_pose(lwr4.home)
+    path = minimum_jerk(wrist, wrist + [0.2, 0.1, 0.0], 1.5)
+    stack = TaskStack.configured(lwr4, **PLAIN)
+    ik = PriorityIk(lwr4, replace(stack, limits=(_Wall(wrist[0] + 0.1),)))
+    run = follow(lwr4, follower(ik), lwr4.home, path, 2.0)
+    assert run.wrist[:, 0].max() < wrist[0] + 0.1 + 1e-3
+    solution = ik.solve(run.joints[-1], run.velocities[-1], WristTarget(run.targets[-1]), DT)
+    assert 'wall' in solution.active_limits
+
+
+class _Spin:
+    """A task of a user's own: the last joint turns at a speed."""
+
+    name = 'spin'
+
+    def __init__(self, dof, speed):
+        self.row, self.speed = np.eye(dof)[-1:], np.array([speed])
+
+    def rows(self, period):
+        return self.row, self.speed
+
+
+def test_takes_a_task_of_a_users_own_below_the_wrist(lwr4):
+    stack = TaskStack.configured(lwr4, **PLAIN)
+    stack = replace(stack, levels=(*stack.levels, (_Spin(lwr4.dof, 0.3),)))
+    wrist, _ = lwr4.wrist_pose(lwr4.home)
+    run = follow(
+        lwr4, follower(PriorityIk(lwr4, stack)), lwr4.home, lambda _: (wrist, np.zeros(3)), 1.0
+    )
+    assert run.velocities[-1, -1] == pytest.approx(0.3, abs=1e-4)
+    assert run.errors.max() < 1e-5

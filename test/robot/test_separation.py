@@ -17,13 +17,15 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 from handover_dmp.robot.model import RobotModel
-from handover_dmp.robot.priority_ik import IkOptions, PriorityIk, WristTarget
-from handover_dmp.robot.separation import Partner, SpeedSeparation
+from handover_dmp.robot.partner import Partner
+from handover_dmp.robot.priority_ik import PriorityIk
+from handover_dmp.robot.separation import SeparationLimit
+from handover_dmp.robot.tasks import WristTarget
 import numpy as np
 import pytest
 
 DT = 0.005
-RULE = SpeedSeparation(distance=0.3, speed=0.25, deceleration=1.0)
+RULE = SeparationLimit(RobotModel.load('lwr4'), 0.3, 0.25, 1.0)
 
 
 def test_partner_in_any_form():
@@ -84,7 +86,7 @@ def test_wrist_slows_down_on_its_way_to_the_hand(robot):
     start, _ = arm.wrist_pose(arm.home)
     hand = start + [-0.05, 0.55, -0.1]
     posture, speeds, distances = _reach(arm, hand, np.zeros(3), separation=True)
-    near = distances <= RULE.distance
+    near = distances <= RULE.separation_distance
     assert near.any() and distances[-1] < 0.005
     assert speeds[near].max() <= 0.25 + 1e-6
     assert np.all(speeds <= [RULE.allowed(d, DT) + 1e-6 for d in distances])
@@ -98,7 +100,7 @@ def test_wrist_follows_a_receding_hand_at_the_speed_relative_to_it():
     start, _ = arm.wrist_pose(arm.home)
     away = np.array([0.0, 0.2, 0.0])
     _, speeds, distances = _reach(arm, start + [0.0, 0.15, 0.0], away, separation=True)
-    within = distances <= RULE.distance
+    within = distances <= RULE.separation_distance
     assert speeds[within].max() <= 0.25 + 1e-6
     assert distances[-1] < 0.01, 'it catches up, for which it must be faster than 0.25 m/s'
 
@@ -116,13 +118,11 @@ def _reach(arm, hand, hand_velocity, *, separation, duration_s=3.0, seen=True):
     """Give the last posture, wrist speed relative to the hand, and distance at each start."""
     ik = PriorityIk(
         arm,
-        IkOptions(
-            separation=separation,
-            separation_distance=RULE.distance,
-            separation_speed=RULE.speed,
-            separation_deceleration=RULE.deceleration,
-            self_collision=False,
-        ),
+        separation=separation,
+        separation_distance=RULE.separation_distance,
+        separation_speed=RULE.separation_speed,
+        separation_deceleration=RULE.separation_deceleration,
+        self_collision=False,
     )
     posture, velocity = arm.home.copy(), np.zeros(arm.dof)
     speeds, distances = [], []

@@ -16,10 +16,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from handover_dmp.robot.model import RobotModel
-from handover_dmp.robot.priority_ik import PriorityIk, WristTarget
+from handover_dmp.robot.priority_ik import PriorityIk
+from handover_dmp.robot.tasks import WristTarget
 from handover_dmp.robot.wrist_controller import WristController, WristControllerOptions
 import numpy as np
 from numpy.typing import NDArray
@@ -121,8 +120,7 @@ def test_changed_tasks_do_not_jump(
         now_s = k * PERIOD_S
         if k == 40:
             assert np.abs(velocities).max() > 0.1, 'in motion'
-            tasks = replace(controller.ik.options, **changes)  # type: ignore[arg-type]
-            controller.ik = PriorityIk(robot, tasks, collision_model=controller.ik.collision_model)
+            controller.ik = PriorityIk(robot, **changes)  # type: ignore[arg-type]
         controller.set_joint_state(names, positions, velocities, now_s)
         controller.set_target(target_beside(robot), now_s)
         answer = controller.update(now_s, PERIOD_S).velocities

@@ -17,13 +17,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 import json
 from pathlib import Path
 import re
 
 from handover_dmp.cli.main import main
 from handover_dmp.common.resources import share_path
+from handover_dmp.handover.lockstep import Handover
+from handover_dmp.handover.scenario import make_scenario
 from handover_dmp.recording import read_bag
+from handover_dmp.report import load_run, measure
+from handover_dmp.robot.model import RobotModel
+from handover_dmp.runs.bag import write_run_bag
+from handover_dmp.runs.folder import run_info
+import numpy as np
 import pytest
 
 Write = Callable[[str, str], Path]
@@ -70,3 +78,30 @@ def test_a_handover_that_never_happens_has_no_picture_of_it(
     page = (run / 'report.md').read_text()
     assert 'The object did not change hands.' in page
     assert 'half way, and at the end.' in page
+
+
+@pytest.mark.parametrize('knows_its_file', [True, False])
+def test_the_report_finds_an_arm_that_was_moved_beyond_its_own_description(
+    changed_arm: Write, tmp_path: Path, knows_its_file: bool
+) -> None:
+    usual = make_scenario()
+    slow = RobotModel.load(changed_arm(r'velocity="\S+"', 'velocity="0.4"'), base=usual.robot.base)
+    np.testing.assert_array_equal(slow.limits.velocity, 0.4)
+    robot = slow if knows_its_file else replace(slow, limits=usual.robot.limits)
+    scenario = replace(usual, robot=robot)
+    handover = Handover(scenario)
+    periods = handover.run()
+    handover.close()
+    write_run_bag(tmp_path / 'bag', scenario, periods, run_info(scenario, 1.0))
+    limits = measure(load_run(tmp_path / 'bag'))['limits']
+    fastest = max(np.abs(period.joint_velocities).max() for period in periods)
+    assert limits['judged_by'] == '/robot_description'
+    assert limits['velocity']['share'] == pytest.approx(fastest / 0.4)
+    assert limits['sources']['velocity'] == 'description'
+    assert limits['met'] is knows_its_file
+    if knows_its_file:
+        assert 0.39 < fastest < 0.4 * (1 + 1e-6)
+        assert limits['believed_beyond'] == []
+    else:
+        assert len(limits['believed_beyond']) == robot.dof
+        assert limits['believed_beyond'][0].startswith('velocity of joint_1: 1.745 rad/s, is 0.4')

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import subprocess
 import sys
 
@@ -113,25 +114,6 @@ def test_same_commands_give_same_motion_bit_for_bit():
     assert np.array_equal(first, with_figure)
 
 
-def test_gripper_keeps_still_while_the_arm_moves():
-    from handover_dmp.common.quiet_pybullet import pybullet
-
-    model = RobotModel.load('panda')
-    with World(model) as world:
-        fingers = [
-            number
-            for number in range(pybullet.getNumJoints(world.robot, physicsClientId=world.client))
-            if b'finger'
-            in pybullet.getJointInfo(world.robot, number, physicsClientId=world.client)[1]
-        ]
-        for k in range(300):
-            world.drive([min(1.0, k / 200)] * model.dof)
-            world.step()
-        states = pybullet.getJointStates(world.robot, fingers, physicsClientId=world.client)
-    assert len(fingers) >= 2
-    assert max(abs(state[0]) for state in states) < 1e-5
-
-
 def test_writes_nothing_to_the_terminal():
     script = (
         'from handover_dmp.robot.model import RobotModel, BasePlacement\n'
@@ -148,20 +130,23 @@ def test_writes_nothing_to_the_terminal():
     assert done.stdout + done.stderr == ''
 
 
-def test_urdf_that_is_gone_is_one_clear_line(tmp_path):
+def test_what_pybullet_cannot_read_is_one_clear_line():
+    model = replace(RobotModel.load('lwr4'), chain_text='<robot/>')
+    with pytest.raises(DataError, match=r'lwr4\.urdf: PyBullet cannot load it'):
+        World(model)
+
+
+def test_description_without_one_of_the_joints_is_one_clear_line():
+    model = RobotModel.load('lwr4')
+    model = replace(model, chain_text=model.chain_text.replace('"joint_3"', '"joint_x"'))
+    with pytest.raises(DataError, match=r'lwr4\.urdf: PyBullet has no moving joint joint_3'):
+        World(model)
+
+
+def test_file_that_is_gone_after_it_was_read_is_not_missed(tmp_path):
     copy = tmp_path / 'robot.urdf'
     copy.write_text(RobotModel.load('lwr4').urdf_text)
     model = RobotModel.load(copy)
     copy.unlink()
-    with pytest.raises(DataError, match=r'robot\.urdf: PyBullet cannot load it'):
-        World(model)
-
-
-def test_urdf_without_one_of_the_joints_is_one_clear_line(tmp_path):
-    copy = tmp_path / 'robot.urdf'
-    text = RobotModel.load('lwr4').urdf_text
-    copy.write_text(text)
-    model = RobotModel.load(copy)
-    copy.write_text(text.replace('"joint_3"', '"joint_x"'))
-    with pytest.raises(DataError, match=r'robot\.urdf: PyBullet has no moving joint joint_3'):
-        World(model)
+    with World(model) as world:
+        assert world.read()[0] == pytest.approx(model.home)

@@ -14,12 +14,10 @@
 
 from __future__ import annotations
 
-from handover_dmp.robot.model import RobotModel
-from handover_dmp.robot.tasks import (
+from handover_dmp.robot.orientation_task import (
     axis_alignment,
     full_orientation,
     orthogonal_directions,
-    PostureTask,
 )
 import numpy as np
 import pytest
@@ -58,17 +56,3 @@ def test_square_to_gives_a_right_angled_frame():
         first, second = orthogonal_directions(axis)
         frame = np.array([axis, first, second])
         np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-12)
-
-
-def test_posture_goes_home_and_is_pushed_off_the_limits():
-    arm = RobotModel.load('lwr4')
-    fastest = 0.5 * arm.limits.velocity
-    task = PostureTask(arm.home, arm.limits, fastest, 1.0, 0.2)
-    np.testing.assert_allclose(task.velocity(arm.home), 0.0)
-    aside = arm.home + 0.1
-    np.testing.assert_allclose(task.velocity(aside), -0.1)
-    near = arm.home.copy()
-    near[0] = arm.limits.upper[0] - 0.05
-    wanted = -(near[0] - arm.home[0]) - 20.0 * 0.15
-    assert task.velocity(near)[0] == pytest.approx(max(wanted, -fastest[0]))
-    assert np.all(np.abs(task.velocity(arm.limits.lower)) <= fastest)

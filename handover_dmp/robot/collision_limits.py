@@ -1,0 +1,115 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The limits that keep the links of the arm apart, and off the partner's forearm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+from handover_dmp.common.settings import setting
+from handover_dmp.robot.collision import ClosingSpeed, CollisionModel, NearPair
+from handover_dmp.robot.model import RobotModel
+from handover_dmp.robot.tasks import HalfSpace, Period
+import numpy as np
+
+
+@dataclass(eq=False)
+class SelfCollisionLimit:
+    """
+    Keep the links apart from each other: they close in no faster than they can brake.
+
+    Attributes:
+        model: the arm.
+        collision_distance: m that is always kept.
+        collision_deceleration: m/s², with which two links slow on their way to each other.
+
+    """
+
+    model: RobotModel
+    collision_distance: float = setting('priority_ik', 'collision_distance')
+    collision_deceleration: float = setting('priority_ik', 'collision_deceleration')
+
+    def __post_init__(self) -> None:
+        self._bodies = CollisionModel.of(self.model)
+        self._closing_speed = closing_speed(self.collision_distance, self.collision_deceleration)
+
+    def half_spaces(self, period: Period) -> list[HalfSpace]:
+        """Bound every pair of links that could be too fast, see `tasks.Limit`."""
+        sides = zip(period.lower, period.upper, strict=True)
+        fastest = np.array([high if high > -low else -low for low, high in sides])
+        near = self._bodies.near_pairs(period.joint_jacobian, self._closing_speed, fastest)
+        return [_half_space(pair, self._closing_speed(pair.distance)) for pair in near]
+
+
+@dataclass(eq=False)
+class ForearmLimit:
+    """
+    Keep the links off the partner's forearm, where its elbow is known.
+
+    Attributes:
+        model: the arm.
+        collision_distance: m that is always kept.
+        collision_activation: m to the forearm below which a link is bounded.
+        collision_deceleration: m/s², with which a link slows on its way to it.
+
+    """
+
+    model: RobotModel
+    collision_distance: float = setting('priority_ik', 'collision_distance')
+    collision_activation: float = setting('priority_ik', 'collision_activation')
+    collision_deceleration: float = setting('priority_ik', 'collision_deceleration')
+
+    def __post_init__(self) -> None:
+        self._closing_speed = closing_speed(self.collision_distance, self.collision_deceleration)
+
+    def half_spaces(self, period: Period) -> list[HalfSpace]:
+        """Bound every link near the forearm, see `tasks.Limit`."""
+        partner = period.partner
+        if partner is None or partner.elbow is None:
+            return []
+        near = CollisionModel.of(self.model).near_forearm(
+            period.joint_jacobian,
+            partner.position,
+            partner.elbow,
+            partner.velocity,
+            self.collision_activation,
+        )
+        return [_half_space(pair, self._closing_speed(pair.distance)) for pair in near]
+
+
+def closing_speed(kept: float, deceleration: float) -> ClosingSpeed:
+    """
+    Say how fast bodies may close in, so that braking keeps them apart.
+
+    Args:
+        kept: the distance that is always kept, m.
+        deceleration: with which they slow on their way to each other, m/s².
+
+    Returns:
+        The speed, m/s, as a function of their distance, m.
+
+    """
+    twice = 2.0 * deceleration
+
+    def allowed(distance: float) -> float:
+        room = distance - kept
+        return math.sqrt(twice * room) if room > 0.0 else 0.0
+
+    return allowed
+
+
+def _half_space(pair: NearPair, closing_speed: float) -> HalfSpace:
+    return HalfSpace(pair.name, pair.row, min(-closing_speed - pair.drift, 0.0))

@@ -1,0 +1,97 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The first task: the direction in which the wrist moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+from handover_dmp.common.settings import setting
+from handover_dmp.robot.model import RobotModel
+from handover_dmp.robot.singularity import (
+    limit_outward_speed,
+    singular_slope,
+    smallest_singular_direction,
+)
+from handover_dmp.robot.tasks import Period
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(eq=False)
+class DirectionTask:
+    """
+    Move the wrist along what it is asked for, at s times the speed: J q̇ = s·v.
+
+    v is the velocity of the target and a feedback for the wrist's distance to it. Near the end
+    of the arm's reach its outward part is cut, see `singularity.limit_outward_speed`.
+
+    Attributes:
+        model: the arm.
+        position_gain: wrist speed for its position error, 1/s.
+        feedback_deceleration: m/s²; the error is worked off no faster than can be slowed by this.
+        singularity_activation: smallest singular value below which outward speed is limited, m.
+        singularity_min: smallest singular value at which the arm rests at the end of its reach, m.
+        singularity_rate: how fast it gets there, 1/s.
+
+    """
+
+    model: RobotModel
+    position_gain: float = setting('priority_ik', 'position_gain')
+    feedback_deceleration: float = setting('priority_ik', 'feedback_deceleration')
+    singularity_activation: float = setting('priority_ik', 'singularity_activation')
+    singularity_min: float = setting('priority_ik', 'singularity_min')
+    singularity_rate: float = setting('priority_ik', 'singularity_rate')
+    name = 'position'
+
+    def __post_init__(self) -> None:
+        self._rows = np.zeros((3, self.model.dof + 1))
+        self._joint_columns, self._scale_column = self._rows[:, :-1], self._rows[:, -1]
+
+    def rows(self, period: Period) -> tuple[Array, None]:
+        """Give (J, −v), see `tasks.Task`; v is kept as `period.wrist_velocity`."""
+        velocity = self._towards(period)
+        if period.singular_value < self.singularity_activation:
+            direction = smallest_singular_direction(period.linear)
+            slope = singular_slope(self.model, period.joint_positions, period.linear, direction)
+            velocity, stretched = limit_outward_speed(
+                velocity,
+                direction,
+                period.singular_value,
+                slope,
+                self.singularity_min,
+                self.singularity_rate,
+            )
+            if stretched:
+                period.held_back.append('stretch')
+        period.wrist_velocity = velocity
+        self._joint_columns[:] = period.linear
+        np.negative(velocity, out=self._scale_column)
+        return self._rows, None
+
+    def _towards(self, period: Period) -> Array:
+        """Give v: the target's own, and one towards it, proportional or less if it is far away."""
+        target = period.target
+        error = target.position - period.position
+        distance = math.hypot(*error.tolist())
+        if distance < 1e-12:
+            return target.velocity
+        gain = math.sqrt(2.0 * self.feedback_deceleration / distance)
+        error *= gain if gain < self.position_gain else self.position_gain
+        error += target.velocity
+        return error

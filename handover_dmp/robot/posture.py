@@ -1,0 +1,138 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the joints do that the tasks leave free: go home, off their limits, off the partner."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+from handover_dmp.common.settings import setting
+from handover_dmp.robot.model import RobotModel
+from handover_dmp.robot.partner import Partner
+from handover_dmp.robot.tasks import Period
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+MAX_SPEED_SHARE = 0.5
+"""Share of a joint's velocity limit that may be asked for."""
+LIMIT_GAIN = 20.0
+"""How many times as hard as towards home a joint is pushed away from a near limit."""
+
+
+@dataclass(eq=False)
+class Posture:
+    """
+    Move the joints towards the home configuration, and harder away from a limit that is near.
+
+    Attributes:
+        model: the arm.
+        posture_gain: joint speed for the distance to the home configuration, 1/s.
+        limit_margin: rad before a position limit from where the joint is pushed away.
+
+    """
+
+    model: RobotModel
+    posture_gain: float = setting('priority_ik', 'posture_gain')
+    limit_margin: float = setting('priority_ik', 'limit_margin')
+
+    def __post_init__(self) -> None:
+        limits = self.model.limits
+        columns = (
+            self.model.home,
+            limits.lower + self.limit_margin,
+            limits.upper - self.limit_margin,
+            MAX_SPEED_SHARE * limits.velocity,
+        )
+        self._joints = [tuple(map(float, joint)) for joint in zip(*columns, strict=True)]
+
+    def velocity(self, period: Period) -> list[float]:
+        """Give the joint velocities, see `tasks.Preference`."""
+        gain, push = self.posture_gain, LIMIT_GAIN * self.posture_gain
+        wanted = []
+        # plain floats and no min(), max(): for a handful of joints twice as fast as arrays
+        for position, (home, low, high, fastest) in zip(period.joints, self._joints, strict=True):
+            speed = gain * (home - position)
+            if position < low:
+                speed += push * (low - position)
+            elif position > high:
+                speed += push * (high - position)
+            speed = speed if speed < fastest else fastest
+            wanted.append(speed if speed > -fastest else -fastest)
+        return wanted
+
+
+@dataclass(eq=False)
+class ElbowClearance:
+    """
+    Move the elbow away from the partner, if it is near.
+
+    Attributes:
+        model: the arm.
+        elbow_distance: m to the partner within which the elbow is moved away.
+        elbow_gain: elbow speed for what is missing of that distance, 1/s.
+
+    """
+
+    model: RobotModel
+    elbow_distance: float = setting('priority_ik', 'elbow_distance')
+    elbow_gain: float = setting('priority_ik', 'elbow_gain')
+
+    def __post_init__(self) -> None:
+        self._elbow = _elbow(self.model)
+        self._fastest = MAX_SPEED_SHARE * self.model.limits.velocity
+
+    def velocity(self, period: Period) -> list[float] | None:
+        """Give the joint velocities, see `tasks.Preference`."""
+        if period.partner is None:
+            return None
+        elbow = self.model.pinocchio_data.oMi[self._elbow].translation
+        apart = elbow - _nearest_on_forearm(elbow, period.partner)
+        distance = math.hypot(*apart.tolist())
+        missing = self.elbow_distance - distance
+        if missing <= 0.0 or distance < 1e-6:
+            return None
+        x, y, z = elbow
+        a, b, c = apart / distance
+        turning = np.array([a, b, c, y * c - z * b, z * a - x * c, x * b - y * a])
+        row = turning @ period.joint_jacobian
+        row[self._elbow:] = 0.0  # fmt: skip
+        square = float(row @ row)
+        if square < 1e-4:
+            return None
+        away: Array = row * (self.elbow_gain * missing / square)
+        kept: list[float] = np.minimum(np.maximum(away, -self._fastest), self._fastest).tolist()
+        return kept
+
+
+def _elbow(model: RobotModel) -> int:
+    """Find the joint that stands out most from the line from shoulder to wrist, at home."""
+    wrist, _ = model.wrist_pose(model.home)
+    line = wrist - model.shoulder
+    line /= max(float(np.linalg.norm(line)), 1e-9)
+    joints = range(1, model.dof + 1)
+    apart = [model.pinocchio_data.oMi[joint].translation - model.shoulder for joint in joints]
+    return 1 + int(np.argmax([np.linalg.norm(a - (a @ line) * line) for a in apart]))
+
+
+def _nearest_on_forearm(point: Array, partner: Partner) -> Array:
+    if partner.elbow is None:
+        return partner.position
+    axis = partner.elbow - partner.position
+    share = float((point - partner.position) @ axis) / max(float(axis @ axis), 1e-12)
+    nearest: Array = partner.position + min(max(share, 0.0), 1.0) * axis
+    return nearest

@@ -1,0 +1,103 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The limits, tasks and preferences of an arm in the order of their priority."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from handover_dmp.common.errors import UsageError
+from handover_dmp.common.settings import defaults, parameters_of
+from handover_dmp.robot.collision_limits import ForearmLimit, SelfCollisionLimit
+from handover_dmp.robot.direction_task import DirectionTask
+from handover_dmp.robot.model import RobotModel
+from handover_dmp.robot.orientation_task import OrientationTask
+from handover_dmp.robot.posture import ElbowClearance, Posture
+from handover_dmp.robot.separation import SeparationLimit
+from handover_dmp.robot.tasks import Limit, Preference, Task
+
+SWITCHES: dict[str, Any] = {
+    'separation': SeparationLimit,
+    'self_collision': SelfCollisionLimit,
+    'forearm_collision': ForearmLimit,
+}
+"""The parameters that say whether a limit is there at all."""
+
+
+@dataclass(frozen=True, eq=False)
+class TaskStack:
+    """
+    What an arm shall do, and what it must not.
+
+    Attributes:
+        limits: beside those of the joints; all of the first level.
+        levels: the tasks; those of one level share what the levels before it leave. Behind the
+            first level comes the speed scale, s = 1.
+        preferences: what the joints do in the end where they are still free.
+        braking_share: β of `limits.VelocityBox`.
+
+    """
+
+    limits: tuple[Limit, ...]
+    levels: tuple[tuple[Task, ...], ...]
+    preferences: tuple[Preference, ...]
+    braking_share: float
+
+    @classmethod
+    def configured(cls, model: RobotModel, **parameters: Any) -> TaskStack:
+        """
+        Make the stack that follows the wrist of an arm.
+
+        Args:
+            model: the arm.
+            parameters: those of `priority_ik` in `config/handover.yaml` that are to be others.
+
+        Returns:
+            The stack.
+
+        Raises:
+            UsageError: there is no such parameter, or no such orientation.
+
+        """
+        known = defaults('priority_ik')
+        unknown = ', '.join(sorted(parameters.keys() - known.keys()))
+        if unknown:
+            raise UsageError(f'priority_ik has no parameter {unknown}; see docs/parameters.md')
+        values = {**known, **parameters}
+        return cls(
+            limits=tuple(
+                _made(limit, model, values) for name, limit in SWITCHES.items() if values[name]
+            ),
+            levels=(
+                (_made(DirectionTask, model, values),),
+                (_made(OrientationTask, model, values),),
+            ),
+            preferences=(
+                _made(Posture, model, values),
+                _made(ElbowClearance, model, values),
+            ),
+            braking_share=values['braking_share'],
+        )
+
+    def follows_rotation(self) -> bool:
+        """Say whether the wrist is turned to the rotation of its target."""
+        tasks = (task for level in self.levels for task in level)
+        return any(isinstance(t, OrientationTask) and t.orientation == 'full' for t in tasks)
+
+
+def _made(kind: type[Any], model: RobotModel, values: Mapping[str, Any]) -> Any:
+    return kind(model, **parameters_of(kind, values))

@@ -1,0 +1,103 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a robot is drawn by: its own shapes, and capsules in place of those that it lacks."""
+
+from __future__ import annotations
+
+from typing import Any
+from xml.etree import ElementTree
+
+from handover_dmp.robot.collision import link_capsules
+from handover_dmp.robot.model import RobotModel
+from handover_dmp.robot.plain_description import add_capsule
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+ROD_RADIUS_M = 0.03
+"""Of a part of the arm that has no shape at all, drawn from joint to joint."""
+GREY = '0.62 0.65 0.70 1'
+
+
+def drawn_description(model: RobotModel) -> str:
+    """
+    Write the description that pictures are made from.
+
+    A part of the arm that shows no shape, since it has none or since its mesh is missing, is
+    drawn by the capsules that it is kept off the rest with; without those, as a rod.
+
+    Args:
+        model: the robot.
+
+    Returns:
+        Its URDF, with what is seen and nothing to collide with.
+
+    """
+    robot = ElementTree.fromstring(model.chain_text)
+    links = {link.get('name', ''): link for link in robot.findall('link')}
+    shown = {_joint_of(model, name) for name, link in links.items() if link.findall('visual')}
+    carriers = _carriers(robot, model)
+    for joint in set(range(model.dof + 1)) - shown:
+        name = carriers[joint]
+        frame = model.pinocchio_model.frames[model.pinocchio_model.getFrameId(name)]
+        for start, end, radius in _stand_ins(model, joint):
+            ends = frame.placement.actInv(start), frame.placement.actInv(end)
+            for piece in add_capsule(links[name], 'visual', *ends, radius):
+                material = ElementTree.SubElement(piece, 'material', name='stand-in')
+                ElementTree.SubElement(material, 'color', rgba=GREY)
+    for link in links.values():
+        for shape in link.findall('collision'):
+            link.remove(shape)
+    return ElementTree.tostring(robot, encoding='unicode')
+
+
+def _joint_of(model: RobotModel, link: str) -> int:
+    """Return the index of the joint that moves a link, 0 where none does."""
+    chain: Any = model.pinocchio_model
+    return int(chain.frames[chain.getFrameId(link)].parentJoint)
+
+
+def _carriers(robot: ElementTree.Element, model: RobotModel) -> list[str]:
+    """Return the links to add shapes to: one that stands, then one for each joint."""
+    children = {}
+    for joint in robot.findall('joint'):
+        child = joint.find('child')
+        if child is not None:
+            children[joint.get('name')] = child.get('link', '')
+    root = next(
+        link.get('name', '')
+        for link in robot.findall('link')
+        if link.get('name') not in children.values()
+    )
+    return [root, *(children[name] for name in model.joint_names)]
+
+
+def _stand_ins(model: RobotModel, joint: int) -> list[tuple[Array, Array, float]]:
+    """Return ends and radius, m, of what stands for a part of the arm, in its joint's frame."""
+    capsules = [item for item in link_capsules(model) if item.joint == joint]
+    if capsules:
+        return [(item.start, item.end, item.radius) for item in capsules]
+    chain = model.pinocchio_model
+    if joint == 0:
+        begin = chain.frames[1].placement.translation
+        end = chain.jointPlacements[1].translation
+    else:
+        begin = np.zeros(3)
+        if joint < model.dof:
+            end = chain.jointPlacements[joint + 1].translation
+        else:
+            end = chain.frames[model.wrist_frame_id].placement.translation
+    return [(begin.copy(), end.copy(), ROD_RADIUS_M)]
