@@ -27,7 +27,8 @@ The goal takes over by time, (7), or by place, whichever is more:
 with n = |g − x₀| − |x − x₀| what is left of the distance, b = |y − x₀| − |g − x₀| how far the
 shape leads beyond the goal, y = x + (K_s/K)(f + x₀ − x) being where it leads (both for the goal
 where it will be in a tenth of a second, if that is nearer), and
-a = |g − x|/|g − x₀| − 1 how much farther from the goal the wrist is than at its start.
+a = |g − x|/|g − x₀| − 1 how much farther from the goal the wrist is than at its start; once
+ξ_astray is above 0 it never falls, and grows by 40 a second.
 
 And the wrist comes nearer no faster than it can brake again. For d = |g − x₀| − |x − x₀|, and for
 d = |g − x| itself, with m how far beyond the goal it may get:
@@ -68,6 +69,8 @@ FINAL_GAIN = 25.0
 """1/s; with which the bound on the speed falls with the last of the distance."""
 CLOSING_GAIN = 30.0
 """1/s; how fast the speed may come near to its bound, so that it does not hit it."""
+ASTRAY_RATE = 40.0
+"""1/s; how fast the goal goes on to take over once the wrist is astray."""
 AHEAD_S = 0.1
 """A hand that comes is taken to be where it will be so much later."""
 MIN_DISTANCE_M = 1e-6
@@ -119,6 +122,23 @@ def learnt_detour(model: DecoupledDmp) -> float:
     return max(0.0, float(distances.max()) / whole - 1.0)
 
 
+class Towards(NamedTuple):
+    """
+    What a step leads to.
+
+    Attributes:
+        state: at the end of the step.
+        weight: w_g, of the goal.
+        astray: ξ_astray, for the next step: once astray, the wrist does not turn back to the
+            shape that led it there.
+
+    """
+
+    state: DmpState
+    weight: float
+    astray: float
+
+
 def step_towards(
     model: DecoupledDmp,
     state: DmpState,
@@ -127,7 +147,8 @@ def step_towards(
     dt: float,
     phase_rate: float,
     options: ApproachOptions,
-) -> tuple[DmpState, float]:
+    astray: float = -inf,
+) -> Towards:
     """
     Make a step of (8), with the goal's weight by time or by place.
 
@@ -143,24 +164,26 @@ def step_towards(
         dt: length of the step, s.
         phase_rate: how fast the phase runs.
         options: of the approach.
+        astray: ξ_astray of the step before.
 
     Returns:
-        The state at the end of the step, and the weight of the goal.
+        Where it leads.
 
     """
     parameters = model.parameters
     u = -log(state.phase) / parameters.alpha
     later = -inf
     if options.enabled:
-        deviations = max(
-            _near(model, state, goal, goal_velocity, u, options),
-            _astray(model, state, goal, options),
-        )
+        near = _near(model, state, goal, goal_velocity, u, options)
+        astray = max(astray, _astray(model, state, goal, options))
+        if astray > 0.0:
+            astray += ASTRAY_RATE * dt
+        deviations = max(near, astray)
         if deviations > -SETTLED_DEVIATIONS:
             later = parameters.mu + parameters.sigma * min(deviations, SETTLED_DEVIATIONS)
     if later <= u:
         after = model.step(state, goal, goal_velocity, dt, phase_rate)
-        return after, float(model.goal_weight(after.phase))
+        return Towards(after, float(model.goal_weight(after.phase)), astray)
     half = 0.5 * phase_rate * dt / model.duration_s
     now, then = model.shape(u + half), model.shape(later + half)
     asked = state._replace(
@@ -169,7 +192,7 @@ def step_towards(
     after = model.step(asked, goal, goal_velocity, dt, phase_rate)
     phase = state.phase * exp(-2.0 * parameters.alpha * half)
     weight = float(model.goal_weight(asked.phase))
-    return after._replace(phase=phase, start=state.start), weight
+    return Towards(after._replace(phase=phase, start=state.start), weight, astray)
 
 
 def _near(
@@ -386,11 +409,11 @@ def rollout_towards(
         defaults('dmp')['acceleration_limit'] if acceleration_limit is None else acceleration_limit
     )
     state = model.initial_state(start.tolist())
-    states = [state]
+    states, astray = [state], -inf
     lengths = np.diff(times).tolist()
     hands = zip(map(tuple, goals.tolist()), map(tuple, goal_velocities.tolist()), strict=True)
     for dt, (goal, velocity) in zip(lengths, hands, strict=False):
-        ahead, _ = step_towards(model, state, goal, velocity, dt, 1.0, options)
+        ahead, _, astray = step_towards(model, state, goal, velocity, dt, 1.0, options, astray)
         state = bounded(state, ahead, goal, velocity, dt, limit, options)
         states.append(state)
     return np.array([each.position for each in states]), np.array(

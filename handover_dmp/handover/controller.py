@@ -25,7 +25,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
-from math import dist, hypot, isfinite, nan
+from math import dist, hypot, inf, isfinite, nan
 from typing import NamedTuple
 
 from handover_dmp.common.settings import setting
@@ -168,6 +168,7 @@ class HandoverController:
         self._signal_s: float | None = None
         self._exchange_since_s: float | None = None
         self._goal_weight = 0.0
+        self._astray = -inf
         if self._primitive is not None and hypot(*self._primitive.velocity) == 0.0:
             self._primitive = None
 
@@ -280,6 +281,7 @@ class HandoverController:
         self.exchange_position = None
         self._signal_s = None
         self._goal_weight = float(self.model.goal_weight(self._primitive.phase))
+        self._astray = -inf
         self.state = HandoverState.REACHING
         return True
 
@@ -346,8 +348,8 @@ class HandoverController:
         goal, goal_velocity = self._goal(hand), tuple(map(float, hand.velocity))
         options, limit = self.options.approach, self.options.acceleration_limit
         primitive = self._anchored(primitive)
-        ahead, self._goal_weight = step_towards(
-            self.model, primitive, goal, goal_velocity, dt, phase_rate, options
+        ahead, self._goal_weight, self._astray = step_towards(
+            self.model, primitive, goal, goal_velocity, dt, phase_rate, options, self._astray
         )
         return bounded(primitive, ahead, goal, goal_velocity, dt, limit, options)
 
