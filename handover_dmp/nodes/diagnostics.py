@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 import os
 from statistics import quantiles
 from time import perf_counter
@@ -26,6 +26,21 @@ from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.topics import DIAGNOSTICS
 
 OVERRUN = 1.5
+
+
+def refusals(refused: Mapping[str, int]) -> dict[str, str]:
+    """
+    Word how many poses of the hand were not used since the node began.
+
+    Args:
+        refused: reason to count.
+
+    Returns:
+        Name to value: all of them, then each reason that there was.
+
+    """
+    told = {f'hand refused, {reason}': str(refused[reason]) for reason in sorted(refused)}
+    return {'hand refused': str(sum(refused.values())), **told}
 
 
 class Periods:
