@@ -23,7 +23,7 @@ from pathlib import Path
 from handover_dmp.dmp import DecoupledDmp, DmpParameters, learn, save_model
 from handover_dmp.evaluation.cases import Case, make_cases
 from handover_dmp.evaluation.envelope import Envelope
-from handover_dmp.evaluation.rollouts import learn_from_trials, Learning, plan
+from handover_dmp.evaluation.rollouts import learn_from_case, Learning, plan
 from handover_dmp.evaluation.scores import judge
 from handover_dmp.handover.approach import ApproachOptions, rollout_towards
 from handover_dmp.handover.controller import HandoverController, HandoverOptions
@@ -311,7 +311,7 @@ def as_commanded(case: Case, model: DecoupledDmp, index: int, options: ApproachO
 
 
 def model_of(case: Case, sources: tuple[int, ...]) -> DecoupledDmp:
-    model, offset = learn_from_trials(case, sources, 'decoupled', Learning())
+    model, offset = learn_from_case(case, sources, 'decoupled', Learning())
     assert isinstance(model, DecoupledDmp)
     return model.with_goal_offset(offset)
 
