@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from handover_dmp.common.quiet_pybullet import pybullet, silenced
 from handover_dmp.robot.model import RobotModel
@@ -34,8 +35,8 @@ SIDE = 900
 """Of the square picture, pixels."""
 SAMPLES = 2
 """Of a pixel, in width and in height."""
-BACKGROUND = 246
-LIGHT = {
+BACKGROUND = 214
+LIGHT: dict[str, Any] = {
     'lightDirection': [1.0, -0.8, 2.0],
     'lightAmbientCoeff': 0.55,
     'lightDiffuseCoeff': 0.5,
