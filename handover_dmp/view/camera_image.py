@@ -36,7 +36,9 @@ MARGIN = 2
 """Pixels of the coarse look around what it finds; what it missed is thinner than one."""
 STRIPS = 4
 """Windows side by side, each as high as what is in it."""
-Image = NDArray[np.uint8]
+MIN_PIXELS = 500_000
+"""In a smaller picture, to render it several times takes longer than the tuples of the whole."""
+Pixels = NDArray[np.uint8]
 Seen = NDArray[np.int32]
 Matrix = Sequence[float]
 
@@ -50,7 +52,7 @@ def camera_image(
     *,
     by_windows: bool | None = None,
     **lighting: Any,
-) -> tuple[Image, Seen]:
+) -> tuple[Pixels, Seen]:
     """
     Render the bodies of a world.
 
@@ -69,7 +71,7 @@ def camera_image(
 
     """
     if by_windows is None:
-        by_windows = not pybullet.isNumpyEnabled()
+        by_windows = not pybullet.isNumpyEnabled() and width * height >= MIN_PIXELS
     if not by_windows:
         rgba, seen = _render(width, height, view, projection, client, **lighting)
         return rgba * (seen[..., None] >= 0), seen
@@ -131,7 +133,7 @@ def _of_window(
 
 def _render(
     width: int, height: int, view: Matrix, projection: Matrix, client: int, **lighting: Any
-) -> tuple[Image, Seen]:
+) -> tuple[Pixels, Seen]:
     _, _, rgba, _, seen = pybullet.getCameraImage(
         width,
         height,
@@ -145,7 +147,7 @@ def _render(
     return bytes_of(rgba).reshape(height, width, 4), integers_of(seen).reshape(height, width)
 
 
-def bytes_of(values: Any) -> Image:
+def bytes_of(values: Any) -> Pixels:
     """
     Take in numbers from 0 to 255.
 
