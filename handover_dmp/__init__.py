@@ -12,6 +12,86 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Human to robot handover by a decoupled Dynamic Movement Primitive (Prada et al., IROS 2013)."""
+"""
+Human to robot handover by a decoupled Dynamic Movement Primitive (Prada et al., IROS 2013).
+
+The public names are imported when they are first used, so that `handover_dmp --help` stays fast.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from handover_dmp.common.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from handover_dmp.dmp.basis import Basis
+    from handover_dmp.dmp.classical import ClassicalDmp
+    from handover_dmp.dmp.decoupled import DecoupledDmp
+    from handover_dmp.dmp.learning import learn
+    from handover_dmp.dmp.model_file import load_model, save_model
+    from handover_dmp.dmp.parameters import DmpParameters
+    from handover_dmp.dmp.posterior import WeightPosterior
+    from handover_dmp.evaluation.protocol import evaluate
+    from handover_dmp.handover.lockstep import simulate
+    from handover_dmp.handover.scenario import make_scenario
+    from handover_dmp.handover.teaching import learn_from_trials, rollout_against
+    from handover_dmp.mocap.data_set import read_data_set
+    from handover_dmp.mocap.synthetic import synthesize
+    from handover_dmp.mocap.trial import HandoverTrial, read_trial
+    from handover_dmp.robot.model import RobotModel
+    from handover_dmp.robot.priority_ik import PriorityIk
+    from handover_dmp.robot.tasks import WristTarget
+    from handover_dmp.tracking.goal_estimator import GoalEstimator
 
 __version__ = '0.2.0'
+
+_HOMES = {
+    'Basis': 'dmp.basis',
+    'ClassicalDmp': 'dmp.classical',
+    'DecoupledDmp': 'dmp.decoupled',
+    'DmpParameters': 'dmp.parameters',
+    'GoalEstimator': 'tracking.goal_estimator',
+    'HandoverTrial': 'mocap.trial',
+    'PriorityIk': 'robot.priority_ik',
+    'RobotModel': 'robot.model',
+    'WeightPosterior': 'dmp.posterior',
+    'WristTarget': 'robot.tasks',
+    'evaluate': 'evaluation.protocol',
+    'learn': 'dmp.learning',
+    'learn_from_trials': 'handover.teaching',
+    'load_model': 'dmp.model_file',
+    'make_scenario': 'handover.scenario',
+    'read_data_set': 'mocap.data_set',
+    'read_trial': 'mocap.trial',
+    'rollout_against': 'handover.teaching',
+    'save_model': 'dmp.model_file',
+    'simulate': 'handover.lockstep',
+    'synthesize': 'mocap.synthetic',
+}
+
+__all__ = [
+    'Basis',
+    'ClassicalDmp',
+    'DecoupledDmp',
+    'DmpParameters',
+    'GoalEstimator',
+    'HandoverTrial',
+    'PriorityIk',
+    'RobotModel',
+    'WeightPosterior',
+    'WristTarget',
+    'evaluate',
+    'learn',
+    'learn_from_trials',
+    'load_model',
+    'make_scenario',
+    'read_data_set',
+    'read_trial',
+    'rollout_against',
+    'save_model',
+    'simulate',
+    'synthesize',
+]
+
+__getattr__, __dir__ = lazy_names(__name__, _HOMES)

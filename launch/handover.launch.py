@@ -195,7 +195,8 @@ def viewers(robot: Any, simulated: bool) -> list[Node]:
             package='tf2_ros',
             executable='static_transform_publisher',
             arguments=[
-                '--x', x, '--y', y, '--z', z, '--yaw', str(robot.base.yaw),
+                '--x', x, '--y', y, '--z', z, '--roll', str(robot.base.roll),
+                '--pitch', str(robot.base.pitch), '--yaw', str(robot.base.yaw),
                 '--frame-id', 'world', '--child-frame-id', root_link(robot.urdf_text),
             ],
             parameters=[use_sim_time],

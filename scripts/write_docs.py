@@ -35,7 +35,7 @@ from handover_dmp import topics
 from handover_dmp.bench.measurement import Measurement
 from handover_dmp.bench.report import cells, markdown, read_json
 from handover_dmp.common.settings import defaults
-from handover_dmp.nodes.parameters import COMMON, Parameter
+from handover_dmp.nodes.parameters import ARM, COMMON, HAND, Parameter
 from handover_dmp.topics import Topic, TOPICS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -160,11 +160,11 @@ def settings_table() -> str:
     """List what stands in `config/handover.yaml` without being a parameter of a running node."""
     rows = []
     comments = dict(yaml_comments())
+    everywhere = {parameter.name for parameter in (*ARM, *HAND)}
     for node in NODES:
         declared = {parameter.name for parameter in (*COMMON, *own_parameters(node))}
         if node == 'dmp':
             declared |= {parameter.name for parameter in module('dmp').PRIMITIVE}
-        everywhere = {'robot', 'base_position', 'base_yaw'}
         for name, value in defaults(node).items():
             if name not in declared | everywhere:
                 rows.append((f'`{node}`', f'`{name}`', shown(value), comments[node, name]))

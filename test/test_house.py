@@ -161,7 +161,8 @@ def test_every_room_has_its_floor() -> None:
 @pytest.mark.parametrize('room', FLOOR_OF)
 def test_a_room_imports_from_lower_floors_alone(room: str) -> None:
     for file in (file for file in PACKAGE.rglob('*.py') if room_of(file) == room):
-        for name in imports(file):
+        # the front door leads to every floor, but imports nothing before it is asked for it
+        for name in [] if room == '__init__' else imports(file):
             other = imported_room(name)
             if other not in (None, room):
                 message = f'{file.relative_to(ROOT)} imports {name}'
@@ -174,3 +175,24 @@ def test_nodes_know_nothing_of_each_other() -> None:
         for name in imports(PACKAGE / 'nodes' / f'{node}.py'):
             for other in nodes:
                 assert not f'{name}.'.startswith(f'handover_dmp.nodes.{other}.')
+
+
+def public_names(file: Path) -> Iterator[str]:
+    """Yield the functions, classes and types that a module makes public."""
+    for node in ast.parse(file.read_text(encoding='utf-8')).body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            yield node.name
+        elif isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+            name = node.targets[0].id
+            yield from [name] if name[0].isupper() and not name.isupper() else []
+
+
+def test_no_public_name_stands_for_two_things() -> None:
+    # what every command and every node has to have, and short names of types
+    everywhere = {'add_arguments', 'run', 'main', 'Array', 'Colour', 'Element', 'Vector'}
+    found: dict[str, list[str]] = {}
+    for file in PACKAGE.rglob('*.py'):
+        for name in set(public_names(file)) - everywhere:
+            if not name.startswith('_'):
+                found.setdefault(name, []).append(str(file.relative_to(PACKAGE)))
+    assert {name: files for name, files in found.items() if len(files) > 1} == {}

@@ -32,7 +32,7 @@ from handover_dmp.tracking.playback import HandSample, TrackedHand
 import numpy as np
 
 Samples = list[HandSample]
-Fault = Callable[[Samples], Samples]
+SampleFault = Callable[[Samples], Samples]
 
 POSITION_TOLERANCE = 1e-3
 VELOCITY_TOLERANCE = 1e-2
@@ -47,7 +47,7 @@ NEXT_STATES = {
 }
 
 
-def tracker_faults(seed: int) -> dict[str, Fault]:
+def tracker_faults(seed: int) -> dict[str, SampleFault]:
     """
     Make every fault of a tracker that there is, each with a state of its own.
 
@@ -63,6 +63,10 @@ def tracker_faults(seed: int) -> dict[str, Fault]:
         'stopped': lambda _samples: [],
         'frozen': _Frozen(),
         'jumped by 1 m': lambda samples: [_moved(s, np.array([1.0, 0.0, 0.0])) for s in samples],
+        'zeros': lambda samples: [s._replace(position=np.zeros(3)) for s in samples],
+        'quaternion of norm 0': lambda samples: [
+            s._replace(orientation=(0,) * 4) for s in samples
+        ],
         'not a number': lambda samples: [_moved(s, np.array([np.nan, 0, 0])) for s in samples],
         'infinite': lambda samples: [_moved(s, np.array([0, np.inf, 0])) for s in samples],
         'at 5 Hz': _Slow(0.2),
@@ -77,7 +81,9 @@ def tracker_faults(seed: int) -> dict[str, Fault]:
 class FaultyHand(TrackedHand):
     """A tracked hand whose tracker fails from one time to another."""
 
-    def __init__(self, hand: TrackedHand, fault: Fault, from_s: float, until_s: float) -> None:
+    def __init__(
+        self, hand: TrackedHand, fault: SampleFault, from_s: float, until_s: float
+    ) -> None:
         """
         Take a hand and a fault.
 
@@ -118,7 +124,7 @@ class _Frozen:
         if self._first is None and samples:
             self._first = samples[0]
         first = self._first
-        return [HandSample(s.stamp_s, first.position) for s in samples] if first else []
+        return [s._replace(position=first.position) for s in samples] if first else []
 
 
 class _Slow:
@@ -152,11 +158,11 @@ class _Swapped:
 
 
 def _moved(sample: HandSample, offset: np.ndarray) -> HandSample:
-    return HandSample(sample.stamp_s, sample.position + offset)
+    return sample._replace(position=sample.position + offset)
 
 
 def _restamped(sample: HandSample, offset_s: float) -> HandSample:
-    return HandSample(sample.stamp_s + offset_s, sample.position)
+    return sample._replace(stamp_s=sample.stamp_s + offset_s)
 
 
 @dataclass

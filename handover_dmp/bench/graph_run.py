@@ -50,7 +50,7 @@ SETTLING_S = 3.0
 """Until the graph runs evenly with the probes beside it, s."""
 MAX_WAIT_S = 60.0
 ROUNDING_S = 1e-6
-PROBES = ('empty', 'urgent', 'sleep', 'echo', 'ping', 'listener')
+PROBES = ('empty', 'sleep', 'echo', 'ping', 'listener')
 CONDUCTOR = 'conductor'
 LEAD_S = 0.1
 """From bringing the hand back until it sets out again, s."""

@@ -27,7 +27,7 @@ from handover_dmp.bench.ik_scenarios import (
     follow,
     Follower,
     limit_drives,
-    minimum_jerk,
+    minimum_jerk_path,
     PERIOD_S,
     Run,
 )
@@ -218,7 +218,7 @@ def _quality(
     progress('beyond reach')
     towards = np.array([1.0, 0.5, 0.3]) / np.linalg.norm([1.0, 0.5, 0.3])
     start, _ = model.wrist_pose(model.home)
-    beyond = minimum_jerk(start, model.shoulder + (model.reach_m + 0.05) * towards, 1.5)
+    beyond = minimum_jerk_path(start, model.shoulder + (model.reach_m + 0.05) * towards, 1.5)
     beyond_reach = {
         name: follow(model, follower, model.home, beyond, 5.0)
         for name, follower in {'ours': ours, **peers}.items()
@@ -234,7 +234,7 @@ def _quality(
     ]
     progress('faster than the limits')
     ends = start + [-0.1, -0.25, 0.0], start + [0.1, 0.25, 0.1]
-    rush = minimum_jerk(*ends, 0.6, bulge=np.array([0.0, 0.0, 0.05]))
+    rush = minimum_jerk_path(*ends, 0.6, bulge=np.array([0.0, 0.0, 0.05]))
     curve = np.array([rush(time_s)[0] for time_s in np.linspace(0.0, 0.6, 2000)])
     q = model.inverse(ends[0])
     for stopping, target in ((False, 15.0), (True, 10.0)):

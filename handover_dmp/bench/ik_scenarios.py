@@ -122,7 +122,7 @@ def follow(
     )
 
 
-def minimum_jerk(
+def minimum_jerk_path(
     start: Array, end: Array, duration_s: float, bulge: Array | None = None
 ) -> Callable[[float], tuple[Array, Array]]:
     """
@@ -182,7 +182,7 @@ def limit_drives(
                 continue
             origin, _ = model.wrist_pose(start)
             end = origin + distance * towards / np.linalg.norm(towards)
-            path = minimum_jerk(origin, end, duration_s)
+            path = minimum_jerk_path(origin, end, duration_s)
             if _passable(model, start, path, duration_s):
                 drives.append((start, path, f'{model.joint_names[joint]} {limit:+.2f} rad'))
     return drives

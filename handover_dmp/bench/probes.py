@@ -17,9 +17,8 @@ What the graph is measured with, and against: an empty timer, a sleep loop, a ba
 
 Run as processes of their own beside the graph: `python -m handover_dmp.bench.probes WHAT FILE`
 makes an empty text file as soon as it runs, and writes its times, in s, into that when it gets
-SIGTERM. The empty timer is there as one writes it at first
-and, as `urgent`, with the real-time priority of the nodes; the round trip and the listener have
-that too. The conductor keeps the graph in motion.
+SIGTERM. They have the priority of the nodes, except the conductor, which keeps the graph in
+motion.
 """
 
 from __future__ import annotations
@@ -187,13 +186,11 @@ def sleep_loop(file: Path) -> None:
 
 KINDS = {
     'empty': EmptyTimer,
-    'urgent': EmptyTimer,
     'echo': Echo,
     'ping': Ping,
     'listener': Listener,
     'conductor': Conductor,
 }
-ORDINARY = ('empty', 'conductor')
 
 
 def main() -> int:
@@ -203,8 +200,7 @@ def main() -> int:
         sleep_loop(file)
         return 0
     kind = KINDS[what]
-    like = 'dmp' if what == 'urgent' else 'robot_sim'
-    priority = 0 if what in ORDINARY else defaults(like)['thread_priority']
+    priority = 0 if what == 'conductor' else defaults('dmp')['thread_priority']
     return run(lambda: kind(file, priority), [])
 
 

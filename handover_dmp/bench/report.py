@@ -29,20 +29,12 @@ from handover_dmp import __version__
 from handover_dmp.bench.measurement import Measurement
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.files import write_text
-from handover_dmp.common.versions import installed_versions
+from handover_dmp.common.versions import installed_versions, LIBRARIES
 from rich.markup import escape
 from rich.table import Table
 
-# Libraries that a figure may depend on: those used, and the peers.
-LIBRARIES = (
-    'numpy',
-    'scipy',
-    'pin',
-    'daqp',
-    'ruckig',
-    'pybullet',
-    'pybullet-arm64',
-    'mcap',
+# What a figure may depend on beside those: ROS and the peers.
+PEERS = (
     'ros-jazzy-rclpy',
     'movement-primitives',
     'pydmps',
@@ -98,7 +90,7 @@ def machine() -> dict[str, Any]:
         'system': platform.platform(),
         'python': platform.python_version(),
         'date': datetime.now(timezone.utc).isoformat(timespec='seconds'),
-        'versions': {'handover_dmp': __version__, **installed_versions(LIBRARIES)},
+        'versions': {'handover_dmp': __version__, **installed_versions(LIBRARIES + PEERS)},
     }
 
 

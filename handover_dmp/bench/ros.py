@@ -86,15 +86,12 @@ def _motion(run: WallClockRun) -> list[Measurement]:
 
 def _periods(run: WallClockRun) -> list[Measurement]:
     """Compare the periods of `dmp` with those of the probes."""
-    ticks, empty = run.within(run.ticks['dmp']), run.within(run.probes['urgent'])
+    ticks, empty = run.within(run.ticks['dmp']), run.within(run.probes['empty'])
     times, numbers = ticks.T
     # only where the recorder has seen both ends of a period
     errors = _errors_ms(np.diff(times)[np.diff(numbers) == 1.0])
     floors = _errors_ms(np.diff(empty))
-    peers = {
-        'empty timer, ordinary priority': _errors_ms(np.diff(run.within(run.probes['empty']))),
-        'plain sleep loop': _errors_ms(np.diff(run.within(run.probes['sleep']))),
-    }
+    peers = {'plain sleep loop': _errors_ms(np.diff(run.within(run.probes['sleep'])))}
     found = []
     for share in (50, 99):
         floor = float(np.percentile(floors, share))

@@ -99,15 +99,14 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _write(source: Path, folder: Path, compression: str, console: Console) -> dict[str, Any]:
+    from handover_dmp.cli.progress import progress_bar
     from handover_dmp.mocap import read_data_set, read_trial
     from handover_dmp.mocap.trial_bag import write_trial_bags
     from handover_dmp.recording.bag_metadata import read_metadata
-    from rich.console import Console as RichConsole
-    from rich.progress import Progress
 
     trials = [read_trial(source)] if source.is_file() else read_data_set(source)
     hidden = len(trials) < PROGRESS_FROM
-    with Progress(console=RichConsole(stderr=True), transient=True, disable=hidden) as bar:
+    with progress_bar(hidden=hidden) as bar:
         task = bar.add_task('bags', total=len(trials))
         bags = write_trial_bags(
             trials, folder, compression, lambda done: bar.update(task, completed=done)

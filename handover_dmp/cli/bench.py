@@ -105,10 +105,9 @@ def _measure(options: argparse.Namespace) -> int:
 
     from handover_dmp.bench.measurement import Measurement
     from handover_dmp.bench.report import machine, markdown, table, write_json
+    from handover_dmp.cli.progress import progress_bar
     from handover_dmp.common.errors import GET_ROS, HandoverError, UsageError
     from handover_dmp.common.files import write_text
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     unknown = [word for word in options.words if word not in SUBJECTS]
     if unknown:
@@ -120,8 +119,7 @@ def _measure(options: argparse.Namespace) -> int:
     description = machine()
     results: list[Measurement] = []
     skipped: list[str] = []
-    columns = (SpinnerColumn(), TextColumn('{task.description}'), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with progress_bar() as bar:
         task = bar.add_task('', total=len(subjects))
         for subject in subjects:
             try:

@@ -188,7 +188,7 @@ def run(options: argparse.Namespace) -> int:
         raise UsageError(f'--learn {unknown[0]!r}: known are {", ".join(LEARN)}')
     from handover_dmp.common.files import write_text
     from handover_dmp.evaluation.protocol import evaluate, Protocol
-    from handover_dmp.evaluation.report import write_report
+    from handover_dmp.evaluation.report import write_evaluation
     from handover_dmp.evaluation.table import renderable, WIDTH
     from handover_dmp.mocap import read_data_set
     from rich.console import Console
@@ -200,16 +200,16 @@ def run(options: argparse.Namespace) -> int:
         seed=options.seed,
     )
     trials = read_data_set(options.data_set)
-    with progress_bar() as progress:
+    with work_bar() as progress:
         evaluation = evaluate(
             trials, protocol, jobs=options.jobs, progress=progress('learning and rolling out')
         )
         figures: list[tuple[str, str]] = []
         if not options.no_figures:
-            from handover_dmp.evaluation.panels import write_figures
+            from handover_dmp.evaluation.panels import write_panels
 
-            figures = write_figures(evaluation, options.output, progress('drawing'))
-    text = write_report(evaluation, options.data_set.name, options.output, figures)
+            figures = write_panels(evaluation, options.output, progress('drawing'))
+    text = write_evaluation(evaluation, options.data_set.name, options.output, figures)
     if options.json is not None:
         write_text(options.json, text)
     console = Console()
@@ -220,7 +220,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 @contextmanager
-def progress_bar() -> Iterator[Callable[[str], Update]]:
+def work_bar() -> Iterator[Callable[[str], Update]]:
     """
     Show how far the work is, on the standard error, if it takes longer than a moment.
 
@@ -228,23 +228,9 @@ def progress_bar() -> Iterator[Callable[[str], Update]]:
         A function that takes what is being done, and gives one that takes how much of how much.
 
     """
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
+    from handover_dmp.cli.progress import progress_bar
 
-    bar = Progress(
-        TextColumn('{task.description}'),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-        transient=True,
-    )
+    bar = progress_bar()
     began = monotonic()
 
     def start(what: str) -> Update:

@@ -54,14 +54,13 @@ def run(options: argparse.Namespace) -> int:
     """
     import json
 
+    from handover_dmp.cli.progress import progress_bar
     from handover_dmp.common.files import write_text
     from handover_dmp.report import write_report
     from handover_dmp.report.report import report_folder
     from rich.console import Console
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-    columns = (SpinnerColumn(), TextColumn('{task.description}'), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with progress_bar() as bar:
         bar.add_task('reading and drawing', total=None)
         report = write_report(options.source, options.output)
     folder = options.output or report_folder(options.source)

@@ -88,17 +88,11 @@ def run(options: argparse.Namespace) -> int:
     import os
     from time import monotonic
 
+    from handover_dmp.cli.progress import progress_bar
     from handover_dmp.common.errors import UsageError
     from handover_dmp.common.files import write_text
     from handover_dmp.view.video import Film, film
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
 
     if options.no_video and options.no_image:
         raise UsageError('neither video nor image: nothing to do')
@@ -109,11 +103,8 @@ def run(options: argparse.Namespace) -> int:
     image = None if options.no_image else options.image or folder / 'handover.webp'
     jobs = options.jobs or min(MAX_JOBS, os.cpu_count() or 1)
     began_s = monotonic()
-    columns = (
-        TextColumn('drawing'), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
-    )  # fmt: skip
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task('', total=None)
+    with progress_bar() as bar:
+        task = bar.add_task('drawing', total=None)
         count = film(
             options.source,
             how,

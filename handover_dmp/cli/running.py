@@ -55,23 +55,13 @@ def run_and_report(
         HandoverError: something is wrong with the request, the data or the run.
 
     """
+    from handover_dmp.cli.progress import progress_bar
     from handover_dmp.handover.scenario import make_scenario
     from handover_dmp.runs.folder import finish, keep_inputs, new_run_folder, run_info, save_json
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     if not 0.01 <= options.scale <= 100.0:
         raise UsageError(f'--scale {options.scale:g} is not between 0.01 and 100')
-    console = Console(stderr=True)
-    bar = Progress(
-        TextColumn('{task.description:<22}'),
-        BarColumn(),
-        TimeElapsedColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    )
-    with bar:
+    with progress_bar() as bar:
         task = bar.add_task('placing the arm', total=1.0)
 
         def tell(what: str, share: float) -> None:
@@ -81,7 +71,9 @@ def run_and_report(
             trial, model=model, robot=options.robot, scale=options.scale, seed=options.seed
         )
         for remark in scenario.robot.remarks:
-            console.print(f'{scenario.robot.urdf_path}: {remark}', style='yellow', soft_wrap=True)
+            bar.console.print(
+                f'{scenario.robot.urdf_path}: {remark}', style='yellow', soft_wrap=True
+            )
         folder = new_run_folder(options.output, scenario.trial)
         keep_inputs(folder, scenario)
         run_graph(folder, scenario, run_info(scenario, options.scale), tell)

@@ -57,10 +57,8 @@ def _check_definitions() -> None:
 
 
 def _conduct(folder: Path, scenario: Scenario, info: dict[str, Any], tell: Tell) -> None:
-    from handover_dmp.handover.lockstep import Handover
+    from handover_dmp.handover.lockstep import simulate
     from handover_dmp.runs.bag import write_run_bag
 
-    handover = Handover(scenario)
-    periods = handover.run(lambda share: tell('handing over', share))
-    handover.close()
+    periods = simulate(scenario, lambda share: tell('handing over', share))
     write_run_bag(folder / 'bag', scenario, periods, info)

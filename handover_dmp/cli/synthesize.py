@@ -75,11 +75,11 @@ def run(options: argparse.Namespace) -> int:
         0.
 
     """
+    from handover_dmp.cli.progress import progress_bar
     from handover_dmp.mocap.data_set import file_name, write_data_set
     from handover_dmp.mocap.synthetic import CONFIGURATIONS, synthesize
     from handover_dmp.mocap.tables import save
     from rich.console import Console
-    from rich.progress import Progress
 
     configurations = options.configuration or CONFIGURATIONS
     trials = synthesize(
@@ -91,7 +91,7 @@ def run(options: argparse.Namespace) -> int:
     )
     # Below this, it is done before a bar could be read.
     short = len(trials) < 300
-    with Progress(console=Console(stderr=True), transient=True, disable=short) as bar:
+    with progress_bar(hidden=short) as bar:
         task = bar.add_task('writing', total=len(trials))
         write_data_set(trials, options.output, progress=lambda: bar.advance(task))
     if options.json:

@@ -24,8 +24,8 @@ from handover_dmp.cli.evaluate import (
     add_learning_arguments,
     add_running_arguments,
     check_running_options,
-    progress_bar,
     read_learning,
+    work_bar,
 )
 from handover_dmp.common.errors import UsageError
 
@@ -92,7 +92,7 @@ def run(options: argparse.Namespace) -> int:
 
     default = read_learning(options)
     trials = read_data_set(options.data_set)
-    with progress_bar() as progress:
+    with work_bar() as progress:
         tuning = tune(
             trials,
             default,

@@ -64,16 +64,15 @@ def run(options: argparse.Namespace) -> int:
     from tempfile import TemporaryDirectory
     import webbrowser
 
+    from handover_dmp.cli.progress import progress_bar
     from handover_dmp.common.files import write_text
     from handover_dmp.view.page import write_page
     from handover_dmp.view.server import serving
     from handover_dmp.view.stage import set_up
     from rich.console import Console
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     def make(page: Path) -> None:
-        columns = (SpinnerColumn(), TextColumn('{task.description}'), TimeElapsedColumn())
-        with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        with progress_bar() as bar:
             bar.add_task('reading and drawing', total=None)
             with set_up(options.source, options.robot) as stage:
                 write_page(stage, page)

@@ -49,6 +49,27 @@ def load_plain(text: str) -> Any:
         raise DataError(f'not proper YAML: {reason}') from error
 
 
+def dump_plain(tree: Any) -> str:
+    """
+    Write YAML of plain values, without aliases: the parser of ROS 2 and others know none.
+
+    Args:
+        tree: what to write; the order of its keys is kept.
+
+    Returns:
+        The text.
+
+    """
+    return str(yaml.dump(tree, Dumper=_PlainDumper, sort_keys=False))
+
+
+class _PlainDumper(yaml.SafeDumper):
+    """Writes what stands twice twice."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
 class _PlainLoader(yaml.SafeLoader):
     """Reads no aliases."""
 

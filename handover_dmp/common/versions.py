@@ -19,6 +19,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, version
 
+LIBRARIES = ('numpy', 'scipy', 'pin', 'daqp', 'ruckig', 'pybullet', 'pybullet-arm64', 'mcap')
+"""Distributions that the results of a run depend on."""
+
 
 def installed_versions(libraries: Iterable[str]) -> dict[str, str]:
     """

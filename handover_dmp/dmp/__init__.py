@@ -20,23 +20,28 @@ The public names are imported when they are first used, so that `handover_dmp --
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import Any, TYPE_CHECKING
+from typing import TYPE_CHECKING
+
+from handover_dmp.common.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from handover_dmp.dmp.basis import Basis
     from handover_dmp.dmp.classical import ClassicalDmp
     from handover_dmp.dmp.decoupled import DecoupledDmp
     from handover_dmp.dmp.learning import learn, learn_jointly, learn_mean, relearn
     from handover_dmp.dmp.model_file import load_model, save_model
     from handover_dmp.dmp.parameters import DmpParameters
+    from handover_dmp.dmp.posterior import WeightPosterior
     from handover_dmp.dmp.state import DmpState, Rollout
 
 _HOMES = {
+    'Basis': 'basis',
     'ClassicalDmp': 'classical',
     'DecoupledDmp': 'decoupled',
     'DmpParameters': 'parameters',
     'DmpState': 'state',
     'Rollout': 'state',
+    'WeightPosterior': 'posterior',
     'learn': 'learning',
     'learn_jointly': 'learning',
     'learn_mean': 'learning',
@@ -46,11 +51,13 @@ _HOMES = {
 }
 
 __all__ = [
+    'Basis',
     'ClassicalDmp',
     'DecoupledDmp',
     'DmpParameters',
     'DmpState',
     'Rollout',
+    'WeightPosterior',
     'learn',
     'learn_jointly',
     'learn_mean',
@@ -59,8 +66,4 @@ __all__ = [
     'save_model',
 ]
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
-    return getattr(import_module(f'{__name__}.{_HOMES[name]}'), name)
+__getattr__, __dir__ = lazy_names(__name__, _HOMES)

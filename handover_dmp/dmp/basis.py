@@ -51,6 +51,10 @@ class Basis:
             array.setflags(write=False)
             object.__setattr__(self, name, array)
 
+    def __repr__(self) -> str:
+        """Say how many there are."""
+        return f'Basis({self.size} functions)'
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Copy and pickle what it is made of, without the tables."""
         return type(self), (self.centres, self.sharpness)

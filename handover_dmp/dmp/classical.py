@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ClassicalDmp(Primitive):
     """
     The classical primitive (1a): τv̇ = K(g − x) − Dv − K(g − x0)s + K f(s).

@@ -34,7 +34,7 @@ SETTLED_DEVIATIONS = 8.3
 _new = tuple.__new__  # a named tuple without the detour over its own __new__
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class DecoupledDmp(Primitive):
     """
     The decoupled primitive (8), weighted by (7): w_g(u) = ½[1 + erf((u − μ)/(σ√2))].

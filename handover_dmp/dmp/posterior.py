@@ -53,6 +53,10 @@ class WeightPosterior:
             array.setflags(write=False)
             object.__setattr__(self, name, array)
 
+    def __repr__(self) -> str:
+        """Say of how many weights it is."""
+        return f'WeightPosterior({len(self.active)} weights)'
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Copy and pickle what it is made of, and make it anew: read-only."""
         return type(self), (self.active, self.matrix)

@@ -166,19 +166,14 @@ class Primitive(ABC):
         """Return the number of dimensions d."""
         return int(self.start.size)
 
-    def with_parameters(self: Self, **changes: Any) -> Self:
-        """
-        Change parameters without learning again.
-
-        Args:
-            changes: fields of `DmpParameters`.
-
-        Returns:
-            The same movement with other parameters. The weights stay, so it no longer is the
-            best fit of its demonstration if K, D, the formulation or the goal weight change.
-
-        """
-        return replace(self, parameters=replace(self.parameters, **changes))
+    def __repr__(self) -> str:
+        """Say what it is and what it was learnt from."""
+        used = int(np.any(self.weights != 0.0, axis=1).sum())
+        source = f', learnt from {self.source}' if self.source else ''
+        return (
+            f'{type(self).__name__}({self.dimensions} dimensions, {used} of {self.basis.size} '
+            f'basis functions, {self.duration_s:.2f} s{source})'
+        )
 
     def with_duration(self: Self, duration_s: float) -> Self:
         """

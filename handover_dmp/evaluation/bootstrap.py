@@ -24,7 +24,7 @@ LEVEL = 0.95
 ROUNDS = 2000
 
 
-def resample(
+def draw_samples(
     trials: int, seed: np.random.SeedSequence, rounds: int = ROUNDS
 ) -> NDArray[np.float64]:
     """

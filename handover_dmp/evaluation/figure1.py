@@ -19,9 +19,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from handover_dmp.common.files import replacing
+from handover_dmp.common.plot_style import PLOT_STYLE
 from handover_dmp.dmp.decoupled import DecoupledDmp
 from handover_dmp.dmp.learning import learn
 from handover_dmp.dmp.parameters import DmpParameters
@@ -38,22 +38,6 @@ MU = (0.25, 0.5, 0.75)
 LINES = (('#5aa9d6', (0, (6, 2))), ('#2f6fb5', (0, (6, 2, 1.5, 2))), ('#14345f', '-'))
 LEARNT = '#59626d'
 GOAL = '#c8372d'
-STYLE: Any = {
-    'font.size': 10,
-    'font.family': 'DejaVu Sans',
-    'axes.titlesize': 10.5,
-    'axes.titlelocation': 'left',
-    'axes.grid': True,
-    'axes.axisbelow': True,
-    'axes.spines.top': False,
-    'axes.spines.right': False,
-    'axes.edgecolor': '#59626d',
-    'axes.xmargin': 0.01,
-    'axes.ymargin': 0.12,
-    'grid.color': '#eceff2',
-    'legend.frameon': False,
-    'figure.facecolor': 'white',
-}
 
 
 def draw_figure1(
@@ -95,7 +79,7 @@ def draw_figure1(
         each: model.rollout(u * model.duration_s, goal, start=curve[0]).positions[:, 0]
         for each, model in zip(mu, models, strict=True)
     }
-    with rc_context(STYLE):
+    with rc_context({**PLOT_STYLE, 'axes.ymargin': 0.12}):
         figure = Figure(figsize=(7.2, 5.4), layout='constrained', dpi=150)
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3.0, 1.0))
         _draw_motions(upper, (stamps - stamps[0]) / models[0].duration_s, curve, u, goal, motions)

@@ -23,6 +23,7 @@ import re
 from typing import Any
 
 from handover_dmp.common.files import replacing
+from handover_dmp.common.plot_style import EXCHANGE_COLOUR, PLOT_STYLE
 from handover_dmp.evaluation.cases import Case
 from handover_dmp.evaluation.envelope import Array, Envelope
 from handover_dmp.evaluation.scores import BANDS
@@ -38,7 +39,6 @@ from numpy.typing import NDArray
 PARTNER_COLOUR, DEMONSTRATOR_COLOUR, DMP_COLOUR = '#c8372d', '#2f8f4e', '#1f5fb4'
 INSIDE_COLOUR, OUTSIDE_COLOUR = '#2f9e55', '#d64533'
 BAND_COLOURS = {3: '#e1e6ec', 1: '#aab6c4'}
-EXCHANGE_COLOUR = '#f3d9a4'
 AXES = 'XYZ'
 
 MAX_TRIALS = 8
@@ -57,25 +57,15 @@ EXCHANGE_BAND_M = 0.03
 """The exchange is shaded while the wrists are within this of their least distance."""
 
 STYLE: Any = {
+    **PLOT_STYLE,
     'font.size': 9.5,
-    'font.family': 'DejaVu Sans',
     'axes.titlesize': 10,
+    'axes.titlelocation': 'center',
     'axes.labelsize': 9.5,
-    'axes.grid': True,
-    'axes.axisbelow': True,
-    'axes.spines.top': False,
-    'axes.spines.right': False,
-    'axes.edgecolor': '#59626d',
-    'grid.color': '#eceff2',
-    'grid.linewidth': 0.8,
-    'xtick.color': '#39424d',
-    'ytick.color': '#39424d',
-    'legend.frameon': False,
+    'axes.xmargin': 0.05,
     'lines.solid_capstyle': 'round',
     'svg.hashsalt': 'handover_dmp',
-    'figure.facecolor': 'white',
 }
-
 
 _ROW_GAP = 0.26
 

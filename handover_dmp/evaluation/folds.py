@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 
 from handover_dmp.evaluation.cases import Case, Hands
 from handover_dmp.evaluation.envelope import Array, Envelope
-from handover_dmp.evaluation.rollouts import learn_from_trials, Learning, roll_out
+from handover_dmp.evaluation.rollouts import learn_from_case, Learning, roll_out
 from handover_dmp.evaluation.scores import judge, Totals
 import numpy as np
 
@@ -163,7 +163,7 @@ def learn_mean_unseen(case: Case, part: Split, candidate: Candidate) -> Array:
         (len(part.unseen), 6) the sums of `Totals`, one rollout each.
 
     """
-    model, offset = learn_from_trials(case, part.training, 'decoupled', candidate.learning)
+    model, offset = learn_from_case(case, part.training, 'decoupled', candidate.learning)
     hands = case.hands if candidate.view is None else candidate.view(case.hands)
     rollouts = roll_out(model, offset, case, part.unseen, hands)
     curves = case.hands.time_normalise(rollouts, part.unseen)
@@ -195,7 +195,7 @@ def _rollouts(case: Case, candidate: Candidate) -> Array:
     means = (case.goal_offsets.sum(axis=0) - case.goal_offsets) / (len(case) - 1)
     rows = []
     for index in everyone:
-        model, offset = learn_from_trials(case, [index], 'decoupled', candidate.learning)
+        model, offset = learn_from_case(case, [index], 'decoupled', candidate.learning)
         offsets = means if candidate.common_offset else offset
         rollouts = roll_out(model, offsets, case, everyone, hands)
         rows.append(case.hands.time_normalise(rollouts, everyone))

@@ -21,12 +21,12 @@ from pathlib import Path
 
 from handover_dmp.evaluation.figures import draw, figure_count, Panel, Shown
 from handover_dmp.evaluation.protocol import CaseScores, Evaluation, Protocol
-from handover_dmp.evaluation.rollouts import learn_from_trials, nearest_to_mean, roll_out
+from handover_dmp.evaluation.rollouts import learn_from_case, nearest_to_mean, roll_out
 from handover_dmp.evaluation.scores import BANDS
 import numpy as np
 
 
-def write_figures(
+def write_panels(
     evaluation: Evaluation, folder: Path, progress: Callable[[int, int], None] | None = None
 ) -> list[tuple[str, str]]:
     """
@@ -54,7 +54,7 @@ def _panel(judged: CaseScores, protocol: Protocol) -> Panel:
     case = judged.case
     everyone = range(len(case))
     representative = nearest_to_mean(case.curves)
-    learnt = learn_from_trials(case, [representative], 'decoupled', protocol.learning)
+    learnt = learn_from_case(case, [representative], 'decoupled', protocol.learning)
     shown = {}
     for learn in protocol.learn:
         scores = judged.scores[learn, 'decoupled']

@@ -22,11 +22,11 @@ from functools import reduce
 from operator import add
 
 from handover_dmp.evaluation import LEARN
-from handover_dmp.evaluation.bootstrap import resample, ROUNDS
+from handover_dmp.evaluation.bootstrap import draw_samples, ROUNDS
 from handover_dmp.evaluation.cases import Case, make_cases
 from handover_dmp.evaluation.envelope import Array, Envelope
 from handover_dmp.evaluation.minimum_jerk import minimum_jerk
-from handover_dmp.evaluation.rollouts import curves_of, Learning, plan, PRIMITIVES, Task
+from handover_dmp.evaluation.rollouts import curves_of, Learning, plan, PRIMITIVES, RolloutTask
 from handover_dmp.evaluation.scores import judge, Scores, Summary, Totals
 from handover_dmp.evaluation.table import Row
 from handover_dmp.mocap import HandoverTrial
@@ -152,14 +152,14 @@ class _Unit:
     band: Envelope
     learn: str
     method: str
-    tasks: Sequence[Task]
+    tasks: Sequence[RolloutTask]
 
 
 @dataclass(frozen=True)
 class _Block:
     """The rollouts of one task, judged."""
 
-    task: Task
+    task: RolloutTask
     scores: Scores
     curves: Array
 
@@ -256,7 +256,7 @@ def _judge_people(case: Case) -> Scores:
 def _tabulate(cases: Sequence[CaseScores], protocol: Protocol) -> tuple[list[Row], list[Row]]:
     seeds = np.random.SeedSequence(protocol.seed).spawn(len(cases))
     draws = [
-        resample(len(judged.case), seed, protocol.rounds)
+        draw_samples(len(judged.case), seed, protocol.rounds)
         for judged, seed in zip(cases, seeds, strict=True)
     ]
     rows: list[Row] = []

@@ -63,7 +63,7 @@ def as_json(evaluation: Evaluation, data_set: str) -> dict[str, Any]:
     }
 
 
-def write_report(
+def write_evaluation(
     evaluation: Evaluation, data_set: str, folder: Path, figures: Sequence[tuple[str, str]]
 ) -> str:
     """

@@ -54,7 +54,7 @@ class Learning:
 
 
 @dataclass(frozen=True)
-class Task:
+class RolloutTask:
     """
     One model and the trials that it is rolled out against.
 
@@ -70,7 +70,7 @@ class Task:
     tested: tuple[int, ...]
 
 
-def plan(case: Case, learn_from: str, *, leave_one_out: bool = False) -> list[Task]:
+def plan(case: Case, learn_from: str, *, leave_one_out: bool = False) -> list[RolloutTask]:
     """
     Say which models the protocol wants, and what each is tested against.
 
@@ -86,19 +86,19 @@ def plan(case: Case, learn_from: str, *, leave_one_out: bool = False) -> list[Ta
     everyone = tuple(range(len(case)))
     if learn_from == 'single':
         if leave_one_out:
-            return [Task(i, (i,), tuple(j for j in everyone if j != i)) for i in everyone]
-        return [Task(i, (i,), everyone) for i in everyone]
+            return [RolloutTask(i, (i,), tuple(j for j in everyone if j != i)) for i in everyone]
+        return [RolloutTask(i, (i,), everyone) for i in everyone]
     if not leave_one_out:
         sources = everyone if learn_from == 'mean' else (nearest_to_mean(case.curves),)
-        return [Task(0, sources, everyone)]
+        return [RolloutTask(0, sources, everyone)]
     others = [tuple(i for i in everyone if i != j) for j in everyone]
     if learn_from == 'mean':
-        return [Task(0, sources, (j,)) for j, sources in zip(everyone, others, strict=True)]
+        return [RolloutTask(0, sources, (j,)) for j, sources in zip(everyone, others, strict=True)]
     tested: dict[int, list[int]] = {}
     for j, sources in zip(everyone, others, strict=True):
         representative = sources[nearest_to_mean(case.curves[list(sources)])]
         tested.setdefault(representative, []).append(j)
-    return [Task(0, (i,), tuple(against)) for i, against in tested.items()]
+    return [RolloutTask(0, (i,), tuple(against)) for i, against in tested.items()]
 
 
 def nearest_to_mean(curves: Array) -> int:
@@ -115,7 +115,7 @@ def nearest_to_mean(curves: Array) -> int:
     return int(((curves - curves.mean(axis=0)) ** 2).sum(axis=(1, 2)).argmin())
 
 
-def learn_from_trials(
+def learn_from_case(
     case: Case, sources: Sequence[int], method: str, learning: Learning
 ) -> tuple[DecoupledDmp | ClassicalDmp, Array]:
     """
@@ -194,7 +194,7 @@ def roll_out(
     return np.asarray(positions)
 
 
-def curves_of(case: Case, task: Task, method: str, learning: Learning) -> Array:
+def curves_of(case: Case, task: RolloutTask, method: str, learning: Learning) -> Array:
     """
     Carry one task out.
 
@@ -208,6 +208,6 @@ def curves_of(case: Case, task: Task, method: str, learning: Learning) -> Array:
         The time-normalised rollouts, (len(task.tested), 101, 3) m.
 
     """
-    model, goal_offset = learn_from_trials(case, task.sources, method, learning)
+    model, goal_offset = learn_from_case(case, task.sources, method, learning)
     rollouts = roll_out(model, goal_offset, case, task.tested)
     return case.hands.time_normalise(rollouts, task.tested)

@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from handover_dmp.evaluation.bootstrap import interval, resample
+from handover_dmp.evaluation.bootstrap import draw_samples, interval
 from handover_dmp.evaluation.cases import Case, make_cases
 from handover_dmp.evaluation.envelope import Array
 from handover_dmp.evaluation.folds import (
@@ -52,8 +52,6 @@ CANDIDATES = 192
 REFINEMENTS = 3
 WITHIN = len(BANDS) - 1
 SQUARED, GAP, COUNT = 3, 4, 5
-
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
@@ -184,7 +182,7 @@ def tune(
     candidates: int = CANDIDATES,
     seed: int = 0,
     jobs: int = 1,
-    progress: Progress | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Tuning:
     """
     Search K, μ, σ, K_v and the scale of τ by cross-validation.
@@ -219,7 +217,7 @@ def tune(
     search.run()
     choices = [search.choose(fold) for fold in range(FOLDS + 1)]
     draws = [
-        resample(len(case), own)
+        draw_samples(len(case), own)
         for case, own in zip(cases, seeds[-1].spawn(len(cases)), strict=True)
     ]
     compare = partial(_compare, cases, splits, search, choices[:FOLDS], draws)
@@ -243,7 +241,7 @@ class _Court:
         splits: Sequence[Sequence[Split]],
         jobs: int,
         expected: int,
-        progress: Progress | None,
+        progress: Callable[[int, int], None] | None,
     ) -> None:
         self.cases, self.splits, self.progress = cases, splits, progress
         self.parallel = Parallel(n_jobs=jobs, return_as='generator')

@@ -23,6 +23,7 @@ when the hand is late, wrong or gone. It knows neither the arm nor ROS, so the l
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from enum import Enum
 from math import dist, hypot, isfinite, nan
@@ -212,7 +213,24 @@ class HandoverController:
         self.hand_stamp_s = nan
         self._hand_arrival_s = None
 
-    def set_hand(self, stamp_s: float, position: Vector, now_s: float, arrival_s: float) -> str:
+    @property
+    def refused(self) -> Counter[str]:
+        """How many poses of the hand were not used, ever, by reason."""
+        return self._estimator.rejected
+
+    @property
+    def hand_unchanged_s(self) -> float:
+        """For how long the poses of the hand have been the same to the last bit, s."""
+        return self._estimator.unchanged_s
+
+    def set_hand(
+        self,
+        stamp_s: float,
+        position: Vector,
+        now_s: float,
+        arrival_s: float,
+        orientation: Vector | None = None,
+    ) -> str:
         """
         Take a pose of the partner's hand.
 
@@ -221,15 +239,19 @@ class HandoverController:
             position: (3,), m, in `world`.
             now_s: the time, s, on the clock of the stamps.
             arrival_s: the time, s, on the clock of the arrivals.
+            orientation: quaternion x, y, z, w, where there is one; of norm 0 it tells of no pose.
 
         Returns:
-            Why it was not used; empty if it was.
+            Why it was not used, in a word; empty if it was.
 
         """
-        if abs(stamp_s - now_s) > self.options.stamp_tolerance_s:
-            return 'stamp of the hand differs from the present time by more than stamp_tolerance_s'
-        if not self._estimator.update(stamp_s, position, now_s):
-            return 'pose of the hand is an outlier, old or not finite'
+        # also where it is no number
+        if not abs(stamp_s - now_s) <= self.options.stamp_tolerance_s:
+            self.refused['other_time'] += 1
+            return 'other_time'
+        reason = self._estimator.update(stamp_s, position, now_s, orientation)
+        if reason:
+            return reason
         self._hand = position
         self.hand_stamp_s = stamp_s
         self._hand_arrival_s = arrival_s

@@ -30,7 +30,7 @@ from handover_dmp.handover.controller import (
     HandoverState,
     WristCommand,
 )
-from handover_dmp.handover.scenario import Scenario
+from handover_dmp.handover.scenario import make_scenario, Scenario
 from handover_dmp.robot.partner import Partner
 from handover_dmp.robot.priority_ik import PriorityIk
 from handover_dmp.robot.tasks import WristTarget
@@ -148,7 +148,9 @@ class Handover:
         seen = False
         for sample in samples:
             hand = tuple(sample.position.tolist())
-            seen |= not self.controller.set_hand(sample.stamp_s, hand, now_s, now_s)
+            seen |= not self.controller.set_hand(
+                sample.stamp_s, hand, now_s, now_s, sample.orientation
+            )
         self.controller.set_wrist(tuple(wrist.tolist()))
         command = self.controller.step(now_s, self.period_s, self._phase_rate)
         assert command is not None
@@ -195,3 +197,27 @@ class Handover:
     def close(self) -> None:
         """Let go of the simulated world."""
         self.arm.close()
+
+
+def simulate(
+    scenario: Scenario | None = None, progress: Callable[[float], None] = lambda _share: None
+) -> list[Period]:
+    """
+    Simulate one handover from start to end.
+
+    Args:
+        scenario: trial, movement and arm, see `scenario.make_scenario`; the example if left out.
+        progress: is told the share that is done.
+
+    Returns:
+        What every period saw and said, in order.
+
+    Raises:
+        UnreachableError: the arm of the example reaches the path from nowhere.
+
+    """
+    handover = Handover(scenario or make_scenario())
+    try:
+        return handover.run(progress)
+    finally:
+        handover.close()

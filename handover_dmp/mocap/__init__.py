@@ -20,8 +20,9 @@ The public names are imported when they are first used, so that `handover_dmp --
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import Any, TYPE_CHECKING
+from typing import TYPE_CHECKING
+
+from handover_dmp.common.lazy import lazy_names
 
 if TYPE_CHECKING:
     from handover_dmp.mocap.data_set import read_data_set, write_data_set
@@ -53,8 +54,4 @@ __all__ = [
     'write_trial',
 ]
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
-    return getattr(import_module(f'{__name__}.{_HOMES[name]}'), name)
+__getattr__, __dir__ = lazy_names(__name__, _HOMES)

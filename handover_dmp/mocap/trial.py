@@ -34,7 +34,7 @@ MIN_SAMPLES = 10
 LARGEST_COORDINATE_M = 100.0
 LARGEST_STAMP_S = 1e12
 MIN_PERIOD_S = 1e-5
-MAX_GAP_S = 2.0
+MAX_SAMPLE_PERIOD_S = 2.0
 MAX_DURATION_S = 600.0
 # A hand is neither this fast nor does a dropped sample hide such a way: the frame has changed.
 JUMP_M = 0.3
@@ -90,6 +90,10 @@ class HandoverTrial:
         if fault := find_fault(self.times, np.hstack([self.partner, self.demonstrator])):
             where = '' if fault.row is None else f'sample {fault.row}: '
             raise DataError(f'{self.label}: {where}{fault.what}')
+
+    def __repr__(self) -> str:
+        """Say which one it is, and how long."""
+        return f'HandoverTrial({self.label}, {len(self.times)} samples, {self.duration_s:.2f} s)'
 
     @property
     def label(self) -> str:
@@ -169,7 +173,7 @@ def read_trial(
     The file has the header `t,p1_x,p1_y,p1_z,p2_x,p2_y,p2_z` and one line a sample, in seconds
     and metres. What it is a trial of is told by the arguments, else by the line of a `trials.csv`
     beside it, else by its name `<configuration>_<exchange>_<number>.csv`; a file of another name
-    is taken for a give (a take where its name says so), number 1, of a configuration of its name.
+    is taken for a give, number 1, of a configuration of its name.
 
     Args:
         path: the file.
@@ -192,7 +196,7 @@ def read_trial(
     if None in (configuration, direction, number):
         known = _from_index(path) or describe(path)
         configuration = known[0] if configuration is None else configuration
-        direction = known[1] if direction is None else direction
+        direction = direction or known[1] or 'give'
         number = known[2] if number is None else number
     if direction not in DIRECTIONS:
         raise DataError(f"{path}: exchange {direction!r} instead of 'give' or 'take'")
@@ -207,7 +211,7 @@ def read_trial(
     )
 
 
-def describe(path: Path) -> tuple[str, str, int]:
+def describe(path: Path) -> tuple[str, str | None, int]:
     """
     Tell by the name of a file what it is a trial of.
 
@@ -215,15 +219,15 @@ def describe(path: Path) -> tuple[str, str, int]:
         path: the file; only its name matters.
 
     Returns:
-        Configuration, exchange and number, by `<configuration>_<exchange>_<number>.*`; for a file
-        of another name, its name, a give (a take where its name says so), and 1.
+        Configuration, direction and number, by `<configuration>_<exchange>_<number>.*`; for a file
+        of another name, its name, None, for other names do not tell it (`Take 2023-05-01` is what
+        Motive calls every recording), and 1.
 
     """
     match = _NAME.fullmatch(path.stem)
     if match:
         return match['configuration'], match['exchange'], int(match['number'])
-    words = re.split(r'[^a-z]+', path.stem.lower())
-    return path.stem, 'take' if 'take' in words else 'give', 1
+    return path.stem, None, 1
 
 
 def write_trial(trial: HandoverTrial, path: str | Path) -> None:
@@ -247,7 +251,7 @@ def _time_fault(times: NDArray[np.float64], max_duration_s: float) -> Fault | No
     if abs(times[0]) > LARGEST_STAMP_S:
         return Fault(0, f'time {times[0]:g} s is absurd')
     periods = np.diff(times)
-    wrong = (periods < MIN_PERIOD_S) | (periods > MAX_GAP_S)
+    wrong = (periods < MIN_PERIOD_S) | (periods > MAX_SAMPLE_PERIOD_S)
     if not wrong.any():
         if times[-1] - times[0] > max_duration_s:
             return Fault(None, f'{times[-1] - times[0]:.0f} s are too long for one handover')
@@ -258,7 +262,7 @@ def _time_fault(times: NDArray[np.float64], max_duration_s: float) -> Fault | No
         return Fault(row, f'time runs backwards, from {before:g} to {now:g} s')
     if now == before:
         return Fault(row, f'time {now:g} s is repeated')
-    if now - before > MAX_GAP_S:
+    if now - before > MAX_SAMPLE_PERIOD_S:
         return Fault(row, f'no sample for {now - before:.3g} s before this one')
     return Fault(row, f'only {now - before:.3g} s after the sample before')
 

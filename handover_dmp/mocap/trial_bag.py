@@ -37,7 +37,7 @@ START_NS = 10**9
 REST_BEFORE_S = 0.5
 REST_AFTER_S = 5.0
 """As long as a handover may take from where its recording ends."""
-Row = tuple[int, str, Message]
+_Row = tuple[int, str, Message]
 
 
 def write_trial_bag(trial: HandoverTrial, folder: Path | str, compression: str = 'zstd') -> None:
@@ -77,7 +77,7 @@ def write_trial_bag(trial: HandoverTrial, folder: Path | str, compression: str =
             bag.write_message(name, message, time_ns)
 
 
-def _rows(trial: HandoverTrial) -> Iterator[Row]:
+def _rows(trial: HandoverTrial) -> Iterator[_Row]:
     """Give time, topic and message of everything that is to be seen, in order."""
     times_ns = [START_NS + round(time * 1e9) for time in trial.times - trial.times[0]]
     step_ns = round(float(np.median(np.diff(trial.times))) * 1e9)
@@ -95,7 +95,7 @@ def _rows(trial: HandoverTrial) -> Iterator[Row]:
         yield _pose(HAND_POSE, times_ns[-1] + count * step_ns, trial.partner[-1])
 
 
-def _pose(topic: Topic, time_ns: int, position: NDArray[np.float64]) -> Row:
+def _pose(topic: Topic, time_ns: int, position: NDArray[np.float64]) -> _Row:
     return time_ns, topic.name, pose_stamped(time_ns, position.tolist(), frame=FRAME)
 
 

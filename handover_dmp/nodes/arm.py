@@ -35,7 +35,8 @@ def load_arm(node: HandoverNode) -> RobotModel:
 
     """
     values = node.values
-    base = BasePlacement(tuple(values['base_position']), values['base_yaw'])
+    angles = {name: values[f'base_{name}'] for name in ('roll', 'pitch', 'yaw')}
+    base = BasePlacement(tuple(values['base_position']), **angles)
     model = RobotModel.load(values['robot'], base=base)
     for remark in model.remarks:
         node.get_logger().warning(f'{model.urdf_path}: {remark}')

@@ -101,6 +101,12 @@ def position_of(message: PoseStamped) -> tuple[float, float, float]:
     return place.x, place.y, place.z
 
 
+def orientation_of(message: PoseStamped) -> Quaternion:
+    """Return the quaternion of a pose as it is."""
+    turn = message.pose.orientation
+    return turn.x, turn.y, turn.z, turn.w
+
+
 def quaternion_of(rotation: NDArray[np.float64]) -> Quaternion:
     """Return a rotation, (3, 3), as a quaternion."""
     x, y, z, w = pinocchio.Quaternion(rotation).coeffs().tolist()

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 import os
 from statistics import quantiles
 from time import perf_counter
@@ -27,6 +27,21 @@ from handover_dmp.topics import DIAGNOSTICS
 
 OVERRUN = 1.5
 HARDWARE_ID = 'handover_dmp'
+
+
+def refusals(refused: Mapping[str, int]) -> dict[str, str]:
+    """
+    Word how many poses of the hand were not used since the node began.
+
+    Args:
+        refused: reason to count.
+
+    Returns:
+        Name to value: all of them, then each reason that there was.
+
+    """
+    told = {f'hand refused, {reason}': str(refused[reason]) for reason in sorted(refused)}
+    return {'hand refused': str(sum(refused.values())), **told}
 
 
 class Periods:

@@ -37,6 +37,7 @@ from handover_dmp.handover.scenario import example_model, read_model
 from handover_dmp.nodes.conversions import (
     NANOSECONDS,
     nanoseconds,
+    orientation_of,
     pose_message,
     position_of,
     Quaternion,
@@ -47,11 +48,18 @@ from handover_dmp.nodes.conversions import (
     twist_message,
     values_of,
 )
-from handover_dmp.nodes.diagnostics import Diagnostics, Periods
+from handover_dmp.nodes.diagnostics import Diagnostics, Periods, refusals
 from handover_dmp.nodes.lockstep import Lockstep
 from handover_dmp.nodes.markers import Markers
 from handover_dmp.nodes.node import HandoverNode
-from handover_dmp.nodes.parameters import declare, HAND, on_change, Parameter, Values
+from handover_dmp.nodes.parameters import (
+    declare,
+    goal_estimator,
+    HAND,
+    on_change,
+    Parameter,
+    Values,
+)
 from handover_dmp.nodes.spin import run
 from handover_dmp.topics import (
     FRAME,
@@ -65,7 +73,6 @@ from handover_dmp.topics import (
     TWIST_COMMAND,
     WRIST_POSE,
 )
-from handover_dmp.tracking import GoalEstimator, HandFilter
 import numpy as np
 from std_msgs.msg import Float64MultiArray, Header, String
 
@@ -98,17 +105,6 @@ HANDOVER = (
     Parameter('tracking_error_limit_m', 'how far the command may run ahead, m', 0.001, 10.0),
     Parameter('phase_stopping', 'whether an arm that cannot keep up slows the phase'),
 )
-HAND_FILTER = (
-    Parameter('hand_filter.acceleration_noise', 'of the hand, m/s2/sqrt(Hz)', 1e-6, 1e3),
-    Parameter('hand_filter.measurement_noise_m', 'of a pose, standard deviation, m', 1e-9, 1.0),
-    Parameter('hand_filter.outlier_distance_m', 'from what is expected, m', 1e-6, 100.0),
-    Parameter('hand_filter.hand_acceleration', 'widens that with time, m/s2', 0.0, 1e3),
-    Parameter('hand_filter.reacquire_s', 'outliers that last so long are believed, s', 1e-3, 60.0),
-    Parameter('hand_filter.lost_s', 'without a pose, all is forgotten, s', 1e-3, 60.0),
-    Parameter('hand_filter.late_limit_s', 'age up to which late poses are used, s', 0.0, 10.0),
-    Parameter('hand_filter.prediction_limit_s', 'how far ahead the hand moves on, s', 0.0, 10.0),
-    Parameter('hand_filter.delay_s', 'how much too late poses are stamped, s', 0.0, 10.0),
-)
 
 
 class Dmp(HandoverNode):
@@ -125,8 +121,7 @@ class Dmp(HandoverNode):
         ),
         *HAND,
         *HANDOVER,
-        *(replace(parameter, read_only=True) for parameter in HAND_FILTER),
-    )  # fmt: skip
+    )
 
     def __init__(self) -> None:
         """Load the model, connect the topics, wait for hand and wrist."""
@@ -135,13 +130,15 @@ class Dmp(HandoverNode):
         self._learnt = learnt = read_model(Path(path)) if path else example_model()
         self.values |= declare(self, PRIMITIVE, defaults_from=asdict(learnt.parameters))
         self._controller = HandoverController(
-            _with_parameters(learnt, self.values), _options(self.values), _estimator(self.values)
+            _with_parameters(learnt, self.values),
+            _options(self.values),
+            goal_estimator(self.values),
         )
         on_change(self, HANDOVER + PRIMITIVE, self._prepare)
         period_s = 1.0 / self.values['rate_hz']
         self._period_ns = round(period_s * NANOSECONDS)
         self._periods = Periods(period_s)
-        self._hands: list[tuple[float, tuple[float, float, float]]] = []
+        self._hands: list[tuple[float, PoseStamped]] = []
         self._newest_hand_ns = -1
         self._phase_rate = 1.0
         self._phase_rate_ns = -1
@@ -195,11 +192,13 @@ class Dmp(HandoverNode):
 
     def _on_hand(self, message: PoseStamped) -> None:
         if message.header.frame_id != FRAME:
+            self._controller.refused['other_frame'] += 1
             self._fault(f'hand in frame {message.header.frame_id!r} instead of {FRAME!r}')
             return
         time_ns = self.hand_stamp_ns(message.header.stamp)
-        if time_ns != self._newest_hand_ns:  # else told again, as it may have been lost
-            self._hands.append((time_ns / NANOSECONDS, position_of(message)))
+        # in lockstep one is told again, as it may have been lost
+        if not (self.lockstep and time_ns == self._newest_hand_ns):
+            self._hands.append((time_ns / NANOSECONDS, message))
         self._newest_hand_ns = time_ns
         if self.lockstep:
             self._clock_of_periods.look()
@@ -207,10 +206,12 @@ class Dmp(HandoverNode):
             self._take_hands(self.now_s(), self.arrival_s())
 
     def _take_hands(self, now_s: float, arrival_s: float) -> None:
-        for stamp_s, position in self._hands:
-            fault = self._controller.set_hand(stamp_s, position, now_s, arrival_s)
-            if fault:
-                self._fault(fault)
+        for stamp_s, message in self._hands:
+            reason = self._controller.set_hand(
+                stamp_s, position_of(message), now_s, arrival_s, orientation_of(message)
+            )
+            if reason and reason != 'repeated':
+                self._fault(f'hand refused, {reason}')
         self._hands.clear()
 
     def _on_wrist(self, message: PoseStamped) -> None:
@@ -378,21 +379,21 @@ class Dmp(HandoverNode):
         age_s = self._controller.hand_age_s(now_s)
         if age_s > self._controller.options.hand_timeout_s:
             faults['no fresh hand: braking'] = 1
+        unchanged_s = self._controller.hand_unchanged_s
+        if self._controller.state in MOVING and unchanged_s > self.values['hand_filter.frozen_s']:
+            faults['hand unchanged to the last bit: a replay at rest, or a tracker that hangs'] = 1
         values = {
             'state': self._controller.state.value,
             'age of the hand (s)': f'{age_s:.3f}',
             'age of the wrist (s)': f'{now_s - self._wrist_arrival_s:.3f}',
+            'hand unchanged (s)': f'{unchanged_s:.3f}',
+            **refusals(self._controller.refused),
         }
         return '; '.join(f'{fault} ({count} times)' for fault, count in faults.items()), values
 
 
 def _options(values: Values) -> HandoverOptions:
     return HandoverOptions(**{parameter.name: values[parameter.name] for parameter in HANDOVER})
-
-
-def _estimator(values: Values) -> GoalEstimator:
-    names = (parameter.name for parameter in HAND_FILTER)
-    return GoalEstimator(HandFilter(**{name.partition('.')[2]: values[name] for name in names}))
 
 
 def _with_parameters(model: DecoupledDmp, values: Values) -> DecoupledDmp:

@@ -33,6 +33,7 @@ from types import TracebackType
 from typing import Any
 
 from handover_dmp.common.errors import HandoverError
+from handover_dmp.common.plain_yaml import dump_plain
 from handover_dmp.common.resources import share_path
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
 from handover_dmp.nodes.qos import message_class, qos_profile
@@ -60,7 +61,6 @@ from rclpy.task import Future
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
-import yaml
 
 NODES = ('recorder', 'hand_tracker', 'dmp', 'priority_ik', 'robot_sim')
 RECORDED_AND_READ = (HAND_POSE, WRIST_POSE, POSE_COMMAND, TWIST_COMMAND, IK_STATUS, JOINT_STATES)
@@ -81,13 +81,6 @@ RANGE_VARIABLE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 
 class GraphError(HandoverError):
     """The graph did not start, broke off or did not end as it should; names the node."""
-
-
-class _WithoutAliases(yaml.SafeDumper):
-    """Writes what stands twice twice, since the parser of ROS 2 knows no aliases."""
-
-    def ignore_aliases(self, data: Any) -> bool:
-        return True
 
 
 class Graph:
@@ -138,7 +131,7 @@ class Graph:
         """Start the nodes and wait until they hear each other."""
         isolate()
         (self._folder / 'logs').mkdir(parents=True, exist_ok=True)
-        write_parameters(self._folder / 'parameters.yaml', self._parameters)
+        write_node_parameters(self._folder / 'parameters.yaml', self._parameters)
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         try:
             self._watch()
@@ -409,7 +402,7 @@ def isolation(middleware: str, environment: Mapping[str, str]) -> dict[str, str]
     return {PROFILE_VARIABLE: str(profile), RANGE_VARIABLE: 'SYSTEM_DEFAULT'}
 
 
-def write_parameters(file: Path, parameters: Mapping[str, Mapping[str, Any]]) -> None:
+def write_node_parameters(file: Path, parameters: Mapping[str, Mapping[str, Any]]) -> None:
     """
     Write the parameters of several nodes to a file for `--params-file`.
 
@@ -419,7 +412,7 @@ def write_parameters(file: Path, parameters: Mapping[str, Mapping[str, Any]]) ->
 
     """
     tree = {name: {'ros__parameters': dict(values)} for name, values in parameters.items()}
-    file.write_text(yaml.dump(tree, Dumper=_WithoutAliases), encoding='utf-8')
+    file.write_text(dump_plain(tree), encoding='utf-8')
 
 
 def _free_domain() -> int:

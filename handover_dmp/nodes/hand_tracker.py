@@ -135,7 +135,8 @@ class HandTracker(HandoverNode):
 
 
 def _message(sample: HandSample) -> PoseStamped:
-    return pose_message(stamp(round(sample.stamp_s * NANOSECONDS)), sample.position)
+    time = stamp(round(sample.stamp_s * NANOSECONDS))
+    return pose_message(time, sample.position, sample.orientation)
 
 
 def _played(values: Values) -> PlayedTrial | PlayedBag:

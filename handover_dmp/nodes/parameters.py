@@ -22,6 +22,7 @@ from typing import Any
 
 from handover_dmp.common.errors import HandoverError, UsageError
 from handover_dmp.common.settings import defaults
+from handover_dmp.tracking import GoalEstimator, HandFilter
 from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
@@ -32,6 +33,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 Values = dict[str, Any]
+HAND_FILTER = 'hand_filter.'
 
 
 @dataclass(frozen=True)
@@ -100,6 +102,13 @@ COMMON = (
     ),
 )
 
+
+def _filter(
+    name: str, description: str, low: float | None = None, high: float | None = None
+) -> Parameter:
+    return Parameter(HAND_FILTER + name, description, low, high, read_only=True)
+
+
 HAND = (
     Parameter(
         'hand_stamps',
@@ -107,12 +116,27 @@ HAND = (
         choices=('header', 'arrival'),
         read_only=True,
     ),
+    _filter('acceleration_noise', 'of the hand, m/s2/sqrt(Hz)', 1e-6, 1e3),
+    _filter('measurement_noise_m', 'of a pose, standard deviation, m', 1e-9, 1.0),
+    _filter('outlier_distance_m', 'from what is expected, m', 1e-6, 100.0),
+    _filter('hand_acceleration', 'widens that with time, m/s2', 0.0, 1e3),
+    _filter('hand_speed', 'within which a hand that is back is believed at once, m/s', 1e-3, 1e3),
+    _filter('reacquire_poses', 'that agree, before one further off is believed', 1, 1_000_000),
+    _filter('frozen_s', 'a pose unchanged to the last bit for longer is frozen, s', 1e-3, 1e6),
+    _filter('refuse_frozen', 'whether that is no pose; a replay at rest may be frozen'),
+    _filter('max_deviation_m', 'of a covariance, beyond which there is no pose, m', 1e-6, 1e3),
+    _filter('lost_s', 'without a pose, all is forgotten, s', 1e-3, 60.0),
+    _filter('late_limit_s', 'age up to which late poses are used, s', 0.0, 10.0),
+    _filter('prediction_limit_s', 'how far ahead the hand moves on, s', 0.0, 10.0),
+    _filter('delay_s', 'how much too late poses are stamped, s', 0.0, 10.0),
 )
 
 ARM = (
     Parameter('robot', 'lwr4, iiwa14, panda, ur5 or the path of a URDF', read_only=True),
     Parameter('base_position', 'of the robot in the room, m', read_only=True),
-    Parameter('base_yaw', 'of the robot in the room, rad', -6.3, 6.3, read_only=True),
+    Parameter('base_roll', 'about x, the first of three turns, rad', -6.3, 6.3, read_only=True),
+    Parameter('base_pitch', 'about y, the second, rad', -6.3, 6.3, read_only=True),
+    Parameter('base_yaw', 'about z, the last, rad', -6.3, 6.3, read_only=True),
 )
 
 
@@ -149,6 +173,25 @@ def declare(
     if fault:
         raise UsageError(f'{node.NAME}: {fault}')
     return values
+
+
+def goal_estimator(values: Values) -> GoalEstimator:
+    """
+    Make the estimator of the hand that a node's parameters describe.
+
+    Args:
+        values: of the parameters `HAND`.
+
+    Returns:
+        The estimator; it knows of no hand yet.
+
+    """
+    named = {
+        name.removeprefix(HAND_FILTER): value
+        for name, value in values.items()
+        if name.startswith(HAND_FILTER)
+    }
+    return GoalEstimator(HandFilter(**named))
 
 
 def on_change(

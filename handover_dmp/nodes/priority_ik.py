@@ -28,6 +28,7 @@ from handover_dmp.nodes.arm import limits_told, load_arm
 from handover_dmp.nodes.conversions import (
     NANOSECONDS,
     nanoseconds,
+    orientation_of,
     pose_message,
     position_of,
     quaternion_of,
@@ -36,10 +37,17 @@ from handover_dmp.nodes.conversions import (
     to_joint_command,
     velocities_of,
 )
-from handover_dmp.nodes.diagnostics import Diagnostics, Periods
+from handover_dmp.nodes.diagnostics import Diagnostics, Periods, refusals
 from handover_dmp.nodes.lockstep import HEAD_START_S, Lockstep
 from handover_dmp.nodes.node import HandoverNode
-from handover_dmp.nodes.parameters import ARM, HAND, on_change, Parameter, Values
+from handover_dmp.nodes.parameters import (
+    ARM,
+    goal_estimator,
+    HAND,
+    on_change,
+    Parameter,
+    Values,
+)
 from handover_dmp.nodes.spin import run
 from handover_dmp.robot.orientation_task import ORIENTATIONS
 from handover_dmp.robot.partner import Partner
@@ -56,7 +64,6 @@ from handover_dmp.topics import (
     TWIST_COMMAND,
     WRIST_POSE,
 )
-from handover_dmp.tracking import GoalEstimator
 import numpy as np
 from sensor_msgs.msg import JointState
 
@@ -122,7 +129,7 @@ class PriorityIkNode(HandoverNode):
         on_change(self, TIMEOUTS + TASKS, self._prepare)
         self._period_s = 1.0 / self.values['rate_hz']
         self._periods = Periods(self._period_s)
-        self._hand = GoalEstimator()
+        self._hand = goal_estimator(self.values)
         self._newest_hand_ns = -NANOSECONDS
         self._pose: PoseStamped | None = None
         self._twist: TwistStamped | None = None
@@ -215,17 +222,27 @@ class PriorityIkNode(HandoverNode):
 
     def _on_hand(self, message: PoseStamped) -> None:
         if message.header.frame_id != FRAME:
+            self._hand.rejected['other_frame'] += 1
             self._refuse(f'hand in frame {message.header.frame_id!r}, not {FRAME!r}')
             return
-        self._newest_hand_ns = self.hand_stamp_ns(message.header.stamp)
-        stamp_s = self._newest_hand_ns / NANOSECONDS
-        used = self._hand.update(stamp_s, position_of(message))
-        estimate = self._hand.estimate(stamp_s)
-        if used and estimate is not None:
-            known = Partner(np.array(estimate.position), np.array(estimate.velocity))
-            self._controller.set_hand(known, stamp_s if self.lockstep else self.arrival_s())
+        time_ns = self.hand_stamp_ns(message.header.stamp)
+        stamp_s = time_ns / NANOSECONDS
+        # in lockstep one is told again, as it may have been lost
+        if not (self.lockstep and time_ns == self._newest_hand_ns):
+            self._take_hand(stamp_s, message)
+        self._newest_hand_ns = time_ns
         if self.lockstep:
             self._lockstep.look()
+
+    def _take_hand(self, stamp_s: float, message: PoseStamped) -> None:
+        now_s = None if self.lockstep else self.now_s()
+        reason = self._hand.update(stamp_s, position_of(message), now_s, orientation_of(message))
+        estimate = self._hand.estimate(stamp_s)
+        if reason and reason != 'repeated':
+            self._refuse(f'hand, {reason}')
+        elif not reason and estimate is not None:
+            known = Partner(np.array(estimate.position), np.array(estimate.velocity))
+            self._controller.set_hand(known, stamp_s if self.lockstep else self.arrival_s())
 
     def _twist_of_pose(self) -> TwistStamped | None:
         """Return the twist of the same command as the newest pose, if both are there."""
@@ -356,6 +373,8 @@ class PriorityIkNode(HandoverNode):
             **{f'age of the {name} (s)': f'{age_s:.3f}' for name, age_s in ages.items()},
             'active limits': ', '.join(self._active) or 'none',
             'messages refused': str(refused),
+            'hand unchanged (s)': f'{self._hand.unchanged_s:.3f}',
+            **refusals(self._hand.rejected),
             **limits_told(self._model),
         }
 

@@ -110,9 +110,8 @@ class RobotSim(HandoverNode):
         Diagnostics(self, self._periods, self._condition)
 
     def _connect(self, model: RobotModel) -> None:
-        # whoever follows the time of another simulator makes none
-        own_time = self.lockstep or not self.simulated
-        self._time_publisher = self.advertise(CLOCK) if own_time else None
+        # on the wall clock nobody needs it, and `ros2 bag play --clock` publishes its own
+        self._time_publisher = self.advertise(CLOCK) if self.lockstep else None
         self._states = self.advertise(JOINT_STATES)
         self._message = JointState(name=list(model.joint_names))
         self._still = [0.0] * model.dof

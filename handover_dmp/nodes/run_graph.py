@@ -86,6 +86,8 @@ def graph_parameters(
     arm = {
         'robot': robot.asked_for,
         'base_position': [float(x) for x in robot.base.position],
+        'base_roll': float(robot.base.roll),
+        'base_pitch': float(robot.base.pitch),
         'base_yaw': float(robot.base.yaw),
     }
     return {

@@ -39,6 +39,7 @@ PARENT_VARIABLE = 'HANDOVER_DMP_PARENT'
 POLL_S = 0.05
 MAX_END_S = 15.0
 STDERR = 2
+MAX_PRIORITY = 99
 
 
 def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -> int:
@@ -48,8 +49,8 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
     The executor comes back again and again, since the events executor of these wheels does not
     look at signals. Its garbage collector runs with the other housekeeping, once a second between
     two periods.
-    On the wall clock it runs at the real-time priority of its parameter `thread_priority`, as the
-    controller manager of ros2_control does.
+    On the wall clock it runs at the real-time priority of its parameter `thread_priority`, if that
+    is above 0, as the controller manager of ros2_control does.
 
     Args:
         make_node: makes the node; a `HandoverError` there ends the process with its one line.
@@ -133,9 +134,11 @@ def _prioritise(node: Node) -> None:
         return
     priority = int(node.get_parameter('thread_priority').value)
     if priority > 0:
-        for thread in Path('/proc/self/task').iterdir():
+        for thread in (int(path.name) for path in Path('/proc/self/task').iterdir()):
+            # discovery and services are the middleware's threads: Python is not to starve them
+            own = priority if thread == os.getpid() else min(priority + 1, MAX_PRIORITY)
             with suppress(PermissionError, ProcessLookupError):
-                os.sched_setscheduler(int(thread.name), os.SCHED_FIFO, os.sched_param(priority))
+                os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(own))
 
 
 def _orphaned() -> bool:

@@ -24,9 +24,8 @@ from typing import Any
 
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.files import write_text
-from handover_dmp.common.plain_yaml import load_plain
+from handover_dmp.common.plain_yaml import dump_plain, load_plain
 from handover_dmp.recording.qos import Qos
-import yaml
 
 METADATA_FILE = 'metadata.yaml'
 ROOT = 'rosbag2_bagfile_information'
@@ -104,7 +103,7 @@ class FileStatistics:
         return max(0, self.last_ns - self.first_ns) if self.counts else 0
 
 
-def bag_information(
+def rosbag2_information(
     topics: Sequence[TopicMetadata],
     files: Sequence[FileStatistics],
     custom_data: dict[str, str] | None = None,
@@ -156,7 +155,7 @@ def bag_information(
 
 def dump_information(information: dict[str, Any]) -> str:
     """Return the YAML text of it, as it also stands within each file."""
-    return str(yaml.dump(information, Dumper=_PlainDumper, sort_keys=False))
+    return dump_plain(information)
 
 
 def write_metadata(folder: Path, information: dict[str, Any]) -> None:
@@ -187,10 +186,3 @@ def read_metadata(folder: Path) -> dict[str, Any]:
     if not isinstance(information, dict):
         raise DataError(f'{path}: not the metadata of a bag: no {ROOT}')
     return information
-
-
-class _PlainDumper(yaml.SafeDumper):
-    """Writes what occurs twice twice: other readers of bags know no YAML anchors."""
-
-    def ignore_aliases(self, data: Any) -> bool:
-        return True

@@ -26,10 +26,10 @@ from handover_dmp import __version__
 from handover_dmp.common.errors import DataError, UsageError
 from handover_dmp.common.settings import defaults
 from handover_dmp.recording.bag_metadata import (
-    bag_information,
     dump_information,
     FileStatistics,
     NO_TIME,
+    rosbag2_information,
     TopicMetadata,
     write_metadata,
 )
@@ -263,7 +263,7 @@ class BagWriter:
         self.close()
 
     def _information(self, files: list[FileStatistics]) -> dict[str, object]:
-        return bag_information(list(self._topics.values()), files, self._custom_data)
+        return rosbag2_information(list(self._topics.values()), files, self._custom_data)
 
     def _begin_file(self) -> _BagFile:
         name = f'{self.folder.name}_{len(self._ended)}.mcap'

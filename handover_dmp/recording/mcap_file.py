@@ -74,7 +74,7 @@ def is_complete(path: Path) -> bool:
         return stream.read(len(MAGIC)) == MAGIC
 
 
-def read_records(path: Path, damage: Damage | None = None) -> Iterator[McapRecord]:
+def read_mcap_records(path: Path, damage: Damage | None = None) -> Iterator[McapRecord]:
     """
     Read the records of an MCAP file from its beginning to its end or to where it breaks off.
 

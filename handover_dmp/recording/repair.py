@@ -24,16 +24,17 @@ from pathlib import Path
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.files import replacing
 from handover_dmp.common.plain_yaml import load_plain
+from handover_dmp.recording.bag_file import MCAP
 from handover_dmp.recording.bag_metadata import (
-    bag_information,
     FileStatistics,
     read_metadata,
+    rosbag2_information,
     TopicMetadata,
     write_metadata,
 )
 from handover_dmp.recording.bag_reader import bag_files, custom_data, numbered_files
 from handover_dmp.recording.bag_writer import LIBRARY
-from handover_dmp.recording.mcap_file import Damage, read_records
+from handover_dmp.recording.mcap_file import Damage, read_mcap_records
 from mcap.records import Attachment, Channel, Footer, McapRecord, Message, Metadata, Schema
 from mcap.writer import CompressionType, Writer
 
@@ -78,6 +79,8 @@ def repair_bag(path: Path | str) -> Repair:
 
     """
     files = _files_to_repair(Path(path))
+    if other := [file for file in files if file.suffix != MCAP]:
+        raise DataError(f'{other[0]}: only MCAP files that are not compressed can be repaired')
     topics: dict[str, TopicMetadata] = {}
     statistics: list[FileStatistics] = []
     rewritten = []
@@ -86,7 +89,7 @@ def repair_bag(path: Path | str) -> Repair:
     for file in files:
         damage = Damage()
         content = _File(topics, FileStatistics(file.name))
-        for record in read_records(file, damage):
+        for record in read_mcap_records(file, damage):
             content.take(record)
         if not damage.complete or damage.dropped_chunks or not content.closed:
             try:
@@ -97,7 +100,7 @@ def repair_bag(path: Path | str) -> Repair:
         pairs |= content.custom_data
         dropped += damage.dropped_chunks
         statistics.append(content.statistics)
-    information = bag_information(list(topics.values()), statistics, pairs)
+    information = rosbag2_information(list(topics.values()), statistics, pairs)
     written = Path(path).is_dir() and (bool(rewritten) or not _described(files[0].parent))
     if written:
         write_metadata(files[0].parent, information)
@@ -205,4 +208,4 @@ def _rewrite(file: Path) -> None:
 
 
 def _readable(file: Path) -> Iterator[McapRecord]:
-    return read_records(file, Damage())
+    return read_mcap_records(file, Damage())

@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from handover_dmp.common.files import replacing
+from handover_dmp.common.plot_style import EXCHANGE_COLOUR, PLOT_STYLE
 from handover_dmp.report.metrics import FEEDBACK_WEIGHT, goal_at
 from handover_dmp.report.motion import bell_of, velocity
 from handover_dmp.report.recorded_run import Array, RunRecord
@@ -54,33 +55,12 @@ DEMONSTRATOR: Style = {
 COMMAND: Style = {'color': '#111111', 'linewidth': 1.0, 'linestyle': (0, (1, 1.5)), 'zorder': 2.4}
 LIMIT: Style = {'color': '#8a1c7c', 'linewidth': 1.0, 'linestyle': (0, (6, 2, 1, 2))}
 QUIET: Style = {'color': '#59626d', 'linewidth': 1.5, 'linestyle': '-'}
-EXCHANGE_COLOUR = '#f3d9a4'
-FEEDBACK_COLOUR = '#e3e7ec'
 HAND_NAME, ROBOT_NAME, DEMONSTRATOR_NAME = (
     "partner's hand (P1)",
     'robot wrist',
     'human in its place (P2)',
 )
 
-STYLE: Style = {
-    'font.size': 10,
-    'font.family': 'DejaVu Sans',
-    'axes.titlesize': 10.5,
-    'axes.titlelocation': 'left',
-    'axes.labelsize': 10,
-    'axes.grid': True,
-    'axes.axisbelow': True,
-    'axes.spines.top': False,
-    'axes.spines.right': False,
-    'axes.edgecolor': '#59626d',
-    'axes.xmargin': 0.01,
-    'grid.color': '#eceff2',
-    'grid.linewidth': 0.8,
-    'xtick.color': '#39424d',
-    'ytick.color': '#39424d',
-    'legend.frameon': False,
-    'figure.facecolor': 'white',
-}
 DPI = 120
 WIDTH = 9.0
 # before the arm begins to move there is little to see
@@ -164,7 +144,7 @@ def write_figures(run: RunRecord, folder: Path) -> list[Picture]:
     ]
     folder.mkdir(parents=True, exist_ok=True)
     drawn = []
-    with rc_context(STYLE):  # type: ignore[arg-type]
+    with rc_context(PLOT_STYLE):
         for picture, draw in drawings:
             figure = draw(run)
             if figure is not None:

@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from handover_dmp.report.motion import bell_of, RATE_HZ, resample, velocity
-from handover_dmp.report.recorded_run import Array, JointLimits, RunRecord
+from handover_dmp.report.recorded_run import Array, RecordedLimits, RunRecord
 from handover_dmp.topics import DIAGNOSTICS
 import numpy as np
 
@@ -250,7 +250,7 @@ def joint_limits(run: RunRecord) -> Numbers:
     }
 
 
-def _believed_beyond(run: RunRecord, limits: JointLimits) -> list[str]:
+def _believed_beyond(run: RunRecord, limits: RecordedLimits) -> list[str]:
     """Name the limits that were believed to be wider than they are."""
     believed, found = run.believed_limits, []
     if believed is None or believed is limits:

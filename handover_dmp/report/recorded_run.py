@@ -51,10 +51,6 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 NEEDED = (HAND_POSE, WRIST_POSE, JOINT_STATES)
-OPTIONAL = (
-    CLOCK, DEMONSTRATOR_POSE, POSE_COMMAND, TWIST_COMMAND, JOINT_COMMAND, STATE, PHASE, IK_STATUS,
-    DIAGNOSTICS, ROBOT_DESCRIPTION, INFO,
-)  # fmt: skip
 # the log time of a message and the clock of its graph are the same up to delays of this size,
 # or the recorder used another clock
 SAME_CLOCK_NS = 10**9
@@ -63,7 +59,7 @@ MAX_JOINTS = 64
 
 
 @dataclass(frozen=True)
-class JointLimits:
+class RecordedLimits:
     """
     Limits of the joints, in the order of the joints of the run.
 
@@ -173,8 +169,8 @@ class RunRecord:
     joint_velocities: Array
     joint_command_times: Array
     joint_commands: Array
-    joint_limits: JointLimits | None
-    believed_limits: JointLimits | None
+    joint_limits: RecordedLimits | None
+    believed_limits: RecordedLimits | None
     phase_times: Array
     phase: dict[str, Array]
     ik_times: Array
@@ -470,7 +466,7 @@ def _info(path: Path, texts: list[str]) -> dict[str, Any]:
 
 def _believed_limits(
     path: Path, info: dict[str, Any], names: tuple[str, ...]
-) -> JointLimits | None:
+) -> RecordedLimits | None:
     told = info.get('joint_limits')
     if not isinstance(told, dict):
         return None
@@ -478,12 +474,12 @@ def _believed_limits(
         _vector(told.get(key), len(names), path)
         for key in ('lower', 'upper', 'velocity', 'acceleration')
     )
-    return JointLimits(lower, upper, velocity, acceleration, INFO.name, {})
+    return RecordedLimits(lower, upper, velocity, acceleration, INFO.name, {})
 
 
 def _described_limits(
-    description: str, names: tuple[str, ...], believed: JointLimits | None
-) -> JointLimits | None:
+    description: str, names: tuple[str, ...], believed: RecordedLimits | None
+) -> RecordedLimits | None:
     """Take them from the description alone, whatever whoever moved the arm believed."""
     if not description:
         return None
@@ -497,7 +493,7 @@ def _described_limits(
     told = np.full(len(names), np.nan) if believed is None else believed.acceleration
     guessed = np.array(found.sources['acceleration']) == DEFAULT
     at_most = np.where(told > 0.0, np.minimum(told, limits.acceleration), np.nan)
-    return JointLimits(
+    return RecordedLimits(
         limits.lower,
         limits.upper,
         limits.velocity,

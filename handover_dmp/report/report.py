@@ -27,7 +27,7 @@ from handover_dmp.recording import bag_information
 from handover_dmp.report.figures import Picture, write_figures
 from handover_dmp.report.metrics import measure, Numbers
 from handover_dmp.report.page import as_html, as_markdown, Page, Section, Table
-from handover_dmp.report.recorded_run import JointLimits, load_run, RunRecord
+from handover_dmp.report.recorded_run import load_run, RecordedLimits, RunRecord
 
 SCENES = {
     'scene_start': 'The scene when the arm begins to move',
@@ -200,7 +200,7 @@ def _judged(limits: Numbers) -> str:
     return text
 
 
-def _joint_limits(run: RunRecord, limits: JointLimits) -> Table:
+def _joint_limits(run: RunRecord, limits: RecordedLimits) -> Table:
     rows = [
         (
             name,
@@ -238,6 +238,8 @@ def _about(about: Numbers) -> Table:
         'scale': 'scale of the motion',
         'robot': 'robot',
         'base_position_m': 'base at, m',
+        'base_roll_rad': 'base rolled by, rad',
+        'base_pitch_rad': 'base pitched by, rad',
         'base_yaw_rad': 'base turned by, rad',
         'machine': 'machine',
     }

@@ -22,7 +22,7 @@ import math
 from handover_dmp.common.settings import setting
 from handover_dmp.robot.collision import ClosingSpeed, CollisionModel, NearPair
 from handover_dmp.robot.model import RobotModel
-from handover_dmp.robot.tasks import HalfSpace, Period
+from handover_dmp.robot.tasks import HalfSpace, IkInput
 import numpy as np
 
 
@@ -46,7 +46,7 @@ class SelfCollisionLimit:
         self._bodies = CollisionModel.of(self.model)
         self._closing_speed = closing_speed(self.collision_distance, self.collision_deceleration)
 
-    def half_spaces(self, period: Period) -> list[HalfSpace]:
+    def half_spaces(self, period: IkInput) -> list[HalfSpace]:
         """Bound every pair of links that could be too fast, see `tasks.Limit`."""
         sides = zip(period.lower, period.upper, strict=True)
         fastest = np.array([high if high > -low else -low for low, high in sides])
@@ -75,7 +75,7 @@ class ForearmLimit:
     def __post_init__(self) -> None:
         self._closing_speed = closing_speed(self.collision_distance, self.collision_deceleration)
 
-    def half_spaces(self, period: Period) -> list[HalfSpace]:
+    def half_spaces(self, period: IkInput) -> list[HalfSpace]:
         """Bound every link near the forearm, see `tasks.Limit`."""
         partner = period.partner
         if partner is None or partner.elbow is None:

@@ -26,7 +26,7 @@ from handover_dmp.robot.singularity import (
     singular_slope,
     smallest_singular_direction,
 )
-from handover_dmp.robot.tasks import Period
+from handover_dmp.robot.tasks import IkInput
 import numpy as np
 from numpy.typing import NDArray
 
@@ -63,7 +63,7 @@ class DirectionTask:
         self._rows = np.zeros((3, self.model.dof + 1))
         self._joint_columns, self._scale_column = self._rows[:, :-1], self._rows[:, -1]
 
-    def rows(self, period: Period) -> tuple[Array, None]:
+    def rows(self, period: IkInput) -> tuple[Array, None]:
         """Give (J, −v), see `tasks.Task`; v is kept as `period.wrist_velocity`."""
         velocity = self._towards(period)
         if period.singular_value < self.singularity_activation:
@@ -84,7 +84,7 @@ class DirectionTask:
         np.negative(velocity, out=self._scale_column)
         return self._rows, None
 
-    def _towards(self, period: Period) -> Array:
+    def _towards(self, period: IkInput) -> Array:
         """Give v: the target's own, and one towards it, proportional or less if it is far away."""
         target = period.target
         error = target.position - period.position

@@ -62,26 +62,37 @@ class BasePlacement:
 
     Attributes:
         position: (3,), m, of its root link in `world`.
-        yaw: rad, about the vertical.
+        yaw: rad, about the vertical, after the two others.
+        roll: rad, about the x of `world`, first; pi hangs the arm from a ceiling.
+        pitch: rad, about the y of `world`, second; pi / 2 mounts it on a wall.
 
     """
 
     position: tuple[float, float, float] = (0.0, 0.0, 0.0)
     yaw: float = 0.0
+    roll: float = 0.0
+    pitch: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse what is no place."""
-        if len(self.position) != 3 or not np.all(np.isfinite((*self.position, self.yaw))):
+        angles = (self.roll, self.pitch, self.yaw)
+        if len(self.position) != 3 or not np.all(np.isfinite((*self.position, *angles))):
             raise UsageError(
-                f'a base stands at three finite numbers and a yaw, not at {self.position} and '
-                f'{self.yaw}'
+                f'a base stands at three finite numbers and three angles, not at {self.position} '
+                f'and {angles}'
             )
 
     @property
     def rotation(self) -> Array:
         """Return the rotation from the root link's axes to those of `world`, (3, 3)."""
-        c, s = np.cos(self.yaw), np.sin(self.yaw)
-        return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        rotation: Array = pin.rpy.rpyToMatrix(self.roll, self.pitch, self.yaw)
+        return rotation
+
+    @property
+    def quaternion(self) -> tuple[float, float, float, float]:
+        """Return the same rotation as a quaternion x, y, z, w."""
+        x, y, z, w = pin.Quaternion(self.rotation).coeffs().tolist()
+        return x, y, z, w
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,6 +213,14 @@ class RobotModel:
             chain_text=chain_text,
             meshes=meshes,
             remarks=(*filter(None, [known.remark]), *found.remarks, *remarks),
+        )
+
+    def __repr__(self) -> str:
+        """Say which arm it is, and where it stands."""
+        x, y, z = self.base.position
+        return (
+            f'RobotModel({self.name}, {self.dof} joints to {self.wrist_frame}, '
+            f'base at ({x:g}, {y:g}, {z:g}) m)'
         )
 
     @property

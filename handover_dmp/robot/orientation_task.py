@@ -22,7 +22,7 @@ import math
 from handover_dmp.common.errors import UsageError
 from handover_dmp.common.settings import setting
 from handover_dmp.robot.model import RobotModel
-from handover_dmp.robot.tasks import Period
+from handover_dmp.robot.tasks import IkInput
 import numpy as np
 from numpy.typing import NDArray
 import pinocchio as pin
@@ -66,7 +66,7 @@ class OrientationTask:
         _, home = self.model.wrist_pose(self.model.home)
         self._level_axis = home.T @ UP
 
-    def rows(self, period: Period) -> tuple[Array, Array] | None:
+    def rows(self, period: IkInput) -> tuple[Array, Array] | None:
         """Give the rows of the wrist's rotation, see `tasks.Task`."""
         if self.orientation == 'none':
             return None

@@ -22,7 +22,7 @@ import math
 from handover_dmp.common.settings import setting
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.partner import Partner
-from handover_dmp.robot.tasks import Period
+from handover_dmp.robot.tasks import IkInput
 import numpy as np
 from numpy.typing import NDArray
 
@@ -60,7 +60,7 @@ class Posture:
         )
         self._joints = [tuple(map(float, joint)) for joint in zip(*columns, strict=True)]
 
-    def velocity(self, period: Period) -> list[float]:
+    def velocity(self, period: IkInput) -> list[float]:
         """Give the joint velocities, see `tasks.Preference`."""
         gain, push = self.posture_gain, LIMIT_GAIN * self.posture_gain
         wanted = []
@@ -96,7 +96,7 @@ class ElbowClearance:
         self._elbow = _elbow(self.model)
         self._fastest = MAX_SPEED_SHARE * self.model.limits.velocity
 
-    def velocity(self, period: Period) -> list[float] | None:
+    def velocity(self, period: IkInput) -> list[float] | None:
         """Give the joint velocities, see `tasks.Preference`."""
         if period.partner is None:
             return None

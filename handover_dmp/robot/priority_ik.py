@@ -40,7 +40,7 @@ from handover_dmp.robot.limits import VelocityBox
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.partner import Partner
 from handover_dmp.robot.task_stack import TaskStack
-from handover_dmp.robot.tasks import HalfSpace, Period, Rows, WristTarget
+from handover_dmp.robot.tasks import HalfSpace, IkInput, Rows, WristTarget
 import numpy as np
 from numpy.typing import NDArray
 
@@ -107,6 +107,12 @@ class PriorityIk:
         self._max_velocities = model.limits.velocity.tolist()
         self._max_accelerations = model.limits.acceleration.tolist()
 
+    def __repr__(self) -> str:
+        """Say of which arm it is, and what it heeds."""
+        limits = [type(limit).__name__ for limit in self.stack.limits]
+        tasks = [task.name for task in self._tasks]
+        return f'PriorityIk({self.model.name}, {", ".join(limits + tasks)})'
+
     def solve(
         self,
         joint_positions: Array,
@@ -133,7 +139,7 @@ class PriorityIk:
         joints, before = joint_positions.tolist(), previous_velocity.tolist()
         box = self._box.sides(joints, before, dt)
         partner = None if hand is None else Partner.of(hand)
-        period = Period(self.model, joint_positions, joints, target, partner, dt, box)
+        period = IkInput(self.model, joint_positions, joints, target, partner, dt, box)
         tasks = [task.rows(period) for task in self._tasks]
         half_spaces = [one for limit in self.stack.limits for one in limit.half_spaces(period)]
         hierarchy = self._hierarchy(half_spaces, tasks)
@@ -187,7 +193,7 @@ class PriorityIk:
             self._hierarchies[size] = hierarchy
         return hierarchy
 
-    def _preferred(self, period: Period) -> Sequence[float]:
+    def _preferred(self, period: IkInput) -> Sequence[float]:
         """Add up what the joints prefer, n, rad/s."""
         wanted = [preference.velocity(period) for preference in self.stack.preferences]
         given = [one for one in wanted if one is not None]

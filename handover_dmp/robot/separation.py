@@ -22,7 +22,7 @@ import math
 from handover_dmp.common.settings import setting
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.partner import Partner
-from handover_dmp.robot.tasks import HalfSpace, Period
+from handover_dmp.robot.tasks import HalfSpace, IkInput
 import numpy as np
 from numpy.typing import NDArray
 
@@ -53,7 +53,7 @@ class SeparationLimit:
     separation_speed: float = setting('priority_ik', 'separation_speed')
     separation_deceleration: float = setting('priority_ik', 'separation_deceleration')
 
-    def half_spaces(self, period: Period) -> list[HalfSpace]:
+    def half_spaces(self, period: IkInput) -> list[HalfSpace]:
         """Bound the wrist's speed, see `tasks.Limit`."""
         # a hand that is not known may be at the wrist itself
         partner = period.partner or Partner(period.position, np.zeros(3))

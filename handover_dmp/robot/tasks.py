@@ -54,7 +54,7 @@ class WristTarget:
     angular_velocity: Array | None = None
 
 
-class Period:
+class IkInput:
     """
     The arm at the beginning of a period, and what it is asked for.
 
@@ -128,7 +128,7 @@ class Task(Protocol):
     name: str
     """Of its residual in `IkSolution`."""
 
-    def rows(self, period: Period) -> Rows | None:
+    def rows(self, period: IkInput) -> Rows | None:
         """
         Give the equations of the task.
 
@@ -148,7 +148,7 @@ class Task(Protocol):
 class Preference(Protocol):
     """Something that the joints shall do where all tasks leave them free."""
 
-    def velocity(self, period: Period) -> Sequence[float] | None:
+    def velocity(self, period: IkInput) -> Sequence[float] | None:
         """
         Give the joint velocities that it wants.
 
@@ -181,7 +181,7 @@ class HalfSpace(NamedTuple):
 class Limit(Protocol):
     """Something that must never be broken, beside the limits of the joints."""
 
-    def half_spaces(self, period: Period) -> Sequence[HalfSpace]:
+    def half_spaces(self, period: IkInput) -> Sequence[HalfSpace]:
         """
         Bound the joint velocities.
 

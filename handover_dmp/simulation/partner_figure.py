@@ -276,7 +276,6 @@ class PartnerFigure:
         self.heading, self._pelvis = self._place(path, np.asarray(partner, dtype=float))
         upright = pin.rpy.rpyToMatrix(np.pi / 2, 0.0, self.heading)
         self._root = pin.SE3(upright, self._pelvis)
-        self._ahead = np.array([np.cos(self.heading), np.sin(self.heading), 0.0])
         self.shoulder = self._root.act(self._anatomy.shoulder)
         self._joints = ARM_AT_EASE.copy()
 

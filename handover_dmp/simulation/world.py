@@ -296,7 +296,6 @@ def load_robot(model: RobotModel, description: str, client: int) -> int:
         DataError: PyBullet cannot read the URDF.
 
     """
-    half_yaw = 0.5 * model.base.yaw
     try:
         with silenced(), TemporaryDirectory() as folder:
             file = Path(folder) / 'robot.urdf'
@@ -305,7 +304,7 @@ def load_robot(model: RobotModel, description: str, client: int) -> int:
                 pybullet.loadURDF(
                     str(file),
                     basePosition=[float(x) for x in model.base.position],
-                    baseOrientation=[0.0, 0.0, float(np.sin(half_yaw)), float(np.cos(half_yaw))],
+                    baseOrientation=model.base.quaternion,
                     useFixedBase=True,
                     # else it makes inertia of its own from the shapes
                     flags=pybullet.URDF_USE_INERTIA_FROM_FILE,

@@ -21,8 +21,9 @@ estimator alone does not load scipy.
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import Any, TYPE_CHECKING
+from typing import TYPE_CHECKING
+
+from handover_dmp.common.lazy import lazy_names
 
 if TYPE_CHECKING:
     from handover_dmp.tracking.goal_estimator import GoalEstimator, HandEstimate, HandFilter
@@ -49,8 +50,4 @@ __all__ = [
     'SensorModel',
 ]
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
-    return getattr(import_module(f'{__name__}.{_HOMES[name]}'), name)
+__getattr__, __dir__ = lazy_names(__name__, _HOMES)

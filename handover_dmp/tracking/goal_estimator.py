@@ -17,9 +17,12 @@ Where the partner's hand is now and how fast it moves, from poses that come as t
 
 A Kalman filter of constant velocity, driven by white acceleration noise. The three axes share one
 covariance, since they share the model and the noise, so a step is some forty products on plain
-floats. Around it is what a real stream of poses needs: late poses are put in their place and the
-later ones filtered again, repeated ones are dropped, far-off ones are not believed until they
-last, and the answer is predicted to the time it is asked for.
+floats. Around it is what a real stream of poses needs: poses that are none and repeated ones are
+dropped, late ones are put in their place and the later ones filtered again, far-off ones are not
+believed, and the answer is predicted to the time it is asked for.
+
+A hand that was lost and is seen again is believed at once where a hand can have got to meanwhile,
+elsewhere only after many poses that agree: an outlier that lasts is still one.
 
 Measured with the default parameters (the tests hold them):
 
@@ -45,19 +48,22 @@ from typing import NamedTuple, TypeAlias
 
 from handover_dmp.common.errors import UsageError
 from handover_dmp.common.settings import setting
+from handover_dmp.mocap.no_pose import no_pose
 
 Vector: TypeAlias = tuple[float, float, float]
 
 _SAME_STAMP_S = 1e-7
 _FUTURE_S = 0.005
-_LARGEST_COORDINATE_M = 100.0
+_MAX_COORDINATE_M = 100.0
 _FIRST_SPEED_DEVIATION = 0.5
 # Bounds the work of one update, whatever the stream.
 _MAX_POSES_KEPT = 32
-_MIN_POSES_TO_REACQUIRE = 3
+# What is seen again amid outliers has to be seen so often, however near it is; and what was seen
+# less often than that may have been an outlier itself.
+_FEW_POSES = 3
 _MAX_CANDIDATES = 4
 # However long ago the last pose, the gate is at most so many times as wide as at first.
-_WIDEST_GATE = 3.0
+_MAX_GATE = 3.0
 
 
 @dataclass(frozen=True)
@@ -74,8 +80,15 @@ class HandFilter:
             believed.
         hand_acceleration: what a hand may do between two poses, m/s²; widens the gate by half of
             it times the square of the time between them, to three times its width at most.
-        reacquire_s: poses that were not believed but agree with each other for this long, s, are
-            believed, so that the filter can never lock itself out.
+        hand_speed: a hand that is seen again no further off than this speed allows, m/s, is
+            believed at once.
+        reacquire_poses: one that is further off is believed after so many poses that agree with
+            each other.
+        frozen_s: a pose that stays the same to the last bit for longer than this, s, is frozen.
+        refuse_frozen: whether such a pose is none; a live tracker always has noise, a replay at
+            rest may have none.
+        max_deviation_m: a pose whose covariance tells more than this standard deviation, m, is
+            none.
         lost_s: without a pose for this long, s, the old ones no longer tell where the hand is.
         late_limit_s: poses up to this much older than the newest, s, are still worked in.
         prediction_limit_s: how far ahead of the newest pose the hand is taken to move on at its
@@ -91,14 +104,20 @@ class HandFilter:
     measurement_noise_m: float = setting('dmp', 'hand_filter.measurement_noise_m')
     outlier_distance_m: float = setting('dmp', 'hand_filter.outlier_distance_m')
     hand_acceleration: float = setting('dmp', 'hand_filter.hand_acceleration')
-    reacquire_s: float = setting('dmp', 'hand_filter.reacquire_s')
+    hand_speed: float = setting('dmp', 'hand_filter.hand_speed')
+    reacquire_poses: int = setting('dmp', 'hand_filter.reacquire_poses')
+    frozen_s: float = setting('dmp', 'hand_filter.frozen_s')
+    refuse_frozen: bool = setting('dmp', 'hand_filter.refuse_frozen')
+    max_deviation_m: float = setting('dmp', 'hand_filter.max_deviation_m')
     lost_s: float = setting('dmp', 'hand_filter.lost_s')
     late_limit_s: float = setting('dmp', 'hand_filter.late_limit_s')
     prediction_limit_s: float = setting('dmp', 'hand_filter.prediction_limit_s')
     delay_s: float = setting('dmp', 'hand_filter.delay_s')
 
     def __post_init__(self) -> None:
-        may_be_zero = {'hand_acceleration', 'late_limit_s', 'prediction_limit_s', 'delay_s'}
+        may_be_zero = {
+            'hand_acceleration', 'refuse_frozen', 'late_limit_s', 'prediction_limit_s', 'delay_s',
+        }  # fmt: skip
         for item in fields(self):
             value = getattr(self, item.name)
             if not (math.isfinite(value) and value >= 0.0):
@@ -127,14 +146,14 @@ class GoalEstimator:
     """
     Position and velocity of the hand, from stamped poses at 24 to 200 Hz.
 
-    Nothing that a stream can hold stops it: numbers that are not finite, poses twice, late, out
-    of order, far off, from the future or from another clock are left out, and counted.
+    Nothing that a stream can hold stops it: poses that are none, twice, late, out of order, far
+    off, from the future or from another clock are left out, and counted.
 
     Attributes:
         parameters: of the filter.
-        accepted: how many poses were worked in.
-        rejected: how many were not, by reason: `not_finite`, `future`, `repeated`, `late`,
-            `outlier`, `gap`.
+        accepted: how many poses were worked in, ever.
+        rejected: how many were not, ever, by reason: those of `no_pose`, `frozen`, `future`,
+            `repeated`, `late`, `outlier`.
 
     """
 
@@ -149,19 +168,31 @@ class GoalEstimator:
         self.parameters = parameters or HandFilter()
         self.accepted = 0
         self.rejected: Counter[str] = Counter()
-        self._track = _Track(self.parameters)
-        self._candidates: list[_Track] = []
+        self.reset()
+
+    def __repr__(self) -> str:
+        """Say how many poses it has worked in."""
+        return f'GoalEstimator({self.accepted} poses, {sum(self.rejected.values())} left out)'
 
     def reset(self) -> None:
-        """Forget the hand, and the counts."""
-        self.accepted = 0
-        self.rejected.clear()
+        """Forget the hand; the counts go on."""
         self._track = _Track(self.parameters)
-        self._candidates.clear()
+        self._candidates: list[_Track] = []
+        self._same: tuple[float, float, Sequence[float]] | None = None
+
+    @property
+    def unchanged_s(self) -> float:
+        """Tell for how long the poses have been the same to the last bit, by their stamps, s."""
+        return 0.0 if self._same is None else self._same[1] - self._same[0]
 
     def update(
-        self, stamp_s: float, position: Sequence[float], now_s: float | None = None
-    ) -> bool:
+        self,
+        stamp_s: float,
+        position: Sequence[float],
+        now_s: float | None = None,
+        orientation: Sequence[float] | None = None,
+        covariance: Sequence[float] | None = None,
+    ) -> str:
         """
         Work in a pose.
 
@@ -170,26 +201,26 @@ class GoalEstimator:
             position: x, y, z in m.
             now_s: the time now on the clock of the stamps, s, where it is known; poses that are
                 stamped later are then left out.
+            orientation: quaternion x, y, z, w, where the tracker tells one; it is not followed,
+                but tells of some trackers that the pose is none.
+            covariance: (36,), m² and rad², the same.
 
         Returns:
-            Whether it changed the estimate.
+            Why it did not change the estimate, one of the reasons in `rejected`; empty if it did.
 
         """
         x, y, z = position
         place = (float(x), float(y), float(z))
         stamp = float(stamp_s) - self.parameters.delay_s
-        reason = self._refuse(stamp, place, now_s)
+        reason = no_pose(place, orientation, covariance, self.parameters.max_deviation_m)
+        reason = reason or self._refuse(stamp, place, now_s)
         if not reason:
-            reason = self._track.add(stamp, place)
-            if not reason:
-                self.accepted += 1
-                self._candidates.clear()
-                return True
-            if reason != 'repeated' and self._consider(stamp, place):
-                self.accepted += 1
-                return True
-        self.rejected[reason] += 1
-        return False
+            reason = self._follow(stamp, place)
+        if reason:
+            self.rejected[reason] += 1
+        else:
+            self.accepted += 1
+        return reason
 
     def estimate(self, at_s: float) -> HandEstimate | None:
         """
@@ -222,19 +253,30 @@ class GoalEstimator:
         )
 
     def _refuse(self, stamp: float, place: Vector, now_s: float | None) -> str:
-        reach = max(abs(place[0]), abs(place[1]), abs(place[2]))
-        # A comparison with NaN is false, but max() may pass it over.
-        if not (math.isfinite(stamp) and math.isfinite(sum(place))):
+        if not math.isfinite(stamp):
             return 'not_finite'
-        if reach > _LARGEST_COORDINATE_M:
+        if max(map(abs, place)) > _MAX_COORDINATE_M:
             return 'outlier'
         if now_s is not None and stamp > now_s + _FUTURE_S:
             return 'future'
+        since = stamp if self._same is None or self._same[2] != place else self._same[0]
+        self._same = (since, max(since, stamp), place)
+        if self.parameters.refuse_frozen and self.unchanged_s > self.parameters.frozen_s:
+            return 'frozen'
         return ''
 
+    def _follow(self, stamp: float, place: Vector) -> str:
+        reason = self._track.add(stamp, place)
+        if not reason:
+            self._candidates.clear()
+        elif reason != 'repeated' and self._consider(stamp, place):
+            return ''
+        return reason
+
     def _consider(self, stamp: float, place: Vector) -> bool:
-        """Follow what was not believed, a few hands at a time; believe what has lasted."""
+        """Follow what was not believed, a few hands at a time; believe what may well be it."""
         candidates = self._candidates
+        amid_outliers = bool(candidates)
         for index, candidate in enumerate(candidates):
             outcome = candidate.add(stamp, place)
             if outcome == 'repeated':
@@ -246,14 +288,23 @@ class GoalEstimator:
         else:
             candidates.append(_Track(self.parameters))
             candidates[-1].add(stamp, place)
+            candidates[-1].is_plausible = self._track.reaches(stamp, place)
             if len(candidates) > _MAX_CANDIDATES:
                 del candidates[0]
         best = candidates[-1]
-        lasted = stamp - best.first_stamp >= self.parameters.reacquire_s
-        if not (lasted and best.count >= _MIN_POSES_TO_REACQUIRE):
+        needed = self.parameters.reacquire_poses
+        if best.is_plausible:
+            needed = min(needed, _FEW_POSES if amid_outliers else 1)
+        elif self._track.count < _FEW_POSES:
+            needed = min(needed, _FEW_POSES)
+        if best.count < needed:
             return False
-        self._track = best
-        candidates.clear()
+        former, self._track = self._track, best
+        if best.is_plausible:
+            best.count += former.count
+        # Should what follows belong to the one that was believed before, that one was right.
+        former.is_plausible = True
+        candidates[:] = [former]
         return True
 
 
@@ -268,8 +319,8 @@ class _Track:
 
     Attributes:
         poses: stamp (s), position (m) and state, oldest first.
-        count: how many poses it took in all.
-        first_stamp: of the first of them, s.
+        count: how many poses of the hand there were in all, as far back as they hang together.
+        is_plausible: whether the hand can have got to its first pose from where it was last seen.
 
     """
 
@@ -277,7 +328,7 @@ class _Track:
         self.parameters = parameters
         self.poses: list[_Pose] = []
         self.count = 0
-        self.first_stamp = 0.0
+        self.is_plausible = False
         self._density = parameters.acceleration_noise**2
         self._variance = parameters.measurement_noise_m**2
 
@@ -299,7 +350,6 @@ class _Track:
             poses.append(
                 (stamp, place, (*place, 0.0, 0.0, 0.0, self._variance, 0.0, speed_variance))
             )
-            self.first_stamp = stamp
             self.count = 1
             return ''
         index = len(poses) if stamp > poses[-1][0] else bisect_left(poses, (stamp,))
@@ -310,9 +360,7 @@ class _Track:
             return 'late'
         before = poses[index - 1]
         elapsed = stamp - before[0]
-        if elapsed > self.parameters.lost_s:
-            return 'gap'
-        if self._is_outlier(before[2], elapsed, place):
+        if elapsed > self.parameters.lost_s or self._is_outlier(before[2], elapsed, place):
             return 'outlier'
         poses.insert(index, (stamp, place, self._step(before[2], elapsed, place)))
         for later in range(index + 1, len(poses)):
@@ -325,12 +373,17 @@ class _Track:
             del poses[0]
         return ''
 
+    def reaches(self, stamp: float, place: Vector) -> bool:
+        """Tell whether a hand can have got from the newest pose to a later one, s and m."""
+        if not self.poses:
+            return True
+        last, seen, _ = self.poses[-1]
+        return math.dist(seen, place) <= self.parameters.hand_speed * (stamp - last)
+
     def _is_outlier(self, state: _State, elapsed: float, place: Vector) -> bool:
         parameters = self.parameters
         gate = parameters.outlier_distance_m
-        gate = min(
-            gate + 0.5 * parameters.hand_acceleration * elapsed * elapsed, _WIDEST_GATE * gate
-        )
+        gate = min(gate + 0.5 * parameters.hand_acceleration * elapsed * elapsed, _MAX_GATE * gate)
         dx = place[0] - state[0] - elapsed * state[3]
         dy = place[1] - state[1] - elapsed * state[4]
         dz = place[2] - state[2] - elapsed * state[5]

@@ -36,6 +36,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 CATCH_UP_S = 0.25
+SEEN_BEFORE_S = 0.1
 ROUNDING = 1e-6
 MAX_POSES = 2_000_000
 NANOSECONDS = 1_000_000_000
@@ -49,11 +50,13 @@ class HandSample(NamedTuple):
     Attributes:
         stamp_s: when it was measured, s on the clock of the replay.
         position: (3,) m.
+        orientation: quaternion x, y, z, w, where one was recorded.
 
     """
 
     stamp_s: float
     position: NDArray[np.float64]
+    orientation: tuple[float, float, float, float] | None = None
 
 
 class Replay:
@@ -140,7 +143,7 @@ class Replay:
         poses: Sequence[tuple[float, ArrayLike]] | Sequence[tuple[float, float, ArrayLike]],
     ) -> Replay:
         """
-        Play back poses as they were recorded.
+        Play back poses as they were recorded, those of a lost hand among them.
 
         Args:
             poses: (stamp in s, position (3,) in m) each, or (arrival in s, stamp in s, position)
@@ -151,7 +154,7 @@ class Replay:
             Their replay.
 
         Raises:
-            DataError: there are none, or a number is not finite.
+            DataError: there are none, or a time is not finite.
 
         """
         rows = [
@@ -160,8 +163,8 @@ class Replay:
         if not rows:
             raise DataError('no poses to play back')
         for number, (arrival, stamp, position) in enumerate(rows):
-            if position.shape != (3,) or not np.isfinite([arrival, stamp, *position]).all():
-                raise DataError(f'pose {number} to play back is not three finite numbers')
+            if position.shape != (3,) or not np.isfinite([arrival, stamp]).all():
+                raise DataError(f'pose {number} to play back is not three numbers at a time')
         rows.sort(key=lambda row: row[:2])
         zero = min(stamp for _, stamp, _ in rows)
         arrivals = [arrival - zero for arrival, _, _ in rows]
@@ -201,10 +204,6 @@ class Replay:
         first, end = (bisect_right(self._arrivals, time) for time in (after_s, until_s))
         return self._samples[first:end]
 
-    def is_over(self, time_s: float) -> bool:
-        """Tell whether nothing new comes after a time of the replay, s."""
-        return time_s >= self.duration_s
-
 
 class TrackedHand:
     """
@@ -228,6 +227,7 @@ class TrackedHand:
         self._replay = replay
         self._sensor = sensor or SensorModel()
         self._start_s = math.inf
+        self._hidden = False
         self._next: int | None = None
 
     @property
@@ -237,12 +237,13 @@ class TrackedHand:
 
     def start(self, at_s: float) -> None:
         """
-        Play the recording back.
+        Play the recording back; who was seen at its end is not seen until shortly before.
 
         Args:
             at_s: when its first sample is, s.
 
         """
+        self._hidden = math.isfinite(self._start_s)
         self._start_s = at_s
 
     def due(self, now_s: float) -> list[HandSample]:
@@ -273,6 +274,8 @@ class TrackedHand:
         if sample is None:
             return None
         position = sample.position
+        if self._hidden and stamp_s < self._start_s - SEEN_BEFORE_S:
+            position = np.full(3, np.nan)
         if sensor.noise_m or sensor.dropout or sensor.outliers:
             random = np.random.default_rng((sensor.seed, number))
             if random.uniform() < sensor.dropout:
@@ -348,13 +351,8 @@ class PlayedBag:
         seen, signals = _read(path)
         if not seen[HAND_POSE.name]:
             raise DataError(f'{path}: 0 poses on {HAND_POSE.name}')
-        zero_s = min(stamp_s for stamp_s, _ in seen[HAND_POSE.name])
-        try:
-            self._hand, self._demonstrator = (
-                _PlayedPoses(poses, zero_s) for poses in seen.values()
-            )
-        except DataError as error:
-            raise DataError(f'{path}: {error}') from error
+        zero_s = min(pose.stamp_s for pose in seen[HAND_POSE.name])
+        self._hand, self._demonstrator = (_PlayedPoses(poses, zero_s) for poses in seen.values())
         self._signal_s = signals[0] - zero_s if signals else 0.0
         self.start_s = math.inf
 
@@ -376,38 +374,34 @@ class PlayedBag:
         return self._demonstrator.due(now_s, self.start_s)
 
 
-_Pose = tuple[float, tuple[float, float, float]]
-
-
 class _PlayedPoses:
     """The poses of one topic; `zero_s` is the start on the clock of their stamps."""
 
-    def __init__(self, poses: Sequence[_Pose], zero_s: float) -> None:
-        self._replay = Replay.from_poses(poses) if poses else None
-        first_s, first = min(poses, default=(zero_s, ()))
-        self._first_s, self._first = first_s - zero_s, np.array(first)
+    def __init__(self, poses: Sequence[HandSample], zero_s: float) -> None:
+        poses = sorted(poses, key=lambda pose: pose.stamp_s)
+        self._poses = [pose._replace(stamp_s=pose.stamp_s - zero_s) for pose in poses]
+        self._due_s = [pose.stamp_s for pose in self._poses]
         self._asked_s = -math.inf
 
     def due(self, now_s: float, start_s: float) -> list[HandSample]:
-        begin_s = start_s + self._first_s - ROUNDING_S
         # nobody is served with what is long past, be it after a stall or a late start
         after_s, self._asked_s = max(self._asked_s, now_s - CATCH_UP_S), now_s
-        if self._replay is None:
+        if not self._poses:
             return []
-        if now_s < begin_s:
-            return [HandSample(now_s, self._first)]
-        return [
-            HandSample(start_s + self._first_s + sample.stamp_s, sample.position)
-            for sample in self._replay.between(after_s - begin_s, now_s - begin_s)
-        ]
+        if now_s < start_s + self._due_s[0] - ROUNDING_S:
+            return [self._poses[0]._replace(stamp_s=now_s)]
+        first, end = (
+            bisect_right(self._due_s, time_s - start_s + ROUNDING_S) for time_s in (after_s, now_s)
+        )
+        return [pose._replace(stamp_s=start_s + pose.stamp_s) for pose in self._poses[first:end]]
 
 
-def _read(path: Path | str) -> tuple[dict[str, list[_Pose]], list[float]]:
+def _read(path: Path | str) -> tuple[dict[str, list[HandSample]], list[float]]:
     """Return the poses of both topics and the times of the signals, s, all on one clock."""
     # not at the top: trials are played without the libraries that bags need
     from handover_dmp.recording import read_bag
 
-    seen: dict[str, list[_Pose]] = {HAND_POSE.name: [], DEMONSTRATOR_POSE.name: []}
+    seen: dict[str, list[HandSample]] = {HAND_POSE.name: [], DEMONSTRATOR_POSE.name: []}
     signals: list[float] = []
     zero_ns: int | None = None
     for topic, message, log_time_ns in read_bag(path, [*seen, SIGNAL.name]):
@@ -420,8 +414,9 @@ def _read(path: Path | str) -> tuple[dict[str, list[_Pose]], list[float]]:
             if topic == SIGNAL.name:
                 signals.append(time_s)
             else:
-                place = message.pose.position
-                seen[topic].append((time_s, (place.x, place.y, place.z)))
+                place, turn = message.pose.position, message.pose.orientation
+                position = np.array([place.x, place.y, place.z])
+                seen[topic].append(HandSample(time_s, position, (turn.x, turn.y, turn.z, turn.w)))
         except AttributeError as error:
             raise DataError(f'{path}: messages of another type on {topic}') from error
         if topic != SIGNAL.name and header.frame_id != FRAME:

@@ -350,11 +350,6 @@ class Scene:
         self._draw_trails(time_s)
 
     @property
-    def object_position(self) -> Array:
-        """Where the middle of the object is shown now, (3,), m, in `world`."""
-        return self.object_pose[0]
-
-    @property
     def object_pose(self) -> tuple[Array, Array]:
         """Where the object is shown now: position, (3,), m, and quaternion x, y, z, w."""
         position, orientation = pybullet.getBasePositionAndOrientation(

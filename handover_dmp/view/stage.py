@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -161,8 +161,11 @@ def _base(record: RunRecord, model: RobotModel) -> BasePlacement:
     told = record.info.get('base_position_m')
     if isinstance(told, list) and len(told) == 3:
         x, y, z = map(float, told)
-        return BasePlacement((x, y, z), float(record.info.get('base_yaw_rad', 0.0)))
-    at_origin = model.placed(replace(model.base, position=(0.0, 0.0, 0.0), yaw=0.0))
+        yaw, roll, pitch = (
+            float(record.info.get(f'base_{name}_rad', 0.0)) for name in ('yaw', 'roll', 'pitch')
+        )
+        return BasePlacement((x, y, z), yaw, roll, pitch)
+    at_origin = model.placed(BasePlacement())
     joints = record.joint_positions[:, _order(record, model)]
     reached = np.array([at_origin.wrist_pose(q)[0] for q in joints])
     measured = np.column_stack(

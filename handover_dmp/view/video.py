@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-Picture = NDArray[np.uint8]
+Pixels = NDArray[np.uint8]
 
 INK = (70, 76, 84)
 HOLD_S = 0.8
@@ -137,7 +137,7 @@ def film(
     return len(times) + len(held)
 
 
-def paint(stage: Stage, options: Film, times: Iterable[float]) -> Iterator[Picture]:
+def paint(stage: Stage, options: Film, times: Iterable[float]) -> Iterator[Pixels]:
     """
     Draw pictures with time and state in a corner.
 
@@ -164,7 +164,7 @@ def paint(stage: Stage, options: Film, times: Iterable[float]) -> Iterator[Pictu
         yield np.asarray(picture)
 
 
-def _with_last_held(pictures: Iterable[Picture], times: int) -> Iterator[Picture]:
+def _with_last_held(pictures: Iterable[Pixels], times: int) -> Iterator[Pixels]:
     picture = None
     for picture in pictures:
         yield picture
@@ -242,7 +242,7 @@ class _VideoFile:
         self._encoder.send(None)
         return self
 
-    def __call__(self, picture: Picture) -> None:
+    def __call__(self, picture: Pixels) -> None:
         try:
             self._encoder.send(np.ascontiguousarray(picture))
         except OSError as error:
@@ -273,7 +273,7 @@ class _Painters:
     def __exit__(self, *error: Any) -> None:
         self._pool.shutdown(cancel_futures=True)
 
-    def paint(self, times: Sequence[float]) -> Iterator[Picture]:
+    def paint(self, times: Sequence[float]) -> Iterator[Pixels]:
         """Draw pictures, in order."""
         return self._pool.map(_paint_one, times)
 
@@ -289,6 +289,6 @@ def _begin_painting(source: Path, options: Film) -> None:
     atexit.register(stack.close)
 
 
-def _paint_one(time_s: float) -> Picture:
+def _paint_one(time_s: float) -> Pixels:
     ((stage, options),) = _mine
     return next(paint(stage, options, [time_s]))

@@ -33,6 +33,9 @@ BRAKING_S = 0.25
 GOES_ON = ('frozen', 'out of order', 'duplicated', '30 % dropped')
 BRAKES = (
     'stopped',
+    'zeros',
+    'quaternion of norm 0',
+    'jumped by 1 m',
     'not a number',
     'infinite',
     'stamps from the future',

@@ -30,8 +30,7 @@ from handover_dmp.dmp.learning import learn_jointly, learn_mean
 from handover_dmp.dmp.posterior import WeightPosterior
 from handover_dmp.dmp.primitive import Primitive
 from handover_dmp.evaluation.cases import Case
-from handover_dmp.evaluation.rollouts import learn_from_trials as learn_from_case
-from handover_dmp.evaluation.rollouts import Learning
+from handover_dmp.evaluation.rollouts import learn_from_case, Learning
 from handover_dmp.handover.teaching import learn_from_trials
 from handover_dmp.mocap import HandoverTrial
 import numpy as np
@@ -80,7 +79,9 @@ LEARNT: dict[str, Way] = {
 }
 MADE_OF_ONE: dict[str, Callable[[Primitive, Path], Primitive]] = {
     'relearnt': lambda model, _: relearn(model, stiffness=150.0, mu=0.7),
-    'with other parameters': lambda model, _: model.with_parameters(formulation='printed'),
+    'with other parameters': lambda model, _: replace(
+        model, parameters=replace(model.parameters, formulation='printed')
+    ),
     'with another duration': lambda model, _: model.with_duration(1.1),
     'with an offset': lambda model, _: model.with_goal_offset(np.array([0.3, 0.2, 0.1])[::-1]),
     'with other weights': lambda model, _: model.with_weights(

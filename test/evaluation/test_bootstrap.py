@@ -16,27 +16,27 @@
 
 from __future__ import annotations
 
-from handover_dmp.evaluation.bootstrap import interval, resample
+from handover_dmp.evaluation.bootstrap import draw_samples, interval
 import numpy as np
 import pytest
 
 
 def test_each_round_draws_as_many_trials_as_there_are():
-    counts = resample(7, np.random.SeedSequence(1), rounds=300)
+    counts = draw_samples(7, np.random.SeedSequence(1), rounds=300)
     assert counts.shape == (300, 7)
     assert (counts.sum(axis=1) == 7).all()
     assert counts.min() == 0 and counts.max() > 1
 
 
 def test_the_seed_decides():
-    first = resample(5, np.random.SeedSequence(1))
-    assert (first == resample(5, np.random.SeedSequence(1))).all()
-    assert not (first == resample(5, np.random.SeedSequence(2))).all()
+    first = draw_samples(5, np.random.SeedSequence(1))
+    assert (first == draw_samples(5, np.random.SeedSequence(1))).all()
+    assert not (first == draw_samples(5, np.random.SeedSequence(2))).all()
 
 
 def test_interval_of_a_mean_agrees_with_the_theory():
     values = np.random.default_rng(8).normal(size=400)
-    counts = resample(400, np.random.SeedSequence(3), rounds=4000)
+    counts = draw_samples(400, np.random.SeedSequence(3), rounds=4000)
     low, high = interval(counts @ values / 400)
     half_width = 1.96 * values.std() / 20
     assert low == pytest.approx(values.mean() - half_width, abs=0.08 * half_width)

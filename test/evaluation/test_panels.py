@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from handover_dmp.evaluation.panels import write_figures
+from handover_dmp.evaluation.panels import write_panels
 from handover_dmp.evaluation.protocol import evaluate, Protocol
 from handover_dmp.mocap import synthesize
 import numpy as np
@@ -36,7 +36,7 @@ def pictures(tmp_path_factory):
     folder = tmp_path_factory.mktemp('pictures')
     told = []
     evaluation = evaluate(trials, Protocol(learn=('single', 'mean')))
-    figures = write_figures(evaluation, folder, lambda done, total: told.append((done, total)))
+    figures = write_panels(evaluation, folder, lambda done, total: told.append((done, total)))
     return folder, figures, told
 
 
@@ -74,6 +74,6 @@ def test_the_same_data_give_the_same_file(pictures, tmp_path):
     trials = [t for t in synthesize(seed=0, trials=3) if t.configuration == 'under_car']
     evaluation = evaluate(trials, Protocol(learn=('mean',)))
     for folder in ('one', 'two'):
-        write_figures(evaluation, tmp_path / folder)
+        write_panels(evaluation, tmp_path / folder)
     for path in (tmp_path / 'one' / 'figures').iterdir():
         assert path.read_bytes() == (tmp_path / 'two' / 'figures' / path.name).read_bytes()

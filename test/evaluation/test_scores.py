@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 
-from handover_dmp.evaluation.bootstrap import resample
+from handover_dmp.evaluation.bootstrap import draw_samples
 from handover_dmp.evaluation.envelope import Envelope
 from handover_dmp.evaluation.scores import judge, Scores, Summary
 import numpy as np
@@ -69,7 +69,7 @@ def test_figures_are_those_of_a_plain_loop(models):
 def test_a_resampled_total_is_the_total_of_the_resampled_trials(models):
     curves, references = random_case(models)
     scores = judge(curves, references, Envelope.of(references))
-    counts = resample(4, np.random.SeedSequence(5), rounds=40)
+    counts = draw_samples(4, np.random.SeedSequence(5), rounds=40)
     totals = scores.totals(counts)
     for draw, sums in zip(counts, totals.sums, strict=True):
         drawn = [trial for trial in range(4) for _ in range(int(draw[trial]))]
@@ -97,7 +97,7 @@ def test_the_interval_lies_around_the_figure():
         counted=np.ones((30, 30), dtype=bool),
     )
     once = scores.totals(np.ones((1, 30)))
-    draws = scores.totals(resample(30, np.random.SeedSequence(1)))
+    draws = scores.totals(draw_samples(30, np.random.SeedSequence(1)))
     middle = float(np.mean(draws.gap_m))
     assert middle == pytest.approx(float(once.gap_m[0]), rel=0.05)
 

@@ -95,10 +95,21 @@ def test_jacobian_agrees_with_finite_differences(arm):
         assert rotation.shape == (3, 3)
 
 
-def test_base_placement_moves_the_whole_arm(arm):
-    base = BasePlacement((0.5, -0.3, 0.7), 0.8)
+@pytest.mark.parametrize(
+    ('roll', 'pitch', 'yaw'),
+    [(0.0, 0.0, 0.8), (np.pi, 0.0, 0.0), (0.0, np.pi / 2, 0.4), (0.3, -0.5, 2.0)],
+    ids=['table', 'ceiling', 'wall', 'any'],
+)
+def test_base_placement_moves_the_whole_arm(arm, roll, pitch, yaw):
+    base = BasePlacement((0.5, -0.3, 0.7), yaw, roll, pitch)
     placed = arm.placed(base)
-    turn = Rotation.from_euler('z', 0.8).as_matrix()
+    rotation = Rotation.from_euler('xyz', [roll, pitch, yaw])
+    turn = rotation.as_matrix()
+    assert np.allclose(
+        np.outer(base.quaternion, base.quaternion),
+        np.outer(rotation.as_quat(), rotation.as_quat()),
+        atol=1e-12,
+    )
     for posture in postures(arm, 3):
         position, rotation = arm.wrist_pose(posture)
         moved, turned = placed.wrist_pose(posture)

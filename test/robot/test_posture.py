@@ -15,7 +15,7 @@
 
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.posture import Posture
-from handover_dmp.robot.tasks import Period, WristTarget
+from handover_dmp.robot.tasks import IkInput, WristTarget
 import numpy as np
 import pytest
 
@@ -27,7 +27,7 @@ def test_posture_goes_home_and_is_pushed_off_the_limits():
 
     def velocity(q):
         target = WristTarget(np.zeros(3))
-        period = Period(arm, q, q.tolist(), target, None, 0.005, ([], []))
+        period = IkInput(arm, q, q.tolist(), target, None, 0.005, ([], []))
         return np.array(posture.velocity(period))
 
     np.testing.assert_allclose(velocity(arm.home), 0.0)

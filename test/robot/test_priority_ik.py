@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from handover_dmp.bench.ik_scenarios import follow, limit_drives, minimum_jerk
+from handover_dmp.bench.ik_scenarios import follow, limit_drives, minimum_jerk_path
 from handover_dmp.common.errors import UsageError
 from handover_dmp.common.settings import defaults
 from handover_dmp.robot.limits import VelocityBox
@@ -218,7 +218,7 @@ def test_half_spaces_always_leave_braking(arm):
 
 def test_tracks_a_smooth_path_without_lag(arm):
     start, _ = arm.wrist_pose(arm.home)
-    path = minimum_jerk(start, start + [0.1, 0.15, 0.1], 1.5)
+    path = minimum_jerk_path(start, start + [0.1, 0.15, 0.1], 1.5)
     run = follow(arm, follower(PriorityIk(arm)), arm.home, path, 1.5)
     assert run.errors.max() < 2e-4
     assert run.scales.min() > 0.999
@@ -240,7 +240,7 @@ def test_is_not_stopped_by_a_joint_limit_while_there_is_a_way(lwr4):
 def test_rests_at_the_end_of_its_reach(arm, direction):
     towards = np.array(direction) / np.linalg.norm(direction)
     start, _ = arm.wrist_pose(arm.home)
-    path = minimum_jerk(start, arm.shoulder + (arm.reach_m + 0.05) * towards, 1.5)
+    path = minimum_jerk_path(start, arm.shoulder + (arm.reach_m + 0.05) * towards, 1.5)
     run = follow(arm, follower(PriorityIk(arm, **PLAIN)), arm.home, path, 5.0)
     nearest = arm.shoulder + arm.reach_m * towards
     assert np.linalg.norm(run.wrist[-1] - nearest) < 0.020
@@ -251,7 +251,7 @@ def test_rests_at_the_end_of_its_reach(arm, direction):
 def test_comes_back_from_the_end_of_its_reach(arm):
     start, _ = arm.wrist_pose(arm.home)
     away = arm.shoulder + (arm.reach_m + 0.2) * np.array([0.8, 0.0, 0.6])
-    out, back = minimum_jerk(start, away, 1.0), minimum_jerk(away, start, 1.0)
+    out, back = minimum_jerk_path(start, away, 1.0), minimum_jerk_path(away, start, 1.0)
 
     def path(time_s):
         return out(time_s) if time_s < 2.0 else back(time_s - 2.0)
@@ -266,7 +266,7 @@ def test_leaves_a_straight_arm_of_its_own_accord(robot):
     arm = _loaded(robot)
     straight = np.zeros(arm.dof)
     top, _ = arm.wrist_pose(straight)
-    path = minimum_jerk(top, top + [0.25, 0.0, -0.35], 1.5)
+    path = minimum_jerk_path(top, top + [0.25, 0.0, -0.35], 1.5)
     run = follow(arm, follower(PriorityIk(arm)), straight, path, 5.0)
     assert run.errors[-1] < 1e-4
 
@@ -274,7 +274,7 @@ def test_leaves_a_straight_arm_of_its_own_accord(robot):
 def test_too_fast_a_path_is_left_by_little_and_by_less_with_phase_stopping(lwr4):
     start, _ = lwr4.wrist_pose(lwr4.home)
     ends = start + [-0.1, -0.25, 0.0], start + [0.1, 0.25, 0.1]
-    path = minimum_jerk(*ends, 0.6, bulge=np.array([0.0, 0.0, 0.05]))
+    path = minimum_jerk_path(*ends, 0.6, bulge=np.array([0.0, 0.0, 0.05]))
     curve = np.array([path(time)[0] for time in np.linspace(0.0, 0.6, 1500)])
     posture = lwr4.inverse(ends[0])
     deviations = []
@@ -293,7 +293,7 @@ def test_orientation_does_not_disturb_the_position(arm, orientation):
     # amount of second order in it, which depends on the way of the joints
     dt = 0.0005
     start, rotation = arm.wrist_pose(arm.home)
-    path = minimum_jerk(start, start + [0.03, 0.035, 0.02], 0.5)
+    path = minimum_jerk_path(start, start + [0.03, 0.035, 0.02], 0.5)
     hand = start + [0.6, 0.3, 0.0]
     errors = []
     for kind in ('none', orientation):
@@ -485,7 +485,7 @@ class _Wall:
 
 def test_takes_a_limit_of_a_users_own(lwr4):
     wrist, _ = lwr4.wrist_pose(lwr4.home)
-    path = minimum_jerk(wrist, wrist + [0.2, 0.1, 0.0], 1.5)
+    path = minimum_jerk_path(wrist, wrist + [0.2, 0.1, 0.0], 1.5)
     stack = TaskStack.configured(lwr4, **PLAIN)
     ik = PriorityIk(lwr4, replace(stack, limits=(_Wall(wrist[0] + 0.1),)))
     run = follow(lwr4, follower(ik), lwr4.home, path, 2.0)

@@ -26,7 +26,9 @@ import pytest
 
 @pytest.mark.parametrize('robot', ['lwr4', 'iiwa14', 'panda', 'ur5'])
 def test_engines_agree(robot):
-    found = check_models(RobotModel.load(robot, base=BasePlacement((0.3, -0.2, 0.5), 0.7)))
+    found = check_models(
+        RobotModel.load(robot, base=BasePlacement((0.3, -0.2, 0.5), 0.7, 2.0, -0.4))
+    )
     assert found.position_m < 1e-6
     assert found.mass < 1e-8
 

@@ -28,6 +28,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 ROBOTS = ('lwr4', 'iiwa14', 'panda', 'ur5')
 
@@ -45,7 +46,8 @@ def test_reads_joints_in_the_order_of_the_model(robot):
 
 @pytest.mark.parametrize('robot', ROBOTS)
 def test_stands_on_its_base(robot):
-    model = RobotModel.load(robot, base=BasePlacement((0.4, -1.2, 0.7), 2.0))
+    base = BasePlacement((0.4, -1.2, 0.7), 2.0, roll=np.pi, pitch=0.3)
+    model = RobotModel.load(robot, base=base)
     unplaced = RobotModel.load(robot)
     name = model.joint_names[-1]
     posture = model.home + 0.1
@@ -54,7 +56,7 @@ def test_stands_on_its_base(robot):
         reference.reset(posture)
         position, rotation = world.joint_pose(name)
         before, turned = reference.joint_pose(name)
-    turn = np.array([[np.cos(2.0), -np.sin(2.0), 0], [np.sin(2.0), np.cos(2.0), 0], [0, 0, 1]])
+    turn = Rotation.from_euler('xyz', [np.pi, 0.3, 2.0]).as_matrix()
     assert position == pytest.approx(turn @ before + [0.4, -1.2, 0.7], abs=1e-6)
     assert rotation == pytest.approx(turn @ turned, abs=1e-6)
 

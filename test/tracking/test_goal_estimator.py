@@ -31,7 +31,7 @@ HERE = (0.3, -0.2, 1.0)
 
 
 def feed(estimator, stamps, path):
-    return [estimator.update(stamp, path(stamp)) for stamp in stamps]
+    return [not estimator.update(stamp, path(stamp)) for stamp in stamps]
 
 
 def straight(speed=0.5):
@@ -60,7 +60,7 @@ def test_it_is_the_kalman_filter():
         gain = spread @ measure.T @ np.linalg.inv(innovation)
         state = state + gain @ (path[k] - measure @ state)
         spread = (np.eye(6) - gain @ measure) @ spread
-        assert estimator.update(stamps[k], path[k])
+        assert not estimator.update(stamps[k], path[k])
         estimate = estimator.estimate(stamps[k])
         np.testing.assert_allclose(estimate.position, state[:3], atol=1e-12)
         np.testing.assert_allclose(estimate.velocity, state[3:], atol=1e-10)
@@ -123,7 +123,7 @@ def test_delay_is_made_up_for_as_documented(rate_hz, error_mm, newest_mm):
         for now in np.arange(0.1, trial.times[-1], 0.005):
             while waiting and waiting[0].arrival_s <= now:
                 _, stamp, newest = waiting.pop(0)
-                assert estimator.update(stamp, newest, now)
+                assert not estimator.update(stamp, newest, now)
             errors.append(estimator.estimate(now).position - truth(now))
             of_newest.append(newest - truth(now))
     rms = [1e3 * np.sqrt(np.mean(np.sum(np.square(e), axis=1))) for e in (errors, of_newest)]
@@ -146,9 +146,9 @@ def test_too_late_and_twice():
     estimator = GoalEstimator()
     feed(estimator, np.arange(0.0, 1.0, 0.005), straight())
     before = estimator.estimate(1.0)
-    assert not estimator.update(0.5, straight()(0.5))
-    assert not estimator.update(0.995, (0.0, 0.0, 0.0))
-    assert not estimator.update(0.990, straight()(0.990))
+    assert estimator.update(0.5, straight()(0.5))
+    assert estimator.update(0.995, (0.0, 0.0, 0.5))
+    assert estimator.update(0.990, straight()(0.990))
     assert estimator.estimate(1.0) == before
     assert estimator.rejected == {'late': 1, 'repeated': 2}
     assert estimator.accepted == 200
@@ -162,49 +162,142 @@ def test_a_jump_is_ignored(distance_m, rate_hz):
     for k, stamp in enumerate(np.arange(0.0, 2.0, 1.0 / rate_hz)):
         if k % 7 == 5:
             x, y, z = path(stamp)
-            assert not estimator.update(stamp, (x, y + distance_m, z))
+            assert estimator.update(stamp, (x, y + distance_m, z))
         else:
-            assert estimator.update(stamp, path(stamp))
+            assert not estimator.update(stamp, path(stamp))
             spared.update(stamp, path(stamp))
     assert estimator.estimate(2.0) == spared.estimate(2.0)
 
 
 @pytest.mark.parametrize('rate_hz', [24.0, 60.0, 200.0])
-def test_a_new_place_that_lasts_is_believed(rate_hz):
-    estimator = GoalEstimator()
-    feed(estimator, np.arange(0.0, 1.0, 1.0 / rate_hz), lambda _: HERE)
+def test_a_new_place_is_believed_after_many_poses_that_agree(rate_hz):
+    estimator = GoalEstimator(HandFilter(reacquire_poses=50))
+    feed(estimator, np.arange(100) / rate_hz, lambda _: HERE)
+    start_s = 100 / rate_hz
 
     def there(time):
-        return (2.0 + 0.5 * (time - 1.0), -0.2, 1.0)
+        return (2.0 + 0.5 * (time - start_s), -0.2, 1.0)
 
-    stamps = np.arange(1.0, 2.0, 1.0 / rate_hz)
-    believed = [estimator.update(stamp, there(stamp)) for stamp in stamps]
-    first = stamps[believed.index(True)]
-    assert 0.15 <= first - 1.0 <= 0.15 + 1.5 / rate_hz
-    assert all(believed[believed.index(True):])  # fmt: skip
+    stamps = start_s + np.arange(100) / rate_hz
+    believed = feed(estimator, stamps, there)
+    assert believed == [False] * 49 + [True] * 51
+    assert estimator.rejected == {'outlier': 49}
     estimate = estimator.estimate(stamps[-1])
     np.testing.assert_allclose(estimate.position, there(stamps[-1]), atol=2e-3)
     np.testing.assert_allclose(estimate.velocity, (0.5, 0.0, 0.0), atol=0.02)
 
 
+def test_an_outlier_that_lasts_is_an_outlier():
+    """However long ago the hand was seen by then; and the hand is believed when it is back."""
+    estimator = GoalEstimator(HandFilter(reacquire_poses=1000))
+    path = straight(0.2)
+    feed(estimator, np.arange(0.0, 1.0, 0.005), path)
+
+    def reflection(time):
+        x, y, z = path(time)
+        return (x, y + 1.0, z)
+
+    assert not any(feed(estimator, np.arange(1.0, 5.0, 0.005), reflection))
+    believed = feed(estimator, np.arange(5.0, 5.1, 0.005), path)
+    assert believed == [False] * 2 + [True] * 18
+
+
 def test_a_new_place_is_found_among_scattered_outliers():
-    estimator = GoalEstimator()
+    estimator = GoalEstimator(HandFilter(reacquire_poses=60))
     random = np.random.default_rng(2)
-    feed(estimator, np.arange(0.0, 1.0, 0.005), lambda _: HERE)
+    feed(estimator, np.arange(0.0, 0.3, 0.005), lambda _: HERE)
     stamps = np.arange(1.0, 1.5, 0.005)
     believed = [
-        estimator.update(stamp, (2.0, 0.0, 1.0) if k % 3 else 5.0 * random.standard_normal(3))
+        not estimator.update(stamp, (7.0, 0.0, 1.0) if k % 3 else 5.0 * random.standard_normal(3))
         for k, stamp in enumerate(stamps)
     ]
-    assert 0.15 <= stamps[believed.index(True)] - 1.0 <= 0.17
-    np.testing.assert_allclose(estimator.estimate(1.5).position, (2.0, 0.0, 1.0), atol=1e-6)
+    assert believed.index(True) == 89, 'two in three are of the new place'
+    np.testing.assert_allclose(estimator.estimate(1.5).position, (7.0, 0.0, 1.0), atol=1e-6)
 
 
-def test_how_long_it_must_last_is_settable():
-    estimator = GoalEstimator(HandFilter(reacquire_s=0.5))
+def test_a_first_pose_that_was_wrong_is_soon_forgotten():
+    estimator = GoalEstimator()
+    assert not estimator.update(0.0, (9.0, 9.0, 9.0))
+    assert feed(estimator, [0.01, 0.02, 0.03, 0.04], lambda _: HERE) == [False, False, True, True]
+
+
+def lost(how, stamp):
+    """Give what a tracker may say that does not see the hand."""
+    x, y, z = straight()(stamp)
+    covariance = [0.0] * 36
+    covariance[0] = -1.0
+    huge = [0.0] * 36
+    huge[7] = 1e3
+    return {
+        'nothing': None,
+        'zeros': {'position': (0.0, -0.0, 0.0)},
+        'NaN': {'position': (math.nan, y, z)},
+        'infinity': {'position': (x, y, math.inf)},
+        'norm 0': {'position': (x, y, z), 'orientation': (0.0, 0.0, 0.0, 0.0)},
+        'NaN rotation': {'position': (x, y, z), 'orientation': (math.nan, 0.0, 0.0, 1.0)},
+        'covariance -1': {'position': (x, y, z), 'covariance': covariance},
+        'huge covariance': {'position': (x, y, z), 'covariance': huge},
+    }[how]
+
+
+@pytest.mark.parametrize(
+    ('how', 'reason'),
+    [
+        ('nothing', None),
+        ('zeros', 'zero'),
+        ('NaN', 'not_finite'),
+        ('infinity', 'not_finite'),
+        ('norm 0', 'no_rotation'),
+        ('NaN rotation', 'no_rotation'),
+        ('covariance -1', 'uncertain'),
+        ('huge covariance', 'uncertain'),
+    ],
+)
+@pytest.mark.parametrize('loss_s', [0.05, 0.6, 5.0])
+@pytest.mark.parametrize('rate_hz', [24.0, 200.0])
+def test_lost_is_lost_and_what_a_hand_can_have_reached_is_believed_at_once(
+    how, reason, loss_s, rate_hz
+):
+    estimator = GoalEstimator()
+    path = straight()
+    times = np.arange(0.0, 1.0, 1.0 / rate_hz)
+    feed(estimator, times, path)
+    losses = np.arange(times[-1], times[-1] + loss_s, 1.0 / rate_hz)[1:]
+    for stamp in losses:
+        pose = lost(how, stamp)
+        if pose is not None:
+            assert estimator.update(stamp, now_s=stamp, **pose) == reason
+    assert estimator.rejected == ({reason: len(losses)} if reason else {})
+    back = losses[-1] + 1.0 / rate_hz
+    assert all(feed(estimator, back + np.arange(0.0, 0.5, 1.0 / rate_hz), path))
+
+
+def test_a_covariance_that_is_known_or_not_told_is_no_reason():
+    estimator = GoalEstimator()
+    for k, variance in enumerate((0.0, 1e-6, 0.03)):
+        covariance = np.diag([variance] * 6).ravel().tolist()
+        assert not estimator.update(0.01 * k, HERE, covariance=covariance)
+
+
+@pytest.mark.parametrize('refuse', [False, True])
+def test_a_frozen_pose_is_told_and_refused_where_that_is_wanted(refuse):
+    estimator = GoalEstimator(HandFilter(frozen_s=0.3, refuse_frozen=refuse))
+    path = straight()
+    feed(estimator, np.arange(0.0, 1.0, 0.01), path)
+    assert estimator.unchanged_s == 0.0
+    stuck = feed(estimator, np.arange(1.0, 2.0, 0.01), lambda _: path(0.99))
+    assert estimator.unchanged_s == pytest.approx(1.0)
+    assert stuck.count(False) == (71 if refuse else 0)
+    assert estimator.rejected == ({'frozen': 71} if refuse else {})
+    assert not estimator.update(2.0, path(1.0))
+    assert estimator.unchanged_s == 0.0
+
+
+def test_one_far_pose_after_a_silence_does_not_shut_out_the_hand():
+    estimator = GoalEstimator()
     feed(estimator, np.arange(0.0, 1.0, 0.01), lambda _: HERE)
-    believed = feed(estimator, np.arange(1.0, 2.0, 0.01), lambda _: (2.0, 0.0, 1.0))
-    assert 0.49 <= 0.01 * believed.index(True) <= 0.52
+    assert not estimator.update(1.3, (0.3, 0.5, 1.0))
+    assert all(feed(estimator, np.arange(1.31, 1.5, 0.01), lambda _: HERE))
 
 
 def test_scattered_outliers_are_never_believed():
@@ -222,13 +315,13 @@ def test_two_hands_in_turn_neither_mix_nor_lock_out():
     estimator = GoalEstimator()
     feed(estimator, np.arange(0.0, 1.0, 0.01), lambda _: HERE)
     for k in range(100):
-        assert estimator.update(1.0 + 0.02 * k, HERE)
-        assert not estimator.update(1.01 + 0.02 * k, there)
+        assert not estimator.update(1.0 + 0.02 * k, HERE)
+        assert estimator.update(1.01 + 0.02 * k, there)
     # After a silence neither is known any more: one of them is taken, and kept.
     for k in range(100):
         believed = {
-            HERE: estimator.update(9.0 + 0.02 * k, HERE),
-            there: estimator.update(9.01 + 0.02 * k, there),
+            HERE: not estimator.update(9.0 + 0.02 * k, HERE),
+            there: not estimator.update(9.01 + 0.02 * k, there),
         }
         if k > 10:
             assert sum(believed.values()) == 1
@@ -242,12 +335,12 @@ def test_no_pose_that_is_not_finite_enters(value):
     feed(estimator, np.arange(0.0, 1.0, 0.005), straight())
     before = estimator.estimate(1.0)
     for place in ((value, 0.0, 1.0), (0.0, value, 1.0), (0.0, 0.0, value), (value, -value, 1.0)):
-        assert not estimator.update(1.0, place)
+        assert estimator.update(1.0, place)
     if not math.isfinite(value):
-        assert not estimator.update(value, straight()(1.0))
+        assert estimator.update(value, straight()(1.0))
         assert estimator.rejected == {'not_finite': 5}
     assert estimator.estimate(1.0) == before
-    assert estimator.update(1.0, straight()(1.0))
+    assert not estimator.update(1.0, straight()(1.0))
 
 
 def test_stamps_from_the_future():
@@ -255,7 +348,7 @@ def test_stamps_from_the_future():
     path = straight()
     feed(estimator, np.arange(0.0, 1.0, 0.005), path)
     # With the clock told, for certain.
-    assert not estimator.update(1.1, path(1.1), now_s=1.0)
+    assert estimator.update(1.1, path(1.1), now_s=1.0)
     assert estimator.rejected['future'] == 1
     # Without it, one stamp far ahead does not shut out those that follow.
     assert not estimator.update(1000.0, path(1.0))
@@ -265,17 +358,16 @@ def test_stamps_from_the_future():
 def test_a_clock_that_was_set_back_and_a_long_silence():
     estimator = GoalEstimator()
     feed(estimator, np.arange(100.0, 101.0, 0.01), lambda _: HERE)
-    believed = feed(estimator, np.arange(0.0, 1.0, 0.01), lambda _: HERE)
-    assert 0.15 <= 0.01 * believed.index(True) + 1e-9 <= 0.17
-    believed = feed(estimator, np.arange(50.0, 51.0, 0.01), lambda _: (3.0, 0.0, 1.0))
-    assert 0.15 <= 0.01 * believed.index(True) + 1e-9 <= 0.17
+    believed = feed(estimator, np.arange(0.0, 3.0, 0.01), lambda _: HERE)
+    assert believed.index(True) == 199
+    assert all(feed(estimator, np.arange(50.0, 51.0, 0.01), lambda _: (3.0, 0.0, 1.0)))
 
 
 def test_a_drop_out_is_bridged():
     estimator = GoalEstimator()
     path = straight(1.0)
     feed(estimator, np.arange(0.0, 1.0, 0.005), path)
-    assert estimator.update(1.3, path(1.3))
+    assert not estimator.update(1.3, path(1.3))
     np.testing.assert_allclose(estimator.estimate(1.3).position, path(1.3), atol=1e-3)
 
 
@@ -313,13 +405,13 @@ def test_stamps_that_come_late_by_a_known_delay():
 def test_nothing_known_and_forgetting():
     estimator = GoalEstimator()
     assert estimator.estimate(0.0) is None
-    assert estimator.update(1.0, HERE)
+    assert not estimator.update(1.0, HERE)
     assert estimator.estimate(1.0).position == HERE
     assert estimator.estimate(1.0).velocity == (0.0, 0.0, 0.0)
     estimator.reset()
     assert estimator.estimate(1.0) is None
-    assert estimator.accepted == 0
-    assert estimator.update(0.0, (9.0, 9.0, 9.0))
+    assert estimator.accepted == 1, 'counts go on'
+    assert not estimator.update(0.0, (9.0, 9.0, 9.0))
 
 
 @given(
@@ -336,8 +428,7 @@ def test_nothing_known_and_forgetting():
 def test_any_stream_gives_finite_answers(stream):
     estimator = GoalEstimator()
     for stamp, place, now in stream:
-        accepted = estimator.update(stamp, place, now)
-        assert accepted in (True, False)
+        assert isinstance(estimator.update(stamp, place, now), str)
         estimate = estimator.estimate(1.0)
         if estimate is not None:
             assert all(map(math.isfinite, (*estimate.position, *estimate.velocity)))
@@ -357,7 +448,8 @@ def test_the_work_of_an_update_is_bounded():
     [
         {'acceleration_noise': 0.0},
         {'measurement_noise_m': -1.0},
-        {'reacquire_s': math.nan},
+        {'hand_speed': math.nan},
+        {'reacquire_poses': 0},
         {'lost_s': math.inf},
         {'outlier_distance_m': 0.0},
     ],

@@ -38,7 +38,12 @@ def trial() -> HandoverTrial:
     return condition(synthesize(trials=1)[1])
 
 
-def write(folder: Path, rows: list[tuple[str, int, Any]], frame: str = 'world') -> Path:
+def write(
+    folder: Path,
+    rows: list[tuple[str, int, Any]],
+    frame: str = 'world',
+    turn: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0),
+) -> Path:
     """Write (topic, stamp in ns after the epoch or None, position) rows, logged at 10 ms each."""
     with BagWriter(folder) as bag:
         for topic in ('/hand/pose', '/human/pose'):
@@ -48,7 +53,7 @@ def write(folder: Path, rows: list[tuple[str, int, Any]], frame: str = 'world') 
             stamp_ns = 0 if after_ns is None else EPOCH_NS + after_ns
             message: Any = header(stamp_ns)
             if topic != '/handover/signal':
-                message = pose_stamped(stamp_ns, position, frame=frame)
+                message = pose_stamped(stamp_ns, position, turn, frame)
             bag.write_message(topic, message, EPOCH_NS + number * 10_000_000)
     return folder
 
@@ -114,6 +119,20 @@ def test_without_stamps_and_signal_the_times_of_recording_count(tmp_path: Path) 
     np.testing.assert_allclose(stamps, [2.0, 2.01, 2.02], atol=1e-8)
 
 
+@pytest.mark.parametrize('place', [(0.0, 0.0, 0.0), (np.nan, np.nan, np.nan), (0.0, 0.0, 1.0)])
+def test_a_lost_hand_is_played_as_it_was_recorded(
+    tmp_path: Path, place: tuple[float, float, float]
+) -> None:
+    """Also where its quaternion alone says so; who hears it is to judge."""
+    rows: list[Any] = [('/hand/pose', 10_000_000 * k, (0.3, 0.0, 1.0)) for k in range(3)]
+    rows[1] = (*rows[1][:2], place)
+    played = PlayedBag(write(tmp_path / 'bag', rows, turn=(0.0, 0.0, 0.0, 0.0)))
+    played.start(0.0)
+    got = play(played, 0.1)
+    np.testing.assert_array_equal(got[1].position, place)
+    assert [sample.orientation for sample in got] == [(0.0, 0.0, 0.0, 0.0)] * 3
+
+
 def test_nothing_long_past_is_played(tmp_path: Path, trial: HandoverTrial) -> None:
     write_trial_bag(trial, tmp_path / 'bag')
     played = PlayedBag(tmp_path / 'bag')
@@ -125,11 +144,9 @@ def test_nothing_long_past_is_played(tmp_path: Path, trial: HandoverTrial) -> No
 
 def test_bags_that_cannot_be_played(tmp_path: Path) -> None:
     good: list[Any] = [('/hand/pose', k, (0.0, 0.0, 1.0)) for k in range(3)]
-    lost: list[Any] = [('/hand/pose', 0, (0.0, float('nan'), 1.0))]
     cases = {
         '0 poses on /hand/pose': write(tmp_path / 'a', [('/human/pose', 0, (0.0, 0.0, 1.0))]),
         "is in frame 'map'": write(tmp_path / 'b', good, frame='map'),
-        'not three finite numbers': write(tmp_path / 'c', lost),
         'no such bag': tmp_path / 'nowhere',
     }
     with BagWriter(tmp_path / 'd') as bag:

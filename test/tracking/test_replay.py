@@ -40,8 +40,6 @@ def test_a_trial_starts_at_zero_and_holds_at_its_ends(trial):
     np.testing.assert_allclose(replay.newest(-3.0).position, trial.partner[0])
     np.testing.assert_allclose(replay.newest(99.0).position, trial.partner[-1])
     assert replay.newest(99.0).stamp_s == 99.0
-    assert not replay.is_over(trial.duration_s - 0.01)
-    assert replay.is_over(trial.duration_s + 0.01)
 
 
 def test_any_motion(trial):
@@ -78,7 +76,7 @@ def test_what_a_tracker_saw_is_played_in_the_order_of_arrival(trial):
     replay = Replay.from_poses(seen)
     zero = min(observation.stamp_s for observation in seen)
     clock, got = -1.0, []
-    while not replay.is_over(clock):
+    while clock < replay.duration_s:
         got += replay.between(clock, clock + 0.005)
         clock += 0.005
         arrived = [observation for observation in seen if observation.arrival_s - zero <= clock]
@@ -101,7 +99,7 @@ def test_between_gives_a_trial_one_sample(trial):
     [
         ([], 'no poses'),
         ([(0.0, (1.0, 2.0))], 'pose 0 to play back'),
-        ([(0.0, (1.0, 2.0, 3.0)), (1.0, (1.0, float('nan'), 3.0))], 'pose 1 to play back'),
+        ([(0.0, (1.0, 2.0, 3.0)), (float('nan'), (1.0, 2.0, 3.0))], 'pose 1 to play back'),
         ([(float('inf'), (1.0, 2.0, 3.0))], 'pose 0 to play back'),
     ],
 )

@@ -43,9 +43,9 @@ def test_rest_then_the_recording_then_rest(trial, rate_hz):
     seen = watch(hand, 4.0)
     stamps = np.array([sample.stamp_s for sample in seen])
     np.testing.assert_allclose(np.diff(stamps), 1.0 / rate_hz, atol=1e-9)
-    for stamp, position in seen:
-        expected = replay.newest(max(stamp - 0.5, 0.0)).position
-        np.testing.assert_allclose(position, expected, atol=1e-12)
+    for sample in seen:
+        expected = replay.newest(max(sample.stamp_s - 0.5, 0.0)).position
+        np.testing.assert_allclose(sample.position, expected, atol=1e-12)
     np.testing.assert_allclose(seen[0].position, trial.partner[0])
     np.testing.assert_allclose(seen[-1].position, trial.partner[-1])
 
@@ -82,3 +82,15 @@ def test_a_clock_that_leaps_brings_no_flood(trial):
     assert len(hand.due(1000.0)) == 1
     assert len(hand.due(0.5)) == 1
     assert len(hand.due(0.51)) == 2
+
+
+def test_between_two_replays_the_hand_is_not_seen_so_it_does_not_jump(trial):
+    hand = TrackedHand(Replay.from_trial(trial))
+    hand.start(0.0)
+    end = watch(hand, 5.0)
+    hand.start(5.5)
+    seen = watch(hand, 6.0, from_s=5.0)
+    hidden = [bool(np.isnan(sample.position).all()) for sample in seen]
+    assert hidden == [sample.stamp_s < 5.4 for sample in seen]
+    np.testing.assert_allclose(end[-1].position, trial.partner[-1])
+    np.testing.assert_allclose(seen[hidden.index(False)].position, trial.partner[0])

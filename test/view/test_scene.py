@@ -110,7 +110,7 @@ def test_bodies_are_drawn_where_the_camera_projects_them(scene):
     """Ask PyBullet's picture and the arithmetic for floor and framing agree."""
     picture = scene.image(float(scene.times[-1]), 480, 360).astype(float)
     camera = scene.camera(480, 360)
-    x, y = camera.project(scene.object_position[None])[0]
+    x, y = camera.project(scene.object_pose[0][None])[0]
     column, row = (x + 1) / 2 * 480, (1 - y) / 2 * 360
     patch = picture[int(row) - 3: int(row) + 4, int(column) - 3: int(column) + 4]  # fmt: skip
     assert near(patch, (0.98, 0.80, 0.15), 0.15) > 5
@@ -134,13 +134,13 @@ def test_object_is_with_the_giver_first_and_does_not_jump(direction):
             hand = scene._hand_path[min(index, 59)]
             wrist = scene._wrist_path[min(index, 59)]
             distance[time_s] = (
-                np.linalg.norm(scene.object_position - wrist),
-                np.linalg.norm(scene.object_position - hand),
+                np.linalg.norm(scene.object_pose[0] - wrist),
+                np.linalg.norm(scene.object_pose[0] - hand),
             )
             if time_s == 1.0 - 1e-6:
-                before = scene.object_position
+                before = scene.object_pose[0]
             if time_s == 1.0 + 1e-6:
-                assert scene.object_position == pytest.approx(before, abs=1e-5)
+                assert scene.object_pose[0] == pytest.approx(before, abs=1e-5)
     giver = 0 if direction == 'give' else 1
     # Held by the giver before and by the receiver after: at the same distance all along.
     assert distance[0.0][giver] == pytest.approx(distance[1.0 - 1e-6][giver], abs=2e-2)
