@@ -44,8 +44,8 @@ EXTRAS = {
     # ROS 2 Jazzy itself, for machines that have none. Not to be installed beside a ROS 2 of the
     # system: there the packages of package.xml take their place.
     'ros': [
-        'ros-jazzy-common-interfaces>=5.3',
-        'ros-jazzy-rclpy[fastrtps]>=7.1',
+        'ros-jazzy-common-interfaces>=5.3.6',
+        'ros-jazzy-rclpy[fastrtps]>=7.1.6',
     ],
     'test': [
         'check-jsonschema>=0.29',
@@ -117,6 +117,8 @@ setup(
     name=PACKAGE,
     version=version(),
     description='Human-robot handover by a decoupled dynamic movement primitive on ROS 2',
+    long_description=Path('README.md').read_text(encoding='utf-8'),
+    long_description_content_type='text/markdown',
     author='The handover_dmp authors',
     maintainer='handover_dmp maintainers',
     maintainer_email='handover_dmp@users.noreply.github.com',
