@@ -37,8 +37,8 @@ ROOT = Path(__file__).resolve().parents[1]
 NODES = ('robot_sim', 'hand_tracker', 'dmp', 'priority_ik', 'recorder')
 # What an install is made from; the rest of a checkout (.venv, runs, caches) may be large.
 SOURCES = (
-    'setup.py', 'setup.cfg', 'pyproject.toml', 'package.xml', 'LICENSE', 'README.md', 'resource', 'scripts',
-    'handover_dmp', 'config', 'urdf', 'launch',
+    'setup.py', 'setup.cfg', 'pyproject.toml', 'package.xml', 'LICENSE', 'README.md', 'resource',
+    'scripts', 'handover_dmp', 'config', 'urdf', 'launch',
 )  # fmt: skip
 PATIENCE_S = 120.0
 
