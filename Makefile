@@ -8,7 +8,7 @@ VENV ?= .venv
 
 BIN := $(VENV)/bin
 # The linters' own, since they are pinned, and NumPy with them.
-LINT ?= .venv-lint
+LINTERS ?= .venv-lint
 PYTHON_FILES := setup.py examples handover_dmp launch scripts test
 # A new version of one of these means that the packages have to be installed again.
 METADATA := setup.py setup.cfg pyproject.toml
@@ -55,24 +55,24 @@ coverage: $(VENV)/.coverage
 	$(PYTEST) --cov=handover_dmp --cov-report=json:$(VENV)/coverage.json --cov-report=
 	$(BIN)/python scripts/coverage_by_room.py $(VENV)/coverage.json
 
-lint: $(LINT)/.lint
-	$(LINT)/bin/ament_flake8 $(PYTHON_FILES)
-	$(LINT)/bin/ament_pep257 --add-ignore D406 D407 -- $(PYTHON_FILES)
-	$(LINT)/bin/ruff check .
-	$(LINT)/bin/ruff format --check .
-	$(LINT)/bin/mypy
-	$(LINT)/bin/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
+lint: $(LINTERS)/.lint
+	$(LINTERS)/bin/ament_flake8 $(PYTHON_FILES)
+	$(LINTERS)/bin/ament_pep257 --add-ignore D406 D407 -- $(PYTHON_FILES)
+	$(LINTERS)/bin/ruff check .
+	$(LINTERS)/bin/ruff format --check .
+	$(LINTERS)/bin/mypy
+	$(LINTERS)/bin/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
 
-format: $(LINT)/.lint
-	$(LINT)/bin/python scripts/add_licence_header.py
-	$(LINT)/bin/ruff format .
-	$(LINT)/bin/ruff check --fix .
+format: $(LINTERS)/.lint
+	$(LINTERS)/bin/python scripts/add_licence_header.py
+	$(LINTERS)/bin/ruff format .
+	$(LINTERS)/bin/ruff check --fix .
 
 bench: $(VENV)/.bench
 	$(ISOLATED) $(BIN)/handover_dmp bench
 
 clean:
-	rm -rf $(VENV) $(LINT) .venv-* build dist install log *.egg-info
+	rm -rf $(VENV) $(LINTERS) .venv-* build dist install log *.egg-info
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
@@ -82,7 +82,7 @@ clean:
 COPIED := $(wildcard config/* launch/* urdf/* scripts/* package.xml)
 INSTALL = pip install --quiet $(PIP_OPTIONS)
 
-$(BIN)/python $(LINT)/bin/python:
+$(BIN)/python $(LINTERS)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 14))' || { \
 	    echo "Python 3.10 to 3.13 is needed, and '$(PYTHON)' is not: make PYTHON=python3.12" >&2; \
 	    exit 1; }
@@ -108,7 +108,7 @@ $(VENV)/.bench: $(METADATA) $(COPIED) | $(BIN)/python
 	$(BIN)/python -m $(INSTALL) --editable '.[ros,bench]'
 	@touch $@ $(VENV)/.demo
 
-$(LINT)/.lint: $(METADATA) | $(LINT)/bin/python
+$(LINTERS)/.lint: $(METADATA) | $(LINTERS)/bin/python
 	@echo 'installing (about a minute)'
-	$(LINT)/bin/python -m $(INSTALL) '.[lint]'
+	$(LINTERS)/bin/python -m $(INSTALL) '.[lint]'
 	@touch $@
