@@ -405,8 +405,8 @@ def test_rosdep_and_pip_bring_exactly_what_is_required() -> None:
     assert not [key for key in keys if key.endswith('-pip')]
     by_rosdep = {key.removeprefix('python3-') for key in keys if key.startswith('python3-')}
     known = {'pil': 'pillow', 'yaml': 'PyYAML'}
-    by_rosdep = {known.get(key, key) for key in by_rosdep}
-    assert 'pinocchio' in keys
+    by_rosdep = {known.get(key, key) for key in by_rosdep} | {'xacro'}
+    assert {'pinocchio', 'xacro'} <= set(keys)
     required = declared('REQUIREMENTS')
     # of the two builds of PyBullet, the one for the Python of Ubuntu 24.04
     del required['pybullet']
