@@ -20,6 +20,7 @@ import argparse
 from pathlib import Path
 
 from handover_dmp.cli.recorded import add_source_and_output
+from handover_dmp.cli.robot_arguments import add_robot_arguments, chosen_arm
 
 MAX_JOBS = 4
 VIDEOS = ('.mp4',)
@@ -65,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=1.0,
         help='of the film; 0.5 is half of real time (default: %(default)s)',
     )
-    parser.add_argument('--robot', default='', help='arm or URDF, where the bag does not tell')
+    add_robot_arguments(parser, '')
     parser.add_argument(
         '--jobs', type=int, metavar='N', help='processes; default: one a processor, at most 4'
     )
@@ -100,7 +101,7 @@ def run(options: argparse.Namespace) -> int:
     if options.no_video and options.no_image:
         raise UsageError('neither video nor image: nothing to do')
     width, height = _size(options.size)
-    how = Film(width, height, options.rate, options.speed, options.robot)
+    how = Film(width, height, options.rate, options.speed, chosen_arm(options))
     video, image = chosen_files(options)
     jobs = options.jobs or min(MAX_JOBS, os.cpu_count() or 1)
     began_s = monotonic()

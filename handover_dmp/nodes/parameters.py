@@ -137,7 +137,15 @@ HAND = (
 )
 
 ARM = (
-    Parameter('robot', 'lwr4, iiwa14, panda, ur5 or the path of a URDF', read_only=True),
+    Parameter(
+        'robot',
+        'lwr4, iiwa14, panda, ur5, the path of a URDF or xacro, or the topic of a description',
+        read_only=True,
+    ),
+    Parameter(
+        'wrist_frame', 'link that follows the wrist; empty: by the description', read_only=True
+    ),
+    Parameter('base_frame', 'link that the arm begins at; empty: the root', read_only=True),
     Parameter('base_position', 'of the robot in the room, m', read_only=True),
     Parameter('base_roll', 'about x, the first of three turns, rad', -6.3, 6.3, read_only=True),
     Parameter('base_pitch', 'about y, the second, rad', -6.3, 6.3, read_only=True),

@@ -40,6 +40,8 @@ POLL_S = 0.05
 MAX_END_S = 15.0
 STDERR = 2
 MAX_PRIORITY = 99
+_ended: list[int] = []
+"""The signals that told this process to end."""
 
 
 def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -> int:
@@ -55,18 +57,18 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
     Args:
         make_node: makes the node; a `HandoverError` there ends the process with its one line.
             A node ends itself by setting `ended`. Its `finish`, if it has one, is called before
-            it takes its turn to leave.
+            it takes its turn to leave; it has to end what is done once a second.
         arguments: ROS arguments; those of the process if left out.
 
     Returns:
         Exit code: 0 after SIGINT or SIGTERM, or the node's own `exit_code`.
 
     """
-    ended: list[int] = []
+    _ended.clear()
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda caught, _frame: ended.append(caught))
+        signal.signal(number, lambda caught, _frame: _ended.append(caught))
     try:
         node = make_node()
         executor, spin = _executor(node)
@@ -78,10 +80,11 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
     gc.collect()
     gc.freeze()
     gc.disable()
-    once_per_second = getattr(node, 'housekeeping', None) or OncePerSecond(node)
+    once_per_second = getattr(node, 'once_per_second', None) or OncePerSecond(node)
     once_per_second.add(lambda: gc.collect(1))
     try:
-        while not ended and rclpy.ok() and not _orphaned() and not getattr(node, 'ended', False):
+        once_per_second.start()
+        while not told_to_end() and rclpy.ok() and not getattr(node, 'ended', False):
             spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
@@ -90,7 +93,7 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
             signal.signal(number, signal.SIG_IGN)
         # what hangs in DDS ends here all the same, and says where it was
         faulthandler.dump_traceback_later(MAX_END_S, exit=True, file=STDERR)
-        getattr(node, 'finish', lambda: None)()
+        getattr(node, 'finish', once_per_second.finish)()
         executor.shutdown()
         shut_down(node)
     exit_code = int(getattr(node, 'exit_code', 0))
@@ -100,6 +103,17 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
     gc.collect()
     faulthandler.cancel_dump_traceback_later()
     return exit_code
+
+
+def told_to_end() -> bool:
+    """
+    Tell whether the node is to end, for one that waits for something before it is spun.
+
+    Returns:
+        Whether a signal said so, or the process that started this one is gone.
+
+    """
+    return bool(_ended) or _orphaned()
 
 
 def _executor(node: Node) -> tuple[Executor, Callable[[], None]]:

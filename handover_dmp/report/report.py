@@ -237,6 +237,9 @@ def _about(about: Numbers) -> Table:
         'seed': 'seed',
         'scale': 'scale of the motion',
         'robot': 'robot',
+        'robot_description': 'described by',
+        'wrist_frame': 'link of the wrist',
+        'base_frame': 'begins at link',
         'base_position_m': 'base at, m',
         'base_roll_rad': 'base rolled by, rad',
         'base_pitch_rad': 'base pitched by, rad',
@@ -281,7 +284,7 @@ def _timing(report: Numbers) -> tuple[Table, ...]:
     for name, node in nodes.items():
         values = ', '.join(f'{key} {value}' for key, value in node['values'].items())
         rows.append((name, '; '.join(node['faults']) or 'none', values))
-    return topics, Table(('node', 'faults', 'last second'), tuple(rows))
+    return topics, Table(('node', 'faults', 'last report'), tuple(rows))
 
 
 def _bag_text(report: Numbers) -> str:

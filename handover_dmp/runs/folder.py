@@ -32,6 +32,7 @@ from handover_dmp.common.versions import installed_versions, LIBRARIES
 from handover_dmp.dmp import save_model
 from handover_dmp.handover.scenario import Scenario
 from handover_dmp.mocap import HandoverTrial, write_trial
+from handover_dmp.robot.descriptions import ArmChoice
 import numpy as np
 from numpy.typing import NDArray
 
@@ -101,6 +102,9 @@ def run_info(scenario: Scenario, scale: float) -> dict[str, Any]:
         'seed': scenario.seed,
         'scale': scale,
         'robot': robot.name,
+        'robot_description': robot.description.asked_for,
+        'wrist_frame': robot.wrist_frame,
+        'base_frame': robot.base_frame,
         'base_position_m': list(robot.base.position),
         'base_roll_rad': robot.base.roll,
         'base_pitch_rad': robot.base.pitch,
@@ -142,7 +146,9 @@ def finish(folder: Path, scenario: Scenario) -> dict[str, Any]:
     from handover_dmp.view.stage import set_up
     from PIL import Image
 
-    with set_up(folder, scenario.robot.asked_for) as stage:
+    robot = scenario.robot
+    choice = ArmChoice(robot.description.asked_for, robot.wrist_frame, robot.base_frame)
+    with set_up(folder, choice) as stage:
         (folder / 'figures').mkdir(exist_ok=True)
         met = math.isfinite(stage.scene.exchange_time_s)
         names = ('start', 'middle', 'exchange' if met else 'end')
