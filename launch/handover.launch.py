@@ -48,7 +48,9 @@ PACKAGE = 'handover_dmp'
 NODES = ('recorder', 'hand_tracker', 'dmp', 'priority_ik', 'robot_sim')
 BOOLEAN = ('true', 'false', 'True', 'False', '1', '0')
 ARGUMENTS: dict[str, tuple[str, str, tuple[str, ...] | None]] = {
-    'robot': ('lwr4', 'lwr4, iiwa14, panda, ur5 or the path of a URDF', None),
+    'robot': ('lwr4', 'lwr4, iiwa14, panda, ur5 or the path of a URDF or xacro', None),
+    'wrist_frame': ('', 'link that follows the wrist; empty: by the description', None),
+    'base_frame': ('', 'link that the arm begins at; empty: the root', None),
     'trial': ('', 'CSV file of a recorded handover, whose partner is replayed', None),
     'bag': ('', 'bag of a recorded handover, in place of a trial', None),
     'exchange': ('give', 'direction, where neither trial nor bag is given', ('give', 'take')),
@@ -233,11 +235,13 @@ def _scenario(chosen: dict[str, str]) -> Any:
     from handover_dmp.handover.scenario import EXAMPLE, make_scenario
     from handover_dmp.handover.teaching import learn_from_trials
     from handover_dmp.mocap import condition, synthesize, write_trial
+    from handover_dmp.robot.descriptions import ArmChoice
 
     if chosen['trial'] and chosen['bag']:
         raise RuntimeError('trial and bag exclude each other')
+    arm = ArmChoice(*(chosen[key] for key in ('robot', 'wrist_frame', 'base_frame')))
     if recorded := chosen['trial'] or chosen['bag']:
-        return make_scenario(Path(recorded), robot=chosen['robot'])
+        return make_scenario(Path(recorded), arm=arm)
     wanted = (EXAMPLE[0], chosen['exchange'])
     trials = [t for t in synthesize() if (t.configuration, t.direction) == wanted]
     with TemporaryDirectory() as folder:
@@ -245,7 +249,7 @@ def _scenario(chosen: dict[str, str]) -> Any:
         save_model(learn_from_trials([condition(trials[0])]), model)
         trial = Path(folder) / f'{"_".join(wanted)}_{trials[1].number}.csv'
         write_trial(trials[1], trial)
-        return make_scenario(trial, model=model, robot=chosen['robot'])
+        return make_scenario(trial, model=model, arm=arm)
 
 
 def _has(package: str) -> bool:

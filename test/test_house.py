@@ -40,7 +40,7 @@ DISTRIBUTIONS = {
     'yaml': 'pyyaml',
 }
 # Not of ROS, though its key in `package.xml` has the form of one that is.
-LIBRARIES = {'pinocchio'}
+LIBRARIES = {'pinocchio', 'xacro'}
 ROS_ROOMS = ('nodes', 'recording', 'bench')
 # From the ground up: a room may import from the floors below its own and from no other room.
 FLOORS = (

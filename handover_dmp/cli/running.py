@@ -21,6 +21,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from handover_dmp.cli.robot_arguments import add_robot_arguments, chosen_arm
 from handover_dmp.common.errors import UsageError
 
 Tell = Callable[[str, float], None]
@@ -30,7 +31,7 @@ RunGraph = Callable[[Path, Any, dict[str, Any], Tell], None]
 def add_run_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options that both verbs have."""
     parser.add_argument('-o', '--output', type=Path, help='folder of the run; default: in runs/')
-    parser.add_argument('--robot', default='lwr4', help='lwr4, iiwa14, panda, ur5 or a URDF')
+    add_robot_arguments(parser, 'lwr4')
     parser.add_argument('--seed', type=int, default=0, help='of the synthetic data')
     parser.add_argument('--scale', type=float, default=1.0, help='factor on the recorded motion')
     parser.add_argument('--json', type=Path, help='write the report there too')
@@ -68,7 +69,7 @@ def run_and_report(
             bar.update(task, description=what, completed=share)
 
         scenario = make_scenario(
-            trial, model=model, robot=options.robot, scale=options.scale, seed=options.seed
+            trial, model=model, arm=chosen_arm(options), scale=options.scale, seed=options.seed
         )
         for remark in scenario.robot.remarks:
             bar.console.print(

@@ -22,6 +22,7 @@ import signal
 from threading import Event
 
 from handover_dmp.cli.recorded import add_source_and_output
+from handover_dmp.cli.robot_arguments import add_robot_arguments, chosen_arm
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--port', type=int, default=0, help='on 127.0.0.1; default: one that is free'
     )
     parser.add_argument('--no-browser', action='store_true', help='only say the address')
-    parser.add_argument('--robot', default='', help='arm or URDF, where the bag does not tell')
+    add_robot_arguments(parser, '')
     parser.add_argument('--json', type=Path, metavar='FILE', help='write the address there')
 
 
@@ -74,7 +75,7 @@ def run(options: argparse.Namespace) -> int:
     def make(page: Path) -> None:
         with progress_bar() as bar:
             bar.add_task('reading and drawing', total=None)
-            with set_up(options.source, options.robot) as stage:
+            with set_up(options.source, chosen_arm(options)) as stage:
                 write_page(stage, page)
 
     def tell(address: str) -> None:

@@ -22,8 +22,10 @@ from pathlib import Path
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.settings import defaults
 from handover_dmp.dmp import DecoupledDmp, load_model
-from handover_dmp.handover.teaching import learn_from_trials, rollout_against
+from handover_dmp.handover.approach import rollout_towards
+from handover_dmp.handover.teaching import hand_goal, learn_from_trials
 from handover_dmp.mocap import condition, HandoverTrial, read_trial, synthesize
+from handover_dmp.robot.descriptions import ArmChoice
 from handover_dmp.robot.model import BasePlacement, RobotModel
 from handover_dmp.robot.placement import choose_base_placement
 import numpy as np
@@ -173,7 +175,7 @@ def make_scenario(
     trial: Path | None = None,
     *,
     model: Path | None = None,
-    robot: str = 'lwr4',
+    arm: ArmChoice | None = None,
     base: BasePlacement | None = None,
     scale: float = 1.0,
     seed: int = 0,
@@ -188,7 +190,7 @@ def make_scenario(
     Args:
         trial: CSV file or bag; none: the example.
         model: file of a learnt movement.
-        robot: name or URDF of the arm.
+        arm: which one; the LWR 4+ if left out.
         base: where it stands; found if left out.
         scale: of the recorded motion.
         seed: of the synthetic data.
@@ -208,17 +210,18 @@ def make_scenario(
     learnt = learn_from_trials([taught]) if model is None else read_model(model)
     replayed = condition(replayed, cutoff_hz=defaults('hand_tracker')['cutoff_hz'])
     wrist_path = expected_path(learnt, replayed)
-    arm = RobotModel.load(robot)
-    arm = arm.placed(
-        base
-        if base is not None
-        else choose_base_placement(wrist_path, arm, partner=replayed.partner[-1])
+    choice = arm or ArmChoice('lwr4')
+    robot = RobotModel.load(
+        choice.robot, wrist_frame=choice.wrist_frame, base_frame=choice.base_frame
     )
+    if base is None:
+        base = choose_base_placement(wrist_path, robot, partner=replayed.partner[-1])
+    robot = robot.placed(base)
     return Scenario(
         trial=replayed,
         model=learnt,
-        robot=arm,
-        q_start=arm.inverse(wrist_path[0]),
+        robot=robot,
+        q_start=robot.inverse(wrist_path[0]),
         seed=seed,
     )
 
@@ -235,5 +238,7 @@ def expected_path(model: DecoupledDmp, trial: HandoverTrial) -> Array:
         (n, 3), m, from where P2 started to where the movement comes to rest.
 
     """
-    wrist_path: Array = rollout_against(model, trial).positions
+    goals, velocities = hand_goal(trial, model)
+    start = trial.demonstrator[0]
+    wrist_path, _ = rollout_towards(model, trial.times, goals, velocities, start)
     return np.vstack([wrist_path, trial.partner[-1] + model.goal_offset])

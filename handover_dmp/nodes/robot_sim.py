@@ -116,8 +116,10 @@ class RobotSim(HandoverNode):
         self._states = self.advertise(JOINT_STATES)
         self._message = JointState(name=list(model.joint_names))
         self._still = [0.0] * model.dof
-        self._description = self.advertise(ROBOT_DESCRIPTION)
-        self._description.publish(String(data=model.urdf_text))
+        # who has the description from there does not say it again
+        if self.values['robot'] != ROBOT_DESCRIPTION.name:
+            self._description = self.advertise(ROBOT_DESCRIPTION)
+            self._description.publish(String(data=model.urdf_text))
         self.subscribe(JOINT_COMMAND, self._on_command)
         self.serve_switch('pause', self._pause)
         self.serve('resume', self._resume)

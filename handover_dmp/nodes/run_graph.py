@@ -84,7 +84,9 @@ def graph_parameters(
     """
     robot = scenario.robot
     arm = {
-        'robot': robot.asked_for,
+        'robot': robot.description.asked_for,
+        'wrist_frame': robot.wrist_frame,
+        'base_frame': robot.base_frame,
         'base_position': [float(x) for x in robot.base.position],
         'base_roll': float(robot.base.roll),
         'base_pitch': float(robot.base.pitch),

@@ -40,6 +40,8 @@ POLL_S = 0.05
 MAX_END_S = 15.0
 STDERR = 2
 MAX_PRIORITY = 99
+_ended: list[int] = []
+"""The signals that told this process to end."""
 
 
 def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -> int:
@@ -62,11 +64,11 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
         Exit code: 0 after SIGINT or SIGTERM, or the node's own `exit_code`.
 
     """
-    ended: list[int] = []
+    _ended.clear()
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda caught, _frame: ended.append(caught))
+        signal.signal(number, lambda caught, _frame: _ended.append(caught))
     try:
         node = make_node()
         executor, spin = _executor(node)
@@ -82,7 +84,7 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
     once_per_second.add(lambda: gc.collect(1))
     try:
         once_per_second.start()
-        while not ended and rclpy.ok() and not _orphaned() and not getattr(node, 'ended', False):
+        while not told_to_end() and rclpy.ok() and not getattr(node, 'ended', False):
             spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
@@ -101,6 +103,17 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
     gc.collect()
     faulthandler.cancel_dump_traceback_later()
     return exit_code
+
+
+def told_to_end() -> bool:
+    """
+    Tell whether the node is to end, for one that waits for something before it is spun.
+
+    Returns:
+        Whether a signal said so, or the process that started this one is gone.
+
+    """
+    return bool(_ended) or _orphaned()
 
 
 def _executor(node: Node) -> tuple[Executor, Callable[[], None]]:

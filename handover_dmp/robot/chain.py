@@ -12,14 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A robot description and the chain of joints in it that carries the wrist."""
+"""A robot description as a tree, and the chain of joints in it that carries the wrist."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from math import isfinite, isnan
-from pathlib import Path
+import re
 from xml.etree import ElementTree
 
 from handover_dmp.robot import descriptions
@@ -27,13 +28,28 @@ from handover_dmp.robot.descriptions import ArmEntry
 from handover_dmp.robot.effective_limits import effective_limits, EffectiveLimits, KnownLimits
 from handover_dmp.robot.errors import RobotDescriptionError
 from handover_dmp.robot.plain_description import parse_xml
+import numpy as np
+import pinocchio as pin
 
 Element = ElementTree.Element
 
+MIN_JOINTS = 2
+MAX_NAMED = 12
+"""Links that an error names."""
+KINDS = ('revolute', 'continuous', 'prismatic')
+"""Types of joints that an arm can have."""
+MACRO = re.compile(r'\$\{|\$\((arg|find|eval|env|optenv|dirname)\b')
+"""What stands in the attributes of a xacro that has not been expanded."""
 VECTORS = ('xyz', 'rpy')
 LIMITS = ('lower', 'upper', 'velocity', 'effort', 'acceleration', 'jerk')
 SOFT_LIMITS = ('soft_lower_limit', 'soft_upper_limit')
-NUMBERS = {'limit': LIMITS, 'safety_controller': SOFT_LIMITS, 'origin': VECTORS, 'axis': VECTORS}
+NUMBERS = {
+    'limit': LIMITS,
+    'safety_controller': SOFT_LIMITS,
+    'mimic': ('multiplier', 'offset'),
+    'origin': VECTORS,
+    'axis': VECTORS,
+}
 """Elements of joints and links, and those of their attributes that are numbers."""
 
 
@@ -54,27 +70,6 @@ class KnownArm:
     limits: KnownLimits = field(default_factory=KnownLimits)
     home: Mapping[str, float] = field(default_factory=dict)
     remark: str = ''
-
-
-def read(path: Path) -> tuple[str, Element]:
-    """
-    Read a URDF.
-
-    Args:
-        path: of the file.
-
-    Returns:
-        Its text and its root.
-
-    Raises:
-        RobotDescriptionError: it cannot be read or is no URDF.
-
-    """
-    try:
-        text = path.read_text(encoding='utf-8')
-    except UnicodeDecodeError as error:
-        raise RobotDescriptionError(f'{path}: not UTF-8: save it in that encoding') from error
-    return text, parse_description(text, str(path))
 
 
 def parse_description(text: str, origin: str) -> Element:
@@ -98,7 +93,16 @@ def parse_description(text: str, origin: str) -> Element:
         raise RobotDescriptionError(f'{origin}: not XML: {error}') from error
     if tree.tag != 'robot':
         raise RobotDescriptionError(f'{origin}: no <robot> element; is it a URDF?')
-    for part in tree.findall('joint') + tree.findall('link'):
+    parts = tree.findall('joint') + tree.findall('link')
+    values = [
+        value for part in parts for element in part.iter() for value in element.attrib.values()
+    ]
+    if any(element.tag.startswith('xacro:') for element in tree) or any(map(MACRO.search, values)):
+        raise RobotDescriptionError(
+            f'{origin}: a xacro that is not expanded: let its name end in .xacro, or expand it: '
+            'xacro FILE > robot.urdf'
+        )
+    for part in parts:
         _check_numbers(part, origin)
     return tree
 
@@ -112,8 +116,7 @@ def _check_numbers(part: Element, origin: str) -> None:
                 wanted = 'a number' if count == 1 else f'{count} numbers'
                 raise RobotDescriptionError(
                     f'{origin}: {key}="{text}" of <{element.tag}> of {part.tag} '
-                    f'{part.get("name")!r} is not {wanted}; if it is a xacro, expand it first: '
-                    'xacro FILE > robot.urdf'
+                    f'{part.get("name")!r} is not {wanted}'
                 )
 
 
@@ -139,9 +142,6 @@ def known_arm(tree: Element, origin: str, name: str = '') -> KnownArm:
 
     Returns:
         What is known; nothing where the entry of that `<robot name>` does not fit.
-
-    Raises:
-        RobotDescriptionError: the joints form no tree.
 
     """
     urdf_name = tree.get('name', '')
@@ -187,45 +187,39 @@ def described_limits(text: str, joint_names: Sequence[str], origin: str) -> Effe
     return effective_limits(chosen, known.limits, descriptions.default_limits(), origin)
 
 
-def wrist_link(tree: Element, wrist_frame: str | None, origin: str) -> str:
+def check_link(tree: Element, link: str | None, what: str, origin: str) -> None:
     """
-    Find the link that follows the wrist.
+    Refuse a link that is not there.
 
     Args:
         tree: root of the description.
-        wrist_frame: the link, if it is known.
+        link: its name; none is all right.
+        what: it is to be, `wrist` or `base`.
         origin: of the description, for error messages.
 
-    Returns:
-        Its name.
-
     Raises:
-        RobotDescriptionError: there is no such link, or it could be one of several.
+        RobotDescriptionError: there is no such link.
 
     """
-    links = [link.get('name', '') for link in tree.findall('link')]
-    if wrist_frame is not None:
-        if wrist_frame not in links:
-            raise RobotDescriptionError(
-                f'{origin}: no link {wrist_frame!r} for the wrist; it has {", ".join(links)}'
-            )
-        return wrist_frame
-    parents = {parent for _, parent in _by_child(tree, origin).values()}
-    ends = [link for link in links if link not in parents]
-    if len(ends) != 1:
+    links = [element.get('name', '') for element in tree.findall('link')]
+    if link and link not in links:
+        near = get_close_matches(link, links, MAX_NAMED, 0.0)
         raise RobotDescriptionError(
-            f'{origin}: say which link is the wrist; the chains end in {", ".join(ends)}'
+            f'{origin}: no link {link!r} for the {what}; it has {", ".join(near)}'
+            + (f' and {len(links) - len(near)} more' if len(links) > len(near) else '')
         )
-    return ends[0]
 
 
-def chain_to(tree: Element, wrist_frame: str, origin: str) -> tuple[Element, ...]:
+def chain_between(
+    tree: Element, wrist_frame: str, base_frame: str | None, origin: str
+) -> tuple[Element, ...]:
     """
     Find the joints that carry the wrist, each of which the arm can move by itself.
 
     Args:
         tree: root of the description.
-        wrist_frame: the link.
+        wrist_frame: link of the wrist.
+        base_frame: link that the arm begins at; None: the root.
         origin: of the description, for error messages.
 
     Returns:
@@ -235,62 +229,186 @@ def chain_to(tree: Element, wrist_frame: str, origin: str) -> tuple[Element, ...
         RobotDescriptionError: there is none, or one that cannot be moved by itself.
 
     """
-    chain = moving_joints(tree, wrist_frame, origin)
+    chain = moving_joints(tree, wrist_frame, origin, base_frame)
     for joint in chain:
-        if joint.get('type') not in ('revolute', 'continuous', 'prismatic'):
+        name, kind = joint.get('name'), joint.get('type')
+        if kind not in KINDS:
             raise RobotDescriptionError(
-                f'{origin}: joint {joint.get("name")!r} is {joint.get("type")}; '
-                'only revolute, continuous and prismatic joints can carry the wrist'
+                f'{origin}: joint {name!r} is {kind}; only {", ".join(KINDS)} can carry the wrist '
+                f'{wrist_frame!r}; --base-frame (node parameter base_frame) begins the arm behind '
+                'it'
             )
         mimic = joint.find('mimic')
         if mimic is not None:
             raise RobotDescriptionError(
-                f'{origin}: joint {joint.get("name")!r} mimics {mimic.get("joint")!r}; '
-                'the joints that carry the wrist must move one by one'
+                f'{origin}: joint {name!r} mimics {mimic.get("joint")!r}; the joints that carry '
+                f'the wrist {wrist_frame!r} must move one by one'
             )
-    if not chain:
-        raise RobotDescriptionError(f'{origin}: no joint moves {wrist_frame!r}')
+        axis = joint.find('axis')
+        if axis is not None and not any(map(float, axis.get('xyz', '1 0 0').split())):
+            raise RobotDescriptionError(f'{origin}: joint {name!r} has an axis of no direction')
+    if len(chain) < MIN_JOINTS:
+        where = f' from {base_frame!r}' if base_frame else ''
+        names = ', '.join(repr(joint.get('name')) for joint in chain)
+        moved = f'only joint {names} moves' if chain else 'no joint moves'
+        raise RobotDescriptionError(
+            f'{origin}: {moved} {wrist_frame!r}{where}; an arm has {MIN_JOINTS} joints or more'
+        )
     return chain
 
 
-def moving_joints(tree: Element, link: str, origin: str) -> tuple[Element, ...]:
+def moving_joints(
+    tree: Element, link: str, origin: str, base_frame: str | None = None
+) -> tuple[Element, ...]:
     """
     Find the joints that move a link, from the base on.
 
     Args:
-        tree: root of the description.
+        tree: root of the description, which has passed `check_tree`.
         link: which link.
         origin: of the description, for error messages.
+        base_frame: link to begin at; None: the root.
 
     Returns:
         Those that are not fixed.
 
     Raises:
-        RobotDescriptionError: the joints form a loop.
+        RobotDescriptionError: the link does not hang on `base_frame`.
 
     """
-    by_child = _by_child(tree, origin)
+    carriers = _carriers(tree)
     chain: list[Element] = []
-    above: str | None = link
-    passed = 0
-    while above in by_child:
-        joint, above = by_child[above]
-        passed += 1
-        if passed > len(by_child):
-            raise RobotDescriptionError(f'{origin}: the joints form a loop')
+    above = link
+    while above in carriers and above != base_frame:
+        joint = carriers.pop(above)
+        above = ends_of(joint)[0]
         if joint.get('type') != 'fixed':
             chain.insert(0, joint)
+    if base_frame is not None and above != base_frame:
+        raise RobotDescriptionError(
+            f'{origin}: {link!r} does not hang on the base {base_frame!r}; say another '
+            '--base-frame (node parameter base_frame)'
+        )
     return tuple(chain)
 
 
-def _by_child(tree: Element, origin: str) -> dict[str | None, tuple[Element, str | None]]:
-    """Index the joints by the link that they carry, each with the link that it hangs on."""
-    by_child = {}
+def _carriers(tree: Element) -> dict[str, Element]:
+    """Index the joints by the link that they carry."""
+    return {ends_of(joint)[1]: joint for joint in tree.findall('joint')}
+
+
+def ends_of(joint: Element) -> tuple[str, str]:
+    """
+    Tell between which links a joint is.
+
+    Args:
+        joint: which.
+
+    Returns:
+        The links that it hangs on and carries, empty where it names none.
+
+    """
+    parent, child = joint.find('parent'), joint.find('child')
+    return (
+        '' if parent is None else parent.get('link', ''),
+        '' if child is None else child.get('link', ''),
+    )
+
+
+def hold_still(tree: Element, chain: Sequence[Element]) -> None:
+    """
+    Fix the joints that are not of the chain at their neutral values.
+
+    That is zero, or the limit that is nearest to it; of a joint that mimics another, what it then
+    shows.
+
+    Args:
+        tree: root of the description; changed in place.
+        chain: the joints that move.
+
+    """
+    held = {j.get('name', ''): j for j in tree.findall('joint') if j not in chain}
+    values = {name: _neutral(joint, held, len(held)) for name, joint in held.items()}
+    for name, joint in held.items():
+        kind, axis, origin = joint.get('type'), joint.find('axis'), joint.find('origin')
+        joint.set('type', 'fixed')
+        if not values[name]:
+            continue
+        if origin is None:
+            origin = ElementTree.SubElement(joint, 'origin')
+        along = np.array(_vector(axis, 'xyz', '1 0 0'))
+        way = values[name] * along / (np.linalg.norm(along) or 1.0)
+        moved = pin.SE3(np.eye(3), way) if kind == 'prismatic' else pin.SE3(pin.exp3(way), 0 * way)
+        turn = pin.rpy.rpyToMatrix(np.array(_vector(origin, 'rpy', '0 0 0')))
+        place = pin.SE3(turn, np.array(_vector(origin, 'xyz', '0 0 0'))) * moved
+        origin.set('xyz', ' '.join(map(repr, place.translation.tolist())))
+        origin.set('rpy', ' '.join(map(repr, pin.rpy.matrixToRpy(place.rotation).tolist())))
+
+
+def _neutral(joint: Element, held: Mapping[str, Element], passed: int) -> float:
+    """Return where a joint that is held stands, rad or m; one that mimics in a circle is at 0."""
+    if joint.get('type') not in KINDS:
+        return 0.0
+    mimic = joint.find('mimic')
+    if mimic is not None:
+        other = held.get(mimic.get('joint', ''))
+        shown = 0.0 if other is None or passed <= 0 else _neutral(other, held, passed - 1)
+        return float(mimic.get('multiplier', 1.0)) * shown + float(mimic.get('offset', 0.0))
+    limit = joint.find('limit')
+    if limit is None or joint.get('type') == 'continuous':
+        return 0.0
+    lower, upper = float(limit.get('lower', 0.0)), float(limit.get('upper', 0.0))
+    return min(max(0.0, lower), upper) if lower <= upper else 0.0
+
+
+def _vector(element: Element | None, key: str, default: str) -> list[float]:
+    text = default if element is None else element.get(key, default)
+    return [float(word) for word in text.split()]
+
+
+def check_tree(tree: Element, origin: str) -> None:
+    """
+    Refuse links and joints that do not form one tree.
+
+    Args:
+        tree: root of the description.
+        origin: of the description, for error messages.
+
+    Raises:
+        RobotDescriptionError: says where they do not.
+
+    """
+    links = [link.get('name', '') for link in tree.findall('link')]
+    joints = [joint.get('name', '') for joint in tree.findall('joint')]
+    for kind, names in (('link', links), ('joint', joints)):
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise RobotDescriptionError(f'{origin}: more than one {kind} is {", ".join(twice)}')
+    carried: dict[str, str] = {}
     for joint in tree.findall('joint'):
-        child, parent = joint.find('child'), joint.find('parent')
-        if child is None or parent is None:
+        name, ends = joint.get('name'), ends_of(joint)
+        for which, end in zip(('parent', 'child'), ends, strict=True):
+            if not end:
+                raise RobotDescriptionError(f'{origin}: joint {name!r} lacks its {which}')
+            if end not in links:
+                raise RobotDescriptionError(
+                    f'{origin}: the {which} of joint {name!r} is {end!r}, which is no link'
+                )
+        parent, child = ends
+        if child in carried:
             raise RobotDescriptionError(
-                f'{origin}: joint {joint.get("name")!r} lacks its parent or its child'
+                f'{origin}: {child!r} hangs on both {carried[child]!r} and {parent!r}; '
+                'links and joints must form a tree'
             )
-        by_child[child.get('link')] = (joint, parent.get('link'))
-    return by_child
+        carried[child] = parent
+    roots = [link for link in links if link not in carried]
+    if len(roots) > 1:
+        raise RobotDescriptionError(
+            f'{origin}: nothing joins {", ".join(roots)}; links and joints must form one tree'
+        )
+    for start in links:
+        link = start
+        for _ in links:
+            link = carried.get(link, '')
+        if link:
+            raise RobotDescriptionError(f'{origin}: the joints about {start!r} form a loop')

@@ -21,8 +21,10 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
+import sys
 from typing import Any
 
+from handover_dmp.common.quiet_pybullet import silenced
 from handover_dmp.common.resources import share_path
 from handover_dmp.robot.effective_limits import DefaultLimits, KnownLimits, QUANTITIES
 from handover_dmp.robot.errors import RobotDescriptionError
@@ -132,6 +134,110 @@ def entry_for_urdf(urdf_name: str) -> ArmEntry | None:
     return next((entry for entry in entries if entry.urdf_name == urdf_name), None)
 
 
+@dataclass(frozen=True)
+class ArmChoice:
+    """
+    Which arm a user means; what is empty is left to the description, or to the recording.
+
+    Attributes:
+        robot: see `read_description`.
+        wrist_frame: the link that follows the wrist.
+        base_frame: the link that the chain begins at.
+
+    """
+
+    robot: str = ''
+    wrist_frame: str = ''
+    base_frame: str = ''
+
+
+@dataclass(frozen=True)
+class Description:
+    """
+    A robot description, wherever it comes from.
+
+    Attributes:
+        asked_for: the name of `config/robots.yaml`, the file (with the arguments of a xacro) or
+            the topic.
+        name: in `config/robots.yaml`, if the arm was asked for by it; else empty.
+        path: of the file, beside which its meshes may lie; of a topic, the topic.
+        text: the URDF.
+
+    """
+
+    asked_for: str
+    name: str
+    path: Path
+    text: str
+
+
+def read_description(robot: str | Path) -> Description:
+    """
+    Read the description of an arm.
+
+    Args:
+        robot: a name of `config/robots.yaml`, or the path of a URDF or of a xacro, after which
+            its arguments may stand (`arm.urdf.xacro name:=value`).
+
+    Returns:
+        Its description.
+
+    Raises:
+        RobotDescriptionError: there is no such arm or file, or it cannot be read.
+
+    """
+    asked_for = str(robot)
+    if asked_for in known_arms():
+        path = urdf_file(asked_for)
+        return Description(asked_for, asked_for, path, _read(path))
+    words = [asked_for] if Path(asked_for).expanduser().is_file() else asked_for.split()
+    path = urdf_file(words[0] if len(words) > 1 and '.xacro' in words[0] else asked_for)
+    if path.suffix == '.xacro':
+        arguments = words[1:]
+        asked_for = ' '.join([str(path), *arguments])
+        return Description(asked_for, '', path, expanded(path, arguments))
+    return Description(str(path), '', path, _read(path))
+
+
+def expanded(path: Path, arguments: Sequence[str] = ()) -> str:
+    """
+    Expand a xacro.
+
+    Args:
+        path: of the file.
+        arguments: for it, each `name:=value`.
+
+    Returns:
+        The URDF.
+
+    Raises:
+        RobotDescriptionError: it cannot be expanded; says why.
+
+    """
+    wrong = [word for word in arguments if ':=' not in word]
+    if wrong:
+        raise RobotDescriptionError(f'{path}: {wrong[0]!r} is not an argument name:=value')
+    # takes a tenth of a second, which only a xacro is worth
+    import xacro
+
+    mappings = dict(word.split(':=', 1) for word in arguments)
+    try:
+        with silenced():
+            text = xacro.process_file(str(path), mappings=mappings).toxml()
+    # it evaluates expressions, which may raise anything
+    except Exception as error:
+        fault = ' '.join(str(error).split()) or type(error).__name__
+        raise RobotDescriptionError(f'{path}: xacro cannot expand it: {fault}') from error
+    return str(text)
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding='utf-8')
+    except UnicodeDecodeError as error:
+        raise RobotDescriptionError(f'{path}: not UTF-8: save it in that encoding') from error
+
+
 def urdf_file(robot: str | Path) -> Path:
     """
     Find the URDF of an arm.
@@ -181,7 +287,7 @@ def pybullet_data_folder() -> Path:
 
 def example_robot_data_folder() -> Path:
     """
-    Find the models of example-robot-data, which installs beside Pinocchio.
+    Find the models of example-robot-data, which usually installs beside Pinocchio.
 
     Returns:
         Its share folder, the one that holds `robots/`.
@@ -191,7 +297,10 @@ def example_robot_data_folder() -> Path:
 
     """
     found = find_spec('pinocchio')
-    for prefix in Path(found.origin).parents if found and found.origin else ():
+    prefixes = [*Path(found.origin).parents] if found and found.origin else []
+    # it may come by pip where Pinocchio comes with the ROS 2 of the system
+    prefixes += [Path(folder, 'cmeel.prefix') for folder in sys.path]
+    for prefix in prefixes:
         folder = prefix / 'share' / 'example-robot-data'
         if (folder / 'robots').is_dir():
             return folder

@@ -25,8 +25,16 @@ from xml.etree import ElementTree
 
 from handover_dmp.common.errors import UsageError
 from handover_dmp.common.quiet_pybullet import silenced
-from handover_dmp.robot import descriptions, inverse
-from handover_dmp.robot.chain import chain_to, known_arm, read, wrist_link
+from handover_dmp.robot import inverse
+from handover_dmp.robot.chain import (
+    chain_between,
+    check_link,
+    check_tree,
+    hold_still,
+    known_arm,
+    parse_description,
+)
+from handover_dmp.robot.descriptions import default_limits, Description, read_description
 from handover_dmp.robot.effective_limits import (
     DEFAULT,
     effective_limits,
@@ -41,6 +49,7 @@ from handover_dmp.robot.plain_description import (
     make_plain,
     Meshes,
 )
+from handover_dmp.robot.wrist import choose_wrist
 import numpy as np
 from numpy.typing import NDArray
 import pinocchio as pin
@@ -104,14 +113,13 @@ class RobotModel:
 
     Attributes:
         name: of the robot, as in its URDF.
-        asked_for: the name of `config/robots.yaml` or the path that loads the same arm again.
-        urdf_path: the file.
-        urdf_text: its text, unchanged.
+        description: the URDF and where it comes from.
         joint_names: along the chain.
         limits: of those joints.
         limit_sources: `position`, `velocity`, … to where that limit of each joint comes from.
         home: (n,), rad, the posture to come back to.
         wrist_frame: the link that follows the wrist.
+        base_frame: the link that the chain begins at; empty for the root.
         tool: (3,), m, the point that follows the wrist, in the frame of that link.
         base: where it stands.
         pinocchio_model: the chain, its root at `base`, so that all of its poses are in `world`.
@@ -125,14 +133,13 @@ class RobotModel:
     """
 
     name: str
-    asked_for: str
-    urdf_path: Path
-    urdf_text: str
+    description: Description
     joint_names: tuple[str, ...]
     limits: JointLimits
     limit_sources: Mapping[str, tuple[str, ...]]
     home: Array
     wrist_frame: str
+    base_frame: str
     tool: tuple[float, float, float]
     base: BasePlacement
     pinocchio_model: Any
@@ -145,42 +152,52 @@ class RobotModel:
     @classmethod
     def load(
         cls,
-        robot: str | Path = 'lwr4',
+        robot: str | Path | Description = 'lwr4',
         *,
         base: BasePlacement | None = None,
         wrist_frame: str | None = None,
+        base_frame: str | None = None,
         tool: tuple[float, float, float] | None = None,
     ) -> RobotModel:
         """
         Read an arm from its URDF.
 
         Args:
-            robot: a name of `config/robots.yaml` (`lwr4`, `iiwa14`, `panda`, `ur5`), or the path
-                of a URDF.
-            base: where it stands; at the origin if left out.
-            wrist_frame: the link that follows the wrist; if left out, the one that
-                `config/robots.yaml` names, or else the only link at the end of a chain.
+            robot: a name of `config/robots.yaml` (`lwr4`, `iiwa14`, `panda`, `ur5`), the path of a
+                URDF or xacro, see `read_description`, or what was read already.
+            base: where its root link stands; at the origin if left out.
+            wrist_frame: the link that follows the wrist; if left out or empty, the one that
+                `config/robots.yaml` names, or else see `choose_wrist`.
+            base_frame: the link that the chain begins at; the joints above it stand still. The
+                root if left out or empty.
             tool: a point in that link's frame that follows the wrist in its stead, m.
 
         Returns:
             The arm.
 
         Raises:
-            RobotDescriptionError: the URDF cannot be read, lacks the link or a limit, or has
-                joints that cannot be moved one by one.
+            RobotDescriptionError: the URDF cannot be read, does not tell which link is the wrist,
+                or has joints that cannot be moved one by one.
 
         """
-        path = descriptions.urdf_file(robot)
-        text, tree = read(path)
-        name = str(robot) if str(robot) in descriptions.known_arms() else ''
-        known = known_arm(tree, str(path), name)
-        if wrist_frame is None and known.entry is not None:
+        description = robot if isinstance(robot, Description) else read_description(robot)
+        path, origin = description.path, str(description.path)
+        tree = parse_description(description.text, origin)
+        check_tree(tree, origin)
+        known = known_arm(tree, origin, description.name)
+        remarks = [known.remark] if known.remark else []
+        if not wrist_frame and not base_frame and known.entry is not None:
             wrist_frame = known.entry.wrist_frame
-        wrist_frame = wrist_link(tree, wrist_frame, str(path))
-        chain = chain_to(tree, wrist_frame, str(path))
+        for option, link in (('wrist', wrist_frame), ('base', base_frame)):
+            check_link(tree, link, option, origin)
+        if not wrist_frame:
+            wrist_frame, remark = choose_wrist(tree, base_frame or None, origin)
+            remarks += [remark] if remark else []
+        chain = chain_between(tree, wrist_frame, base_frame or None, origin)
         joint_names = tuple(joint.get('name', '') for joint in chain)
-        found = effective_limits(chain, known.limits, descriptions.default_limits(), str(path))
-        meshes, remarks = make_plain(tree, path.parent, chain)
+        found = effective_limits(chain, known.limits, default_limits(), origin)
+        meshes, changes = make_plain(tree, path.parent, chain)
+        remarks += [*found.remarks, *changes]
         chain_text = _chain_urdf(tree, chain, found.limits)
         placement = base or BasePlacement()
         model = _pinocchio_model(chain_text, placement, path)
@@ -197,14 +214,13 @@ class RobotModel:
         limits = _with_strong_motors(found, model)
         return cls(
             name=tree.get('name', path.stem),
-            asked_for=name or str(path),
-            urdf_path=path,
-            urdf_text=text,
+            description=description,
             joint_names=joint_names,
             limits=limits,
             limit_sources=found.sources,
             home=_home([known.home.get(joint) for joint in joint_names], limits, model, wrist_id),
             wrist_frame=wrist_frame,
+            base_frame=base_frame or '',
             tool=tool,
             base=placement,
             pinocchio_model=model,
@@ -212,7 +228,7 @@ class RobotModel:
             wrist_frame_id=wrist_id,
             chain_text=chain_text,
             meshes=meshes,
-            remarks=(*filter(None, [known.remark]), *found.remarks, *remarks),
+            remarks=tuple(remarks),
         )
 
     def __repr__(self) -> str:
@@ -222,6 +238,16 @@ class RobotModel:
             f'RobotModel({self.name}, {self.dof} joints to {self.wrist_frame}, '
             f'base at ({x:g}, {y:g}, {z:g}) m)'
         )
+
+    @property
+    def urdf_path(self) -> Path:
+        """Return the file of the description, or its topic."""
+        return self.description.path
+
+    @property
+    def urdf_text(self) -> str:
+        """Return the URDF, unchanged."""
+        return self.description.text
 
     @property
     def limit_origins(self) -> dict[str, str]:
@@ -245,7 +271,11 @@ class RobotModel:
 
         """
         return RobotModel.load(
-            self.asked_for, base=base, wrist_frame=self.wrist_frame, tool=self.tool
+            self.description,
+            base=base,
+            wrist_frame=self.wrist_frame,
+            base_frame=self.base_frame,
+            tool=self.tool,
         )
 
     def wrist_pose(self, joint_positions: Array) -> tuple[Array, Array]:
@@ -322,6 +352,7 @@ def _chain_urdf(
     tree: ElementTree.Element, chain: tuple[ElementTree.Element, ...], limits: JointLimits
 ) -> str:
     """Write the URDF anew with the joints of the chain alone movable, each within limits."""
+    hold_still(tree, chain)
     for joint in tree.findall('joint'):
         for part in ('limit', 'mimic', 'safety_controller', 'calibration', 'dynamics'):
             for element in joint.findall(part):

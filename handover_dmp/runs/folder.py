@@ -32,6 +32,7 @@ from handover_dmp.common.versions import installed_versions, LIBRARIES
 from handover_dmp.dmp import save_model
 from handover_dmp.handover.scenario import Scenario
 from handover_dmp.mocap import HandoverTrial, write_trial
+from handover_dmp.robot.descriptions import ArmChoice
 import numpy as np
 from numpy.typing import NDArray
 
@@ -98,9 +99,13 @@ def run_info(scenario: Scenario, scale: float) -> dict[str, Any]:
         'number': trial.number,
         'learnt_from': scenario.model.source,
         'goal_offset_m': list(scenario.model.goal_offset),
+        'learnt_distance_m': math.dist(scenario.model.start, scenario.model.goal),
         'seed': scenario.seed,
         'scale': scale,
         'robot': robot.name,
+        'robot_description': robot.description.asked_for,
+        'wrist_frame': robot.wrist_frame,
+        'base_frame': robot.base_frame,
         'base_position_m': list(robot.base.position),
         'base_roll_rad': robot.base.roll,
         'base_pitch_rad': robot.base.pitch,
@@ -142,7 +147,9 @@ def finish(folder: Path, scenario: Scenario) -> dict[str, Any]:
     from handover_dmp.view.stage import set_up
     from PIL import Image
 
-    with set_up(folder, scenario.robot.asked_for) as stage:
+    robot = scenario.robot
+    choice = ArmChoice(robot.description.asked_for, robot.wrist_frame, robot.base_frame)
+    with set_up(folder, choice) as stage:
         (folder / 'figures').mkdir(exist_ok=True)
         met = math.isfinite(stage.scene.exchange_time_s)
         names = ('start', 'middle', 'exchange' if met else 'end')

@@ -17,15 +17,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from handover_dmp.common.errors import DataError
 from handover_dmp.report import load_run, RunRecord
-from handover_dmp.robot.descriptions import known_arms
+from handover_dmp.robot.descriptions import ArmChoice, Description, known_arms, read_description
+from handover_dmp.robot.errors import RobotDescriptionError
 from handover_dmp.robot.model import BasePlacement, RobotModel
+from handover_dmp.topics import ROBOT_DESCRIPTION
 from handover_dmp.view.scene import Scene
 import numpy as np
 from numpy.typing import NDArray
@@ -94,13 +95,13 @@ class Stage:
 
 
 @contextmanager
-def set_up(path: Path, robot: str = '') -> Iterator[Stage]:
+def set_up(path: Path, choice: ArmChoice | None = None) -> Iterator[Stage]:
     """
     Read a recorded run and build its scene.
 
     Args:
         path: folder of a run, folder of its bag, or MCAP file.
-        robot: name or URDF of the arm; empty: the one that the bag names or describes.
+        choice: the arm; what it leaves empty is that of the bag.
 
     Yields:
         The stage.
@@ -110,40 +111,48 @@ def set_up(path: Path, robot: str = '') -> Iterator[Stage]:
 
     """
     record = load_run(path)
-    with TemporaryDirectory() as folder:
-        model = _robot(record, robot, Path(folder))
-        model = model.placed(_base(record, model))
-        times = record.joint_times
-        joints = record.joint_positions[:, _order(record, model)]
-        hand = np.column_stack(
-            [np.interp(times, record.hand_times, axis) for axis in record.hand_positions.T]
-        )
-        wrist = np.array([model.wrist_pose(q)[0] for q in joints])
-        with Scene(
-            model,
-            times,
-            joints,
-            hand,
-            wrist_path=wrist,
-            direction=record.info.get('exchange') or 'give',
-            exchange_time_s=record.exchange_time_s if record.handed_over else None,
-        ) as scene:
-            yield Stage(record, model, scene, hand, wrist)
+    model = _robot(record, choice or ArmChoice())
+    model = model.placed(_base(record, model))
+    times = record.joint_times
+    joints = record.joint_positions[:, _order(record, model)]
+    hand = np.column_stack(
+        [np.interp(times, record.hand_times, axis) for axis in record.hand_positions.T]
+    )
+    wrist = np.array([model.wrist_pose(q)[0] for q in joints])
+    with Scene(
+        model,
+        times,
+        joints,
+        hand,
+        wrist_path=wrist,
+        direction=record.info.get('exchange') or 'give',
+        exchange_time_s=record.exchange_time_s if record.handed_over else None,
+    ) as scene:
+        yield Stage(record, model, scene, hand, wrist)
 
 
-def _robot(record: RunRecord, robot: str, folder: Path) -> RobotModel:
-    """Load the arm by the name that was given, or that the run has, or from its description."""
-    if robot:
-        return RobotModel.load(robot)
-    name = record.info.get('robot')
-    for known, entry in known_arms().items():
-        if name in (known, entry.urdf_name):
-            return RobotModel.load(known)
-    if not record.robot_description:
+def _robot(record: RunRecord, choice: ArmChoice) -> RobotModel:
+    """Load the arm that is asked for, or the one that the bag describes or names."""
+    told = {key: str(record.info.get(key) or '') for key in ('wrist_frame', 'base_frame')}
+    wrist_frame = choice.wrist_frame or ('' if choice.robot else told['wrist_frame'])
+    base_frame = choice.base_frame or ('' if choice.robot else told['base_frame'])
+    description = read_description(choice.robot) if choice.robot else _description(record)
+    return RobotModel.load(description, wrist_frame=wrist_frame, base_frame=base_frame)
+
+
+def _description(record: RunRecord) -> Description:
+    """Take the recorded one; from its file if that says the same, as its meshes are there."""
+    name, told = record.info.get('robot'), str(record.info.get('robot_description') or '')
+    known = [key for key, entry in known_arms().items() if name in (key, entry.urdf_name)]
+    text = record.robot_description
+    for source in filter(None, [told, *known]):
+        with suppress(RobotDescriptionError, OSError):
+            found = read_description(source)
+            if found.text == text or not text:
+                return found
+    if not text:
         raise DataError(f'{record.source}: does not tell which arm it was: name it with --robot')
-    urdf = folder / 'robot.urdf'
-    urdf.write_text(record.robot_description, encoding='utf-8')
-    return RobotModel.load(urdf)
+    return Description(ROBOT_DESCRIPTION.name, '', Path(ROBOT_DESCRIPTION.name), text)
 
 
 def _order(record: RunRecord, model: RobotModel) -> list[int]:

@@ -19,13 +19,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 from handover_dmp.common.errors import DataError, UsageError
 from handover_dmp.common.files import replacing
+from handover_dmp.robot.descriptions import ArmChoice
 from handover_dmp.view.camera_image import Pixels
 from handover_dmp.view.stage import set_up, Stage
 import numpy as np
@@ -48,7 +49,7 @@ class Film:
         height: pixels.
         rate_hz: pictures a second.
         speed: of the film; 1 is real time, 0.5 half of it.
-        robot: name or URDF of the arm; empty: the one that the bag names.
+        arm: which one; what it leaves empty is that of the bag.
 
     """
 
@@ -56,7 +57,7 @@ class Film:
     height: int = 720
     rate_hz: float = 30.0
     speed: float = 1.0
-    robot: str = ''
+    arm: ArmChoice = field(default_factory=ArmChoice)
 
     def __post_init__(self) -> None:
         """Refuse what no encoder takes."""
@@ -116,7 +117,7 @@ def film(
     every_other: list[Image.Image] = []
     with ExitStack() as stack:
         write = stack.enter_context(_VideoFile(video, options)) if video is not None else None
-        stage = stack.enter_context(set_up(source, options.robot))
+        stage = stack.enter_context(set_up(source, options.arm))
         times = options.times(stage)
         held = [times[-1]] * round(HOLD_S * options.rate_hz)
         if jobs > 1:
@@ -283,7 +284,7 @@ def _begin_painting(source: Path, options: Film) -> None:
     import atexit
 
     stack = ExitStack()
-    _mine.append((stack.enter_context(set_up(source, options.robot)), options))
+    _mine.append((stack.enter_context(set_up(source, options.arm)), options))
     atexit.register(stack.close)
 
 

@@ -21,6 +21,7 @@ from pathlib import Path
 import sys
 
 from handover_dmp.common.errors import DataError
+from handover_dmp.robot.descriptions import ArmChoice
 from handover_dmp.view.stage import BEFORE_S, set_up
 import numpy as np
 import pytest
@@ -62,7 +63,10 @@ def test_an_arm_that_has_no_name_here_is_taken_from_its_description(tmp_path: Pa
 
 
 def test_joints_of_another_arm_are_refused_by_name(run_folder: Path) -> None:
-    with pytest.raises(DataError, match=r'shoulder_pan_joint.*--robot'), set_up(run_folder, 'ur5'):
+    with (
+        pytest.raises(DataError, match=r'shoulder_pan_joint.*--robot'),
+        set_up(run_folder, ArmChoice('ur5')),
+    ):
         pass
 
 
@@ -89,8 +93,8 @@ def test_who_has_the_object_first_is_what_the_run_says(tmp_path: Path, direction
     runs.write_run(tmp_path, direction=direction)
     with set_up(tmp_path) as stage:
         stage.scene.show(0.0)
-        to_wrist = np.linalg.norm(stage.scene.object_position - stage.wrist_path[0])
-        to_hand = np.linalg.norm(stage.scene.object_position - stage.hand_path[0])
+        to_wrist = np.linalg.norm(stage.scene.object_pose[0] - stage.wrist_path[0])
+        to_hand = np.linalg.norm(stage.scene.object_pose[0] - stage.hand_path[0])
         assert (to_wrist < to_hand) == (direction == 'give')
 
 

@@ -1,0 +1,74 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How an arm is chosen on the command line, the same with every verb."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from handover_dmp.robot.descriptions import ArmChoice
+
+WHICH = 'lwr4, iiwa14, panda, ur5, a URDF, or a xacro with its arguments: "FILE.xacro name:=value"'
+
+
+def add_robot_arguments(parser: argparse.ArgumentParser, default: str) -> None:
+    """
+    Declare the options that choose an arm.
+
+    Args:
+        parser: parser of the verb.
+        default: arm; empty for the one of a recording.
+
+    """
+    more = 'default: %(default)s' if default else 'default: the one of the recording'
+    parser.add_argument('--robot', default=default, help=f'{WHICH} ({more})')
+    add_frame_arguments(parser)
+
+
+def add_frame_arguments(parser: argparse.ArgumentParser) -> None:
+    """
+    Declare the options that choose a part of a robot.
+
+    Args:
+        parser: parser of the verb.
+
+    """
+    parser.add_argument(
+        '--wrist-frame', default='', metavar='LINK', help='link that follows the wrist'
+    )
+    parser.add_argument(
+        '--base-frame',
+        default='',
+        metavar='LINK',
+        help='link that the arm begins at; what moves it stands still (default: the root)',
+    )
+
+
+def chosen_arm(options: argparse.Namespace) -> ArmChoice:
+    """
+    Return the arm that the options choose.
+
+    Args:
+        options: what `add_robot_arguments` declared.
+
+    Returns:
+        The choice.
+
+    """
+    from handover_dmp.robot.descriptions import ArmChoice
+
+    return ArmChoice(options.robot, options.wrist_frame, options.base_frame)

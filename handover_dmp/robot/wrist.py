@@ -1,0 +1,130 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Which link of a description is the wrist: never guessed silently."""
+
+from __future__ import annotations
+
+import re
+from xml.etree import ElementTree
+
+from handover_dmp.robot.chain import ends_of, moving_joints
+from handover_dmp.robot.errors import RobotDescriptionError
+
+Element = ElementTree.Element
+
+TOOL_FRAME = re.compile(
+    r'(.*[_/-])?(tool\d*|flange|ee|eef|ee_link|ee_frame|tcp|hand_tcp|gripper_tcp|tool_frame|'
+    r'tool_link|tool_tip|tool_center_point|end_effector|end_effector_link|endeffector)',
+    re.IGNORECASE,
+)
+"""Names that links at the end of an arm usually have; a prefix may stand before them."""
+GRIPPER = re.compile(r'jaw|finger|thumb|grip|claw|knuckle|pinc|tong', re.IGNORECASE)
+"""In the names of what a gripper moves."""
+JAW_TRAVEL_M = 0.1
+"""A last joint that slides no further may be the jaw of a gripper."""
+JAW_EFFORT = 0.06
+"""A last joint with no more than this share of the greatest effort may be one, too."""
+MAX_JOINTS = 7
+"""An arm with more may have the jaw of a gripper among them."""
+MAX_NAMED = 12
+
+
+def choose_wrist(tree: Element, base_frame: str | None, origin: str) -> tuple[str, str]:
+    """
+    Find the link that follows the wrist, where nobody says which.
+
+    The only link at the end of moving joints, unless it may be the jaw of a gripper; else the
+    only one of those at an end that is named as tools are; else the only one anywhere.
+
+    Args:
+        tree: root of the description.
+        base_frame: link that the arm begins at; None: the root.
+        origin: of the description, for error messages.
+
+    Returns:
+        Its name, and what a user should know of the choice; empty where there was none.
+
+    Raises:
+        RobotDescriptionError: it could be one of several; names them.
+
+    """
+    chains = {link: _chain(tree, link, base_frame, origin) for link in _links(tree)}
+    moved = [link for link, chain in chains.items() if chain]
+    parents = {ends_of(joint)[0] for joint in tree.findall('joint')}
+    ends = [link for link in moved if link not in parents]
+    jaws = {end: chains[end][-1] for end in ends if _may_be_jaw(chains[end])}
+    if len(ends) == 1 and not jaws:
+        return ends[0], ''
+    named = [link for link in moved if TOOL_FRAME.fullmatch(link)]
+    for tools in ([link for link in named if link in ends], named):
+        if len(tools) == 1:
+            others = ', '.join(_short([end for end in ends if end != tools[0]]))
+            return tools[0], (
+                f'taken for the wrist: {tools[0]}, by its name (the arm also ends in {others}; '
+                '--wrist-frame or the node parameter wrist_frame says otherwise)'
+            )
+    behind = [ends_of(joint)[0] for joint in jaws.values()]
+    candidates = list(dict.fromkeys([*named, *behind, *ends]))
+    if not candidates:
+        raise RobotDescriptionError(f'{origin}: no joint moves any link; is it an arm?')
+    why = ''
+    if len(ends) == 1:
+        joint = jaws[ends[0]].get('name')
+        why = f' ({ends[0]!r}, which joint {joint!r} moves, may be the jaw of a gripper)'
+    raise RobotDescriptionError(
+        f'{origin}: say which link is the wrist{why}, with --wrist-frame or the node parameter '
+        f'wrist_frame: {", ".join(_short(candidates))}'
+    )
+
+
+def _links(tree: Element) -> list[str]:
+    return [link.get('name', '') for link in tree.findall('link')]
+
+
+def _chain(tree: Element, link: str, base_frame: str | None, origin: str) -> tuple[Element, ...]:
+    """Return the joints that move a link; none where it does not hang on the base."""
+    try:
+        return moving_joints(tree, link, origin, base_frame)
+    except RobotDescriptionError:
+        return ()
+
+
+def _may_be_jaw(chain: tuple[Element, ...]) -> bool:
+    """Tell whether the last joint of a chain may open and close a gripper."""
+    last, before = chain[-1], chain[:-1]
+    if GRIPPER.search(f'{last.get("name")} {ends_of(last)[1]}') or last.find('mimic') is not None:
+        return True
+    if last.get('type') == 'prismatic' and _travel(last) < JAW_TRAVEL_M:
+        return True
+    strongest = max(map(_effort, before), default=0.0)
+    return len(chain) > MAX_JOINTS or 0.0 < _effort(last) < JAW_EFFORT * strongest
+
+
+def _travel(joint: Element) -> float:
+    return _limit(joint, 'upper') - _limit(joint, 'lower')
+
+
+def _effort(joint: Element) -> float:
+    return _limit(joint, 'effort')
+
+
+def _limit(joint: Element, key: str) -> float:
+    limit = joint.find('limit')
+    return 0.0 if limit is None else float(limit.get(key, 0.0))
+
+
+def _short(names: list[str]) -> list[str]:
+    more = len(names) - MAX_NAMED
+    return names if more <= 0 else [*names[:MAX_NAMED], f'and {more} more']
