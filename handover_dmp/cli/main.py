@@ -36,6 +36,7 @@ VERBS = {
     'evaluate': "the paper's Section III: Table I and its figures",
     'tune': 'find better parameters on some trials, report on the others',
     'bag': 'write trials as bags; inspect and repair bags',
+    'robot': 'look an arm over: joints, limits and their sources, wrist, reach, self-check',
     'plot': 'draw the figures of a recorded run',
     'render': 'film a recorded run: a video and an animated image',
     'view': 'look at a recorded run in the browser, with a slider over its time',
