@@ -152,6 +152,12 @@ ARM = (
     Parameter('base_yaw', 'about z, the last, rad', -6.3, 6.3, read_only=True),
 )
 
+DRIVER = (
+    Parameter(
+        'joint_prefix', 'what the driver puts before the names of the joints', read_only=True
+    ),
+)
+
 
 def declare(
     node: Node, parameters: Sequence[Parameter], *, defaults_from: Values | None = None

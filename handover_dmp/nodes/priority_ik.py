@@ -42,6 +42,7 @@ from handover_dmp.nodes.lockstep import HEAD_START_S, Lockstep
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import (
     ARM,
+    DRIVER,
     goal_estimator,
     HAND,
     on_change,
@@ -107,6 +108,7 @@ class PriorityIkNode(HandoverNode):
     NAME = 'priority_ik'
     PARAMETERS = (
         *ARM,
+        *DRIVER,
         *HAND,
         *TIMEOUTS,
         *TASKS,
@@ -124,7 +126,10 @@ class PriorityIkNode(HandoverNode):
         super().__init__()
         self._model = load_arm(self)
         self._controller = WristController(
-            self._model, PriorityIk(self._model, **_tasks(self.values)), _timeouts(self.values)
+            self._model,
+            PriorityIk(self._model, **_tasks(self.values)),
+            _timeouts(self.values),
+            joint_prefix=self.values['joint_prefix'],
         )
         on_change(self, TIMEOUTS + TASKS, self._prepare)
         self._period_s = 1.0 / self.values['rate_hz']
@@ -146,7 +151,6 @@ class PriorityIkNode(HandoverNode):
         self._active: tuple[str, ...] = ()
         self._refused = 0
         self._refusal = ''
-        self._joints = frozenset(self._model.joint_names)
         self._twist_awaited = False
         self._connect()
         self._taken_ns: int | None = None
@@ -174,14 +178,13 @@ class PriorityIkNode(HandoverNode):
     # Inputs
 
     def _on_joint_states(self, message: JointState) -> None:
-        if self._joints.isdisjoint(message.name):
-            return  # of a gripper, or of another arm
         time_ns = nanoseconds(message.header.stamp)
         arrival_s = time_ns / NANOSECONDS if self.lockstep else self.arrival_s()
         if not self._controller.set_joint_state(
             message.name, message.position, message.velocity, arrival_s
         ):
-            self._refuse('joint states')
+            if self._controller.joint_states.concerns(message.name):
+                self._refuse('joint states')
             return
         self._measured_stamp = message.header.stamp
         if self.lockstep:
