@@ -41,7 +41,9 @@ from handover_dmp.topics import Topic, TOPICS
 ROOT = Path(__file__).resolve().parents[1]
 NODES = ('hand_tracker', 'dmp', 'priority_ik', 'robot_sim', 'recorder')
 # Helpers of nodes that have topics of their own, and who uses them.
-HELPERS = {'markers': 'dmp', 'diagnostics': 'every node'}
+HELPERS = {
+    'markers': 'dmp', 'diagnostics': 'every node', 'hand_input': '`dmp`, `priority_ik`'
+}  # fmt: skip
 BEGIN, END = '<!-- generated: {} -->', '<!-- end -->'
 
 

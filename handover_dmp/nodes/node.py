@@ -32,6 +32,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.publisher import Publisher
+from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 from std_srvs.srv import SetBool, Trigger
 
@@ -57,6 +58,7 @@ class HandoverNode(Node):  # type: ignore[misc]
         """Declare the parameters; their values at the start are in `self.values`."""
         super().__init__(self.NAME)
         self.values = declare(self, COMMON + self.PARAMETERS)
+        self.frame: str = self.values['frame']
         self.lockstep: bool = self.values['lockstep']
         self.simulated: bool = self.get_parameter('use_sim_time').value
         if self.lockstep and not (self.simulated or self.MAKES_TIME):
@@ -79,7 +81,7 @@ class HandoverNode(Node):  # type: ignore[misc]
             message_class(topic.type_name), topic.name, qos_profile(topic.quality)
         )
 
-    def subscribe(self, topic: Topic, callback: Callable[[Any], None]) -> None:
+    def subscribe(self, topic: Topic, callback: Callable[[Any], None]) -> Subscription:
         """
         Subscribe to a topic.
 
@@ -87,8 +89,11 @@ class HandoverNode(Node):  # type: ignore[misc]
             topic: which.
             callback: gets each message.
 
+        Returns:
+            Its subscription.
+
         """
-        self.create_subscription(
+        return self.create_subscription(
             message_class(topic.type_name), topic.name, callback, qos_profile(topic.quality)
         )
 
