@@ -141,8 +141,8 @@ ROBOT_DESCRIPTION = Topic(
 DIAGNOSTICS = Topic(
     '/diagnostics',
     'diagnostic_msgs/msg/DiagnosticArray',
-    Quality.REPORT,
-    'rate, jitter, overruns, age of inputs, faults; once a second',
+    Quality.LATCHED,
+    'rate, jitter, overruns, age of inputs, faults; at the start, once a second, at the end',
 )
 
 TOPICS = (

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
+from importlib import import_module
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -25,14 +26,18 @@ from typing import TYPE_CHECKING
 from handover_dmp.common.errors import DataError, UsageError
 
 if TYPE_CHECKING:
-    from handover_dmp.mocap.markers import WristMotion
+    from handover_dmp.mocap.markers import MarkerRecording
     from handover_dmp.mocap.segmentation import SegmentedMotion
     from handover_dmp.mocap.trial import HandoverTrial
+    from handover_dmp.mocap.wrists import WristMotion
 
 FORMATS = {
-    'qualisys': 'TSV of Qualisys Track Manager, 3D trajectories',
+    'qualisys': 'TSV of Qualisys Track Manager, 3D trajectories or 6D rigid bodies',
     'c3d': 'C3D',
-    'bag': 'rosbag2 folder or MCAP file with a topic of poses for each wrist',
+    'motive': 'CSV of OptiTrack Motive, format 1.2 and later',
+    'vicon': 'CSV or text of Vicon Nexus, or of the objects of Vicon Tracker',
+    'trc': 'TRC of OpenSim or Cortex',
+    'bag': 'rosbag2 folder, MCAP or sqlite3, with topics of poses',
 }
 
 
@@ -69,16 +74,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             f'--{partner}',
             action='append',
             metavar='NAME',
-            help=f"marker of {partner.upper()}'s wrist (given again: the middle of several), "
-            'or topic of a bag',
+            help=f"marker or rigid body of {partner.upper()}'s wrist (given again: the middle of "
+            'several), or topic of a bag, TOPIC:BODY where it holds several bodies',
         )
-    parser.add_argument('--unit', choices=('m', 'cm', 'mm'), help='default: what the file tells')
     parser.add_argument(
-        '--up', choices=('z', 'y'), help='axis that points up; default: what the file tells, or z'
+        '--unit',
+        metavar='UNIT',
+        help='m, cm, mm, in or ft, whatever the file tells; default: what it tells',
     )
-    default = 'default: what a bag tells, else by the name of the file'
+    parser.add_argument(
+        '--up',
+        choices=('x', 'y', 'z', '-x', '-y', '-z'),
+        metavar='AXIS',
+        help='axis that points up (x, y, z, -x, -y, -z), whatever the file tells; default: what '
+        'it tells, else the one along which the wrists rest at a height of people',
+    )
+    default = 'default: what a bag tells, else <configuration>_<exchange>_<number> of the file'
     parser.add_argument('--configuration', metavar='NAME', help=default)
     parser.add_argument('--exchange', choices=('give', 'take'), help=default)
+    bags = parser.add_argument_group('bags')
+    bags.add_argument(
+        '--part', type=int, metavar='N', help='of a bag whose clock was set back; from 1'
+    )
+    bags.add_argument(
+        '--clock',
+        choices=('stamp', 'log'),
+        help='take the times from the stamps, or from when it was recorded; default: stamp',
+    )
     cutting = parser.add_argument_group('cutting up a long recording')
     cutting.add_argument(
         '--segment', action='store_true', help='find the handovers by distance and speed'
@@ -178,6 +200,8 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> None:
+    from handover_dmp.mocap.units import METRES, unit_of
+
     if options.figure and not (options.segment and len(options.sources) == 1):
         raise UsageError('--figure shows how one SOURCE was cut up: it needs --segment')
     if options.segment and options.exchange:
@@ -187,27 +211,31 @@ def _check(options: argparse.Namespace) -> None:
             if getattr(options, name) is not None:
                 raise UsageError(f'--{name} needs --segment')
     if options.format == 'bag':
-        if options.unit or options.up:
-            raise UsageError('bags are in metres, z up (REP 103): no --unit, no --up')
         if max(len(options.p1 or []), len(options.p2 or [])) > 1:
             raise UsageError('a bag has one topic for each wrist: --p1 and --p2 once each')
+    elif options.part is not None or options.clock:
+        raise UsageError('--part and --clock are for bags')
+    if options.unit and unit_of(options.unit) is None:
+        raise UsageError(f'--unit {options.unit!r} is not one of {", ".join(METRES)}')
 
 
 def _read(options: argparse.Namespace, source: Path) -> WristMotion:
     if options.format == 'bag':
         from handover_dmp.mocap.bag import DEMONSTRATOR_TOPIC, PARTNER_TOPIC, read_bag_wrists
 
-        topics = [(options.p1 or [PARTNER_TOPIC])[0], (options.p2 or [DEMONSTRATOR_TOPIC])[0]]
-        return read_bag_wrists(source, *topics)
+        return read_bag_wrists(
+            source,
+            (options.p1 or [PARTNER_TOPIC])[0],
+            (options.p2 or [DEMONSTRATOR_TOPIC])[0],
+            part=options.part,
+            clock=options.clock or 'stamp',
+            unit=options.unit,
+            up=options.up,
+        )
+    module = import_module(f'handover_dmp.mocap.{options.format}')
+    read = getattr(module, f'read_{options.format}')
     markers = [*(options.p1 or []), *(options.p2 or [])]
-    if options.format == 'c3d':
-        from handover_dmp.mocap.c3d import read_c3d
-
-        recording = read_c3d(source, markers)
-    else:
-        from handover_dmp.mocap.qualisys import read_qualisys
-
-        recording = read_qualisys(source, markers)
+    recording: MarkerRecording = read(source, markers)
     if not (options.p1 and options.p2):
         raise UsageError(f'--p1 and --p2 must name markers; {source} has {recording.known}')
     return recording.wrists(options.p1, options.p2, unit=options.unit, up=options.up)
@@ -234,11 +262,17 @@ def _whole(options: argparse.Namespace, source: Path, motion: WristMotion) -> Ha
 
     told = describe_bag(source) if options.format == 'bag' else describe(source)
     configuration, direction, number = told
+    direction = options.exchange or direction
+    if direction is None:
+        raise UsageError(
+            f'{source}: its name does not tell whether P2 gives or takes; say --exchange give or '
+            'take, or name it <configuration>_give_<number> or <configuration>_take_<number>'
+        )
     return motion.trial(
         0,
         len(motion.times),
         configuration=options.configuration or configuration,
-        direction=options.exchange or direction,
+        direction=direction,
         number=number,
     )
 

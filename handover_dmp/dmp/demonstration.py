@@ -18,11 +18,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from handover_dmp.common.errors import DataError
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import BSpline, make_interp_spline
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 Array = NDArray[np.float64]
 
@@ -114,6 +117,9 @@ def mean_motion(
 
 
 def _spline(times: ArrayLike, positions: ArrayLike) -> tuple[Array, BSpline]:
+    # imported here, since it takes half a second, and a node that loads its model needs none
+    from scipy.interpolate import make_interp_spline
+
     stamps, points = np.asarray(times, dtype=float), np.asarray(positions, dtype=float)
     if stamps.ndim != 1 or points.ndim != 2 or len(points) != stamps.size or not points.size:
         raise DataError(

@@ -126,7 +126,7 @@ def recorded_trial(path: str | Path, *, cutoff_hz: float | None = None) -> Hando
         cutoff_hz = defaults('hand_tracker')['cutoff_hz']
     if not str(path):
         trial = example_trials()[1]
-    elif Path(path).is_dir() or Path(path).suffix == '.mcap':
+    elif Path(path).suffix.lower() != '.csv':
         trial = _trial_of_bag(Path(path))
     else:
         trial = read_trial(Path(path))
@@ -143,7 +143,7 @@ def _trial_of_bag(path: Path) -> HandoverTrial:
         wrists.partner,
         wrists.demonstrator,
         configuration=configuration,
-        direction=direction,
+        direction=direction or 'give',
         number=number,
         source=str(path),
     )

@@ -12,86 +12,142 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Reader of bags: the wrists of both partners from two topics of poses."""
+"""Reader of bags: the wrists of both partners from topics of poses."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from dataclasses import dataclass, field
 import json
 from pathlib import Path
 import re
 from typing import Any
 
 from handover_dmp.common.errors import DataError
+from handover_dmp.mocap.clock import jumps_back, parts_of
 from handover_dmp.mocap.filtering import interpolate
-from handover_dmp.mocap.markers import MAX_HIDDEN_S, WristMotion
+from handover_dmp.mocap.markers import name_list
+from handover_dmp.mocap.message_bodies import bodies, Body
 from handover_dmp.mocap.trial import describe, DIRECTIONS
+from handover_dmp.mocap.units import known_unit, METRES
+from handover_dmp.mocap.up_axis import turn_up
+from handover_dmp.mocap.wrists import AS_TOLD, find_gaps, Known, MAX_HIDDEN_S, WristMotion
 from handover_dmp.topics import INFO
 import numpy as np
 from numpy.typing import NDArray
 
 PARTNER_TOPIC = '/hand/pose'
 DEMONSTRATOR_TOPIC = '/human/pose'
+BY_REP_103 = 'by REP 103'
+CLOCKS = ('stamp', 'log')
 _MIN_POSES = 4
 _MAX_POSES = 2_000_000
+# Poses of one time that are farther apart than this are those of two bodies.
+_SAME_PLACE_M = 0.02
+# Messages of two trackers may be this much longer on their way, the one than the other.
+_SAME_DELAY_S = 0.02
 
 
 def read_bag_wrists(
     path: str | Path,
-    partner_topic: str = PARTNER_TOPIC,
-    demonstrator_topic: str = DEMONSTRATOR_TOPIC,
+    partner: str = PARTNER_TOPIC,
+    demonstrator: str = DEMONSTRATOR_TOPIC,
+    *,
+    part: int | None = None,
+    clock: str = 'stamp',
+    unit: str | None = None,
+    up: str | None = None,
 ) -> WristMotion:
     """
     Read the wrists of both partners from a bag.
 
-    Any message with a header and a point, pose or transform will do. Times are the stamps of the
-    messages (where these are zero, when they were recorded), counted from the first; P2 is
-    interpolated at the times of P1.
+    Any message with a point, pose or transform will do, or with a list of them. Times are the
+    stamps of the messages (where these are zero, when they were recorded), counted from the first;
+    P2 is interpolated at the times of P1.
 
     Args:
-        path: a rosbag2 folder or an MCAP file.
-        partner_topic: poses of P1's wrist.
-        demonstrator_topic: poses of P2's wrist.
+        path: a rosbag2 folder or one of its files.
+        partner: topic of P1's wrist; of several bodies in it, `topic:name` or `topic:number`.
+        demonstrator: the same for P2.
+        part: which part, from 1, of a recording whose clock was set back.
+        clock: `stamp` or `log`: take the times from the stamps or from when it was recorded.
+        unit: of length, where it is not metres as ROS has it.
+        up: axis that points up, where it is not z as ROS has it.
 
     Returns:
         Both wrists where their topics overlap in time, in metres.
 
     Raises:
-        DataError: the bag or a topic is missing, its poses make no sense or are in two frames.
+        DataError: the bag or a topic is missing, its poses make no sense or are in two frames,
+            several bodies of which none is chosen, or several parts.
 
     """
     path = Path(path)
-    (partner_times, partner), (demonstrator_times, demonstrator) = _read_poses(
-        path, partner_topic, demonstrator_topic
+    streams = [_Stream(path, partner), _Stream(path, demonstrator)]
+    _fill(path, streams)
+    chosen = [stream.poses(clock) for stream in streams]
+    if chosen[0].frame != chosen[1].frame:
+        first, second = chosen
+        raise DataError(
+            f'{path}: {first.label} is in frame {first.frame!r}, '
+            f'{second.label} in {second.frame!r}'
+        )
+    chosen = _part(path, chosen, part)
+    found, axis = Known('m', BY_REP_103), Known('z', BY_REP_103)
+    if unit is not None:
+        found = Known(known_unit(unit, path.name), AS_TOLD)
+    if up is not None:
+        axis = Known(up, AS_TOLD)
+    scale = METRES[found.value]
+    zero_ns = int(min(poses.times_ns.min() for poses in chosen))
+    series = [_series(poses, zero_ns) for poses in chosen]
+    (partner_times, first), (other_times, second) = (
+        (times[seen], scale * places[seen]) for times, places, seen in series
     )
-    start = partner_times[0]
-    inside = (partner_times >= demonstrator_times[0]) & (partner_times <= demonstrator_times[-1])
+    if min(len(partner_times), len(other_times)) < _MIN_POSES:
+        short = chosen[0] if len(partner_times) < _MIN_POSES else chosen[1]
+        raise DataError(
+            f'{path}: {min(len(partner_times), len(other_times))} poses on {short.label}'
+        )
+    inside = (partner_times >= other_times[0]) & (partner_times <= other_times[-1])
     # Between two poses of P2 that are far apart, nothing is known of it.
-    after = np.clip(
-        np.searchsorted(demonstrator_times, partner_times), 1, len(demonstrator_times) - 1
-    )
-    inside &= demonstrator_times[after] - demonstrator_times[after - 1] <= MAX_HIDDEN_S
+    after = np.clip(np.searchsorted(other_times, partner_times), 1, len(other_times) - 1)
+    inside &= other_times[after] - other_times[after - 1] <= MAX_HIDDEN_S
     times = partner_times[inside]
     if len(times) == 0:
-        raise DataError(f'{path}: {partner_topic} and {demonstrator_topic} do not overlap in time')
+        raise DataError(
+            f'{path}: {chosen[0].label} and {chosen[1].label} do not overlap in time; '
+            'if two clocks stamped them, --clock log takes the times of recording'
+        )
+    start = float(partner_times[0])
+    gaps = [
+        gap._replace(start_s=gap.start_s - start, end_s=gap.end_s - start)
+        for who, (all_times, _, seen) in zip(('P1', 'P2'), series, strict=True)
+        for gap in find_gaps(all_times, seen, who)
+    ]
     return WristMotion(
         times - start,
-        partner[inside],
-        interpolate(demonstrator_times, demonstrator)(times),
+        turn_up(first[inside], axis.value),
+        turn_up(interpolate(other_times, second)(times), axis.value),
         source=path.name,
+        unit=found,
+        up=axis,
+        gaps=tuple(gaps),
+        remarks=_remarks(chosen, clock),
     ).checked()
 
 
-def describe_bag(path: str | Path) -> tuple[str, str, int]:
+def describe_bag(path: str | Path) -> tuple[str, str | None, int]:
     """
     Tell what a bag is a recording of.
 
     Args:
-        path: a rosbag2 folder, an MCAP file or the folder of a run.
+        path: a rosbag2 folder, one of its files or the folder of a run.
 
     Returns:
-        Configuration, exchange and number: those that the bag carries along, else those of the
-        run that it records, else by its name.
+        Configuration, direction and number: those that the bag carries along, else those of the
+        run that it records, else by its name; a direction of None where nothing tells it.
 
     Raises:
         DataError: there is no such bag, or it is damaged.
@@ -123,55 +179,187 @@ def _run_info(path: str | Path) -> dict[str, str]:
     return {}
 
 
-def _read_poses(path: Path, *topics: str) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+@dataclass(frozen=True, eq=False)
+class _Poses:
+    """
+    The poses of one body, in the order of recording.
+
+    Attributes:
+        label: topic and body, for messages.
+        frame: that they are given in.
+        times_ns: (n,) by the clock that counts.
+        delays_ns: (n,) from stamp to recording; empty where there are no stamps.
+        logs_ns: (n,) when they were recorded.
+        positions: (n, 3) m, NaN where it was not seen.
+
+    """
+
+    label: str
+    frame: str
+    times_ns: NDArray[np.int64]
+    delays_ns: NDArray[np.int64]
+    logs_ns: NDArray[np.int64]
+    positions: NDArray[np.float64]
+
+    def cut(self, part: slice) -> _Poses:
+        return _Poses(
+            self.label, self.frame, self.times_ns[part], self.delays_ns[part],
+            self.logs_ns[part], self.positions[part],
+        )  # fmt: skip
+
+
+@dataclass(eq=False)
+class _Stream:
+    """
+    What is asked for, and everything that its topic holds.
+
+    Attributes:
+        path: of the bag.
+        asked: topic, or topic and body.
+        found: name or number of a body to its poses, each with the time of recording.
+        counts: how many bodies the messages held.
+
+    """
+
+    path: Path
+    asked: str
+    found: dict[str, list[tuple[int, Body]]] = field(default_factory=dict)
+    counts: set[int] = field(default_factory=set)
+
+    @property
+    def topic(self) -> str:
+        return self.asked.partition(':')[0]
+
+    def take(self, found: Sequence[Body], log_ns: int) -> None:
+        self.counts.add(len(found))
+        for place, body in enumerate(found):
+            rows = self.found.setdefault(body.name or f'#{place}', [])
+            rows.append((log_ns, body))
+            if len(rows) > _MAX_POSES:
+                raise DataError(f'{self.path}: more than {_MAX_POSES} poses on {self.topic}')
+
+    def poses(self, clock: str) -> _Poses:
+        """Return the poses of the body that was asked for."""
+        name = self._body()
+        rows = self.found[name]
+        label = self.topic if len(self.found) == 1 else f'{self.topic}:{name.lstrip("#")}'
+        frames = list(dict.fromkeys(body.frame for _, body in rows))
+        if len(frames) > 1:
+            raise DataError(
+                f'{self.path}: {label} changes from frame {frames[0]!r} to {frames[1]!r}'
+            )
+        logs = np.array([log_ns for log_ns, _ in rows], dtype=np.int64)
+        stamps = np.array([body.stamp_ns for _, body in rows], dtype=np.int64)
+        stamped = bool(stamps.all())
+        return _Poses(
+            label,
+            frames[0],
+            stamps if stamped and clock == 'stamp' else logs,
+            logs - stamps if stamped else np.zeros(0, dtype=np.int64),
+            logs,
+            np.array([body.position for _, body in rows]),
+        )
+
+    def _body(self) -> str:
+        if not self.found:
+            raise DataError(f'{self.path}: 0 poses on {self.topic}')
+        _, chosen, wanted = self.asked.partition(':')
+        names = list(self.found)
+        if not chosen:
+            if len(names) == 1:
+                return names[0]
+            known = name_list([name.lstrip('#') for name in names])
+            raise DataError(
+                f'{self.path}: {self.topic} holds several bodies; '
+                f'say {self.topic}:NAME, of {known}'
+            )
+        for name in (wanted.lstrip('/'), f'#{wanted}'):
+            if name in names:
+                if name.startswith('#') and len(self.counts - {0}) > 1:
+                    raise DataError(
+                        f'{self.path}: {self.topic} holds now {min(self.counts - {0})}, now '
+                        f'{max(self.counts)} poses without names: which is which cannot be told'
+                    )
+                return name
+        known = name_list([name.lstrip('#') for name in names])
+        raise DataError(f'{self.path}: no {wanted!r} on {self.topic}; there are {known}')
+
+
+def _fill(path: Path, streams: Sequence[_Stream]) -> None:
     # Not at the top: mocap files are read without the libraries that bags need.
     from handover_dmp.recording import read_bag
 
-    found: dict[str, list[list[float]]] = {topic: [] for topic in topics}
-    frames: dict[str, str] = {}
-    zero_ns: int | None = None
-    for topic, message, log_time_ns in read_bag(path, topics):
-        stamp_ns, frame, place = _place(path, topic, message)
-        stamp_ns = stamp_ns or log_time_ns
-        # Seconds since 1970 leave a double only some tenths of a microsecond.
-        zero_ns = stamp_ns if zero_ns is None else zero_ns
-        found[topic].append([(stamp_ns - zero_ns) * 1e-9, *place])
-        if frames.setdefault(topic, frame) != frame:
-            raise DataError(f'{path}: {topic} changes from frame {frames[topic]!r} to {frame!r}')
-        if len(found[topic]) > _MAX_POSES:
-            raise DataError(f'{path}: more than {_MAX_POSES} poses on {topic}')
-    for topic in topics:
-        if len(found[topic]) < _MIN_POSES:
-            raise DataError(f'{path}: {len(found[topic])} poses on {topic}')
-    if len(set(frames.values())) > 1:
-        first, second = topics
+    topics = {stream.topic for stream in streams}
+    for topic, message, log_ns in read_bag(path, topics):
+        found = bodies(message)
+        if found is None:
+            raise DataError(f'{path}: {topic} holds no poses')
+        for stream in streams:
+            if stream.topic == topic:
+                stream.take(found, log_ns)
+
+
+def _part(path: Path, chosen: list[_Poses], part: int | None) -> list[_Poses]:
+    """Return the part that was asked for, where the clock was set back, else all."""
+    jumps = [jumps_back(poses.times_ns) for poses in chosen]
+    parts = [
+        [poses.cut(piece) for poses, piece in zip(chosen, pieces, strict=True)]
+        for pieces in parts_of([poses.logs_ns for poses in chosen], jumps)
+    ]
+    parts = [pieces for pieces in parts if all(len(poses.times_ns) for poses in pieces)]
+    if len(parts) == 1 and part in (None, 1):
+        return parts[0]
+    lengths = ', '.join(
+        f'{number}: {max(np.ptp(poses.times_ns) for poses in pieces) * 1e-9:.2f} s'
+        for number, pieces in enumerate(parts, start=1)
+    )
+    if part is None:
         raise DataError(
-            f'{path}: {first} is in frame {frames[first]!r}, {second} in {frames[second]!r}'
+            f'{path}: the clock was set back while it was recorded; say which part of it with '
+            f'--part ({lengths})'
         )
-    return [_in_order(path, topic, np.array(found[topic])) for topic in topics]
+    if not 1 <= part <= len(parts):
+        raise DataError(f'{path}: no part {part}; there are {lengths}')
+    return parts[part - 1]
 
 
-def _in_order(
-    path: Path, topic: str, rows: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Sort poses by stamp and leave repeated ones out."""
-    if not np.isfinite(rows).all():
-        raise DataError(f'{path}: a pose on {topic} is not finite')
-    _, unique = np.unique(rows[:, 0], return_index=True)
-    if len(unique) < _MIN_POSES:
-        raise DataError(f'{path}: {len(unique)} stamps on {topic}')
-    return rows[unique, 0], rows[unique, 1:]
+def _series(
+    poses: _Poses, zero_ns: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[Any]]:
+    """Return times in s in order, positions, and where the body was seen; each time once."""
+    order = np.argsort(poses.times_ns, kind='stable')
+    times_ns, positions = poses.times_ns[order], poses.positions[order]
+    # Seconds since 1970 would leave a double only some tenths of a microsecond.
+    times = np.asarray((times_ns - zero_ns) * 1e-9, dtype=np.float64)
+    again = np.flatnonzero(np.diff(times_ns) == 0) + 1
+    apart = np.linalg.norm(positions[again] - positions[again - 1], axis=1)
+    if (apart > _SAME_PLACE_M).any():
+        at = times[again[np.flatnonzero(apart > _SAME_PLACE_M)[0]]]
+        raise DataError(
+            f'{poses.label}: at {at:.3f} s two poses of one time that lie '
+            f'{np.nanmax(apart):.2g} m apart; are they of two bodies?'
+        )
+    once = np.delete(np.arange(len(times)), again)
+    seen = np.asarray(np.isfinite(positions[once]).all(axis=1))
+    return times[once], positions[once], seen
 
 
-def _place(path: Path, topic: str, message: Any) -> tuple[int, str, list[float]]:
-    """Return stamp in ns, frame and x, y, z in m of a message."""
-    place = message
-    for name in ('pose', 'pose', 'position', 'point', 'transform', 'translation'):
-        place = getattr(place, name, place)
-    try:
-        stamp = message.header.stamp
-        stamp_ns = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
-        frame = str(message.header.frame_id)
-        return stamp_ns, frame, [float(place.x), float(place.y), float(place.z)]
-    except AttributeError as error:
-        raise DataError(f'{path}: {topic} holds no stamped poses') from error
+def _remarks(chosen: Sequence[_Poses], clock: str) -> tuple[str, ...]:
+    return tuple(_clock_remarks(chosen)) if clock == 'stamp' else ()
+
+
+def _clock_remarks(chosen: Sequence[_Poses]) -> Iterator[str]:
+    stamped = [poses for poses in chosen if len(poses.delays_ns)]
+    delays_s = [float(np.median(poses.delays_ns)) * 1e-9 for poses in stamped]
+    if len(stamped) == 1 and abs(delays_s[0]) > _SAME_DELAY_S:
+        yield (
+            f'only {stamped[0].label} is stamped, {delays_s[0]:.3f} s before it was recorded: '
+            'the wrists may be apart in time by as much (--clock log takes the times of recording)'
+        )
+    if len(stamped) == 2 and abs(delays_s[0] - delays_s[1]) > _SAME_DELAY_S:
+        yield (
+            f'{stamped[0].label} is stamped {delays_s[0]:.3f} s and {stamped[1].label} '
+            f'{delays_s[1]:.3f} s before it was recorded: if that is two clocks, the wrists are '
+            f'apart in time by {abs(delays_s[0] - delays_s[1]):.3f} s '
+            '(--clock log takes the times of recording)'
+        )

@@ -31,13 +31,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 import math
+from typing import TYPE_CHECKING
 
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.trial import HandoverTrial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import BSpline, CubicSpline
-from scipy.linalg import solveh_banded
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline, CubicSpline
 
 RATE_HZ = 200.0
 CUTOFF_HZ = 6.0
@@ -118,6 +120,9 @@ def interpolate(times: ArrayLike, positions: ArrayLike) -> CubicSpline:
         The cubic spline; call it with a time within `times` to get (d,) m.
 
     """
+    # imported here, since it takes half a second, and a node that replays a trial needs none
+    from scipy.interpolate import CubicSpline
+
     return CubicSpline(times, positions)
 
 
@@ -140,6 +145,9 @@ def velocities(times: ArrayLike, positions: ArrayLike) -> NDArray[np.float64]:
 def _fit(
     elapsed: NDArray[np.float64], samples: NDArray[np.float64], period: float, cutoff_hz: float
 ) -> BSpline:
+    from scipy.interpolate import BSpline
+    from scipy.linalg import solveh_banded
+
     count = max(math.ceil(elapsed[-1] / period - 1e-6), 1) + _DEGREE
     knots = (np.arange(count + _DEGREE + 1) - _DEGREE) * period
     inside = np.clip(elapsed, 0.0, knots[count])

@@ -18,33 +18,42 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.tables import quote
-from handover_dmp.mocap.trial import find_fault, HandoverTrial
+from handover_dmp.mocap.units import known_unit, METRES
+from handover_dmp.mocap.up_axis import find_up_axis, turn_up
+from handover_dmp.mocap.wrists import (
+    AS_TOLD,
+    ASSUMED,
+    find_gaps,
+    IN_FILE,
+    Known,
+    mark_unseen,
+    middle,
+    WristMotion,
+)
 import numpy as np
 from numpy.typing import NDArray
 
-METRES = {'m': 1.0, 'cm': 0.01, 'mm': 0.001}
-# Unseen for longer than this, a hand may have been anywhere.
-MAX_HIDDEN_S = 0.25
 _NAMES_SHOWN = 20
 
 
 @dataclass(frozen=True, eq=False)
 class MarkerRecording:
     """
-    Markers over time.
+    Markers, or rigid bodies, over time.
 
     Attributes:
         times: (n,) s.
         names: of all markers in the file.
         positions: name of a marker that was read to (n, 3) in the unit of the file; NaN where it
-            was not seen.
-        unit: `m`, `cm` or `mm`.
-        up: the axis that points up, `z` or `y`.
+            was not seen, also where it was made with what programs write instead.
+        unit: of length as the file tells it; empty where it tells none.
+        up: the axis that points up as the file tells it; empty where it tells none.
         source: where it comes from, in words.
+        usual_unit: of the program that wrote the file, unless told otherwise.
+        usual_up: the same for the axis.
 
     """
 
@@ -54,13 +63,17 @@ class MarkerRecording:
     unit: str
     up: str
     source: str
+    usual_unit: str = 'mm'
+    usual_up: str = 'z'
+
+    def __post_init__(self) -> None:
+        marked = {name: mark_unseen(places) for name, places in self.positions.items()}
+        object.__setattr__(self, 'positions', marked)
 
     @property
     def known(self) -> str:
         """Names of the markers, for an error message."""
-        more = len(self.names) - _NAMES_SHOWN
-        names = ', '.join(quote(name)[1:-1] for name in self.names[:_NAMES_SHOWN])
-        return names + (f' and {more} more' if more > 0 else '')
+        return name_list(self.names)
 
     def wrists(
         self,
@@ -76,116 +89,62 @@ class MarkerRecording:
         Args:
             partner: markers of P1's wrist; the middle between them is the wrist.
             demonstrator: markers of P2's wrist.
-            unit: of the file, where it does not tell or is wrong.
-            up: `z` or `y`, where the file does not tell or is wrong.
+            unit: of the file, whatever it tells itself.
+            up: the axis that points up, whatever the file tells itself.
 
         Returns:
-            Both wrists in metres, z up, at the times when all of these markers were seen.
+            Both wrists in metres, z up, at the times when both were seen.
 
         Raises:
-            DataError: no such marker, never seen together, or samples that make no sense.
+            DataError: no such marker, never seen together, a unit or axis that has to be told, or
+                samples that make no sense.
 
         """
-        seen = np.ones(len(self.times), dtype=bool)
-        wrists = []
-        for names in (partner, demonstrator):
-            wrist = METRES[unit or self.unit] * np.mean(
-                [self._find(name) for name in names], axis=0
-            )
-            wrists.append(_turn_up(wrist, up or self.up))
-            seen &= np.isfinite(wrist).all(axis=1)
+        found = self._unit(unit)
+        scale = METRES[found.value]
+        both = tuple(scale * self._wrist(names) for names in (partner, demonstrator))
+        axis = self._up(up, both)
+        seen = [np.asarray(np.isfinite(wrist).all(axis=1)) for wrist in both]
+        together = seen[0] & seen[1]
+        first, second = (turn_up(wrist[together], axis.value) for wrist in both)
         return WristMotion(
-            self.times[seen], wrists[0][seen], wrists[1][seen], source=self.source
+            self.times[together],
+            first,
+            second,
+            source=self.source,
+            unit=found,
+            up=axis,
+            gaps=tuple(
+                gap
+                for who, mask in zip(('P1', 'P2'), seen, strict=True)
+                for gap in find_gaps(self.times, mask, who)
+            ),
         ).checked()
+
+    def _unit(self, unit: str | None) -> Known:
+        if unit is not None:
+            return Known(known_unit(unit, self.source), AS_TOLD)
+        if self.unit.strip(' \0'):
+            return Known(known_unit(self.unit, self.source), IN_FILE)
+        return Known(self.usual_unit, ASSUMED)
+
+    def _up(self, up: str | None, wrists: tuple[NDArray[np.float64], ...]) -> Known:
+        if up is not None:
+            return Known(up, AS_TOLD)
+        if self.up:
+            return Known(self.up, IN_FILE)
+        return Known(*find_up_axis(wrists, self.usual_up, self.source))
+
+    def _wrist(self, names: Sequence[str]) -> NDArray[np.float64]:
+        markers = [self._find(name) for name in names]
+        return middle(markers, f'{self.source}: {name_list(names)}')
 
     def _find(self, name: str) -> NDArray[np.float64]:
         if name not in self.positions:
             raise DataError(f'{self.source}: no marker {quote(name)}; there are {self.known}')
+        if (count := sum(other == name for other in self.names)) > 1:
+            raise DataError(f'{self.source}: {count} markers are named {quote(name)}')
         return self.positions[name]
-
-
-@dataclass(frozen=True, eq=False)
-class WristMotion:
-    """
-    Both wrists over a recording of any length, of one handover or of many.
-
-    Attributes:
-        times: (n,) s, strictly increasing; gaps are where not both were seen.
-        partner: (n, 3) m, z up.
-        demonstrator: (n, 3) m, z up.
-        source: where it comes from, in words.
-
-    """
-
-    times: NDArray[np.float64]
-    partner: NDArray[np.float64]
-    demonstrator: NDArray[np.float64]
-    source: str
-
-    def checked(self) -> WristMotion:
-        """
-        Check that these can be the wrists of two people.
-
-        Returns:
-            The motion itself.
-
-        Raises:
-            DataError: too few samples, or some that make no sense.
-
-        """
-        if len(self.times) < 2:
-            raise DataError(f'{self.source}: the two wrists are never seen together')
-        for first, end in self.spans():
-            part = slice(first, end)
-            both = np.hstack([self.partner[part], self.demonstrator[part]])
-            fault = find_fault(self.times[part], both, max_duration_s=np.inf, minimum=1)
-            if fault:
-                at = f'{self.times[first + (fault.row or 0)]:.3f} s: '
-                raise DataError(f'{self.source}: {at}{fault.what}')
-        return self
-
-    def spans(self) -> list[tuple[int, int]]:
-        """Return first index and end of every stretch without a gap."""
-        breaks = np.flatnonzero(np.diff(self.times) > MAX_HIDDEN_S) + 1
-        edges = [0, *breaks.tolist(), len(self.times)]
-        return list(pairwise(edges))
-
-    def trial(
-        self, first: int, end: int, *, configuration: str, direction: str, number: int
-    ) -> HandoverTrial:
-        """
-        Cut a trial out.
-
-        Args:
-            first: index of its first sample.
-            end: index after its last sample.
-            configuration: where it took place.
-            direction: `give` or `take`.
-            number: of the trial.
-
-        Returns:
-            The trial, its time starting at 0.
-
-        Raises:
-            DataError: a wrist was out of sight for too long, or the samples make no trial.
-
-        """
-        if end - first < 1:
-            raise DataError(f'{self.source}: no samples to make a trial of')
-        times = self.times[first:end]
-        gaps = np.diff(times)
-        if len(gaps) and gaps.max() > MAX_HIDDEN_S:
-            at = f'{times[int(np.argmax(gaps))]:.3f} s'
-            raise DataError(f'{self.source}: {at}: a wrist is out of sight for {gaps.max():.2g} s')
-        return HandoverTrial(
-            times=np.round(times - float(times[0]), 6),
-            partner=self.partner[first:end],
-            demonstrator=self.demonstrator[first:end],
-            configuration=configuration,
-            direction=direction,
-            number=number,
-            source=self.source,
-        )
 
 
 def choose(names: Sequence[str], wanted: Sequence[str] | None) -> dict[str, int]:
@@ -208,8 +167,8 @@ def choose(names: Sequence[str], wanted: Sequence[str] | None) -> dict[str, int]
     return {name: places[name] for name in wanted if name in places}
 
 
-def _turn_up(positions: NDArray[np.float64], up: str) -> NDArray[np.float64]:
-    """Turn y up into z up by a quarter turn about x: (x, y, z) becomes (x, −z, y)."""
-    if up == 'z':
-        return positions
-    return np.column_stack([positions[:, 0], -positions[:, 2], positions[:, 1]])
+def name_list(names: Sequence[str]) -> str:
+    """Return names on one line, not all where they are many."""
+    more = len(names) - _NAMES_SHOWN
+    shown = ', '.join(quote(name)[1:-1] for name in names[:_NAMES_SHOWN])
+    return shown + (f' and {more} more' if more > 0 else '')

@@ -13,29 +13,29 @@
 # limitations under the License.
 
 """
-Reader of the 3D trajectories that Qualisys Track Manager exports as TSV.
+Reader of what Qualisys Track Manager exports as TSV: 3D trajectories, and 6D rigid bodies.
 
-Header lines of a name, a tab and a value (`FREQUENCY`, `DATA_INCLUDED`, ..., `MARKER_NAMES` with
-one value a marker), perhaps a line of column names, then a line a frame with three values a
-marker, before them frame number and time where these were exported too. Millimetres, z up. A
-marker that was not seen has empty cells or, in files of older versions, three zeros.
+Header lines of a name, a tab and a value (`FREQUENCY`, `DATA_INCLUDED`, ..., `MARKER_NAMES` or
+`BODY_NAMES` with one value each), perhaps a line of column titles, then a line a frame: three
+values a marker or, of a body, position, three angles, residual and the nine of its rotation;
+before them frame number and time where these were exported too. Millimetres. What was not seen
+has empty cells, a residual below 0 or, in files of older versions, three zeros.
 """
 
 from __future__ import annotations
 
-from array import array
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.markers import choose, MarkerRecording
-from handover_dmp.mocap.tables import iterate_lines, parse_number, parse_numbers, quote
-import numpy as np
+from handover_dmp.mocap.tables import iterate_lines, quote
+from handover_dmp.mocap.wide_table import is_number, is_unseen, period_of_rate, WideTable
 
-_MAX_VALUES = 10_000_000
 _MAX_HEADER_LINES = 10_000
-_NOT_SEEN = {'', 'nan', 'null', '-'}
+# Cells of a marker, and of a rigid body.
+_STRIDES = {'3D': 3, '6D': 16}
+_NAMES = {'3D': 'MARKER_NAMES', '6D': 'BODY_NAMES'}
 
 
 def read_qualisys(path: str | Path, markers: Sequence[str] | None = None) -> MarkerRecording:
@@ -47,7 +47,7 @@ def read_qualisys(path: str | Path, markers: Sequence[str] | None = None) -> Mar
         markers: which ones to read, of those that are there; all if left out.
 
     Returns:
-        The markers, in millimetres.
+        The markers or rigid bodies, in millimetres.
 
     Raises:
         DataError: the file is missing or no such file; names file, line and fault.
@@ -55,103 +55,82 @@ def read_qualisys(path: str | Path, markers: Sequence[str] | None = None) -> Mar
     """
     path = Path(path)
     header: dict[str, list[str]] = {}
-    layout: _Layout | None = None
-    stamps = array('d')
-    values = array('d')
+    names: list[str] = []
+    titles: list[str] = []
+    table: WideTable | None = None
     for number, line in iterate_lines(path):
         cells = line.split('\t')
         where = f'{path}: line {number}'
-        if layout is None and cells[0][:1].isalpha() and not _not_seen(cells[0]):
+        if table is None and _is_header(cells):
             if len(header) > _MAX_HEADER_LINES:
                 raise DataError(f'{where}: still no frames')
-            header[cells[0].strip()] = [cell.strip() for cell in cells[1:]]
+            if any(header.get(kind) for kind in _NAMES.values()) and not _is_keyword(cells[0]):
+                titles = [cell.strip() for cell in cells]
+            else:
+                header[cells[0].strip()] = [cell.strip() for cell in cells[1:]]
         # Tabs alone are a frame in which no marker was seen.
         elif line.strip(' '):
-            layout = layout or _layout(header, markers, len(cells), where)
-            if len(values) > _MAX_VALUES:
-                raise DataError(f'{where}: more than can be held')
-            values.extend(layout.values(cells, where))
-            stamps.append(layout.stamp(cells, len(stamps), where))
-    if layout is None:
+            if table is None:
+                names, table = _layout(header, titles, markers, cells, where)
+            table.add(cells, where)
+    if table is None:
         raise DataError(f'{path}: holds no frames')
     told = _value(header, 'NO_OF_FRAMES', '')
-    if told.isdecimal() and len(told) < 12 and int(told) != len(stamps):
-        raise DataError(f'{path}: {len(stamps)} frames, the header tells of {int(told)}')
-    table = np.array(values).reshape(len(stamps), len(layout.columns), 3)
-    # No marker is in the very origin: older versions write that for one that was not seen.
-    table[(table == 0.0).all(axis=2)] = np.nan
-    positions = {name: table[:, k] for k, name in enumerate(layout.columns)}
-    return MarkerRecording(np.array(stamps), layout.names, positions, 'mm', 'z', path.name)
+    if told.isdecimal() and len(told) < 12 and int(told) not in (len(table), table.frame_span()):
+        raise DataError(f'{path}: {len(table)} frames, the header tells of {int(told)}')
+    return MarkerRecording(table.times(), names, table.positions(), '', '', path.name)
 
 
-@dataclass(frozen=True)
-class _Layout:
-    """
-    Where in a line the numbers stand.
+def _is_header(cells: Sequence[str]) -> bool:
+    """Tell a line of the header or of titles from a frame, which is numbers and nothing else."""
+    if _is_keyword(cells[0]):
+        return True
+    return not any(map(is_number, cells)) and not all(map(is_unseen, cells))
 
-    Attributes:
-        names: of all markers.
-        columns: name of a marker that is wanted to the column of its x.
-        leading: columns before the first marker.
-        time_column: of the time in s; None where it was not exported.
-        period_s: time from frame to frame.
 
-    """
-
-    names: list[str]
-    columns: dict[str, int]
-    leading: int
-    time_column: int | None
-    period_s: float
-
-    def stamp(self, cells: list[str], frame: int, where: str) -> float:
-        if self.time_column is None:
-            return frame * self.period_s
-        return parse_number(cells[self.time_column], 'time', where)
-
-    def values(self, cells: list[str], where: str) -> list[float]:
-        count = self.leading + 3 * len(self.names)
-        if len(cells) != count and not (len(cells) == count + 1 and not cells[-1].strip()):
-            raise DataError(f'{where}: {len(cells)} values instead of {count}')
-        found: list[float] = []
-        for name, first in self.columns.items():
-            place = cells[first: first + 3]  # fmt: skip
-            if any(map(_not_seen, place)):
-                place = ['0'] * 3
-            found += parse_numbers(place, (name,) * 3, where)
-        return found
+def _is_keyword(cell: str) -> bool:
+    word = cell.strip()
+    return len(word) > 2 and word.isascii() and word.replace('_', '').isalpha() and word.isupper()
 
 
 def _layout(
-    header: dict[str, list[str]], markers: Sequence[str] | None, count: int, where: str
-) -> _Layout:
-    """Find out from the header and the number of cells of the first frame what stands where."""
-    names = [name for name in header.get('MARKER_NAMES', []) if name]
+    header: dict[str, list[str]],
+    titles: list[str],
+    markers: Sequence[str] | None,
+    cells: Sequence[str],
+    where: str,
+) -> tuple[list[str], WideTable]:
+    """Find out from the header and the cells of the first frame what stands where."""
+    kind = _value(header, 'DATA_INCLUDED', '3D').upper()
+    if kind not in _STRIDES:
+        raise DataError(
+            f'{where}: data of kind {quote(kind)}; 3D trajectories or 6D bodies are needed'
+        )
+    names = [name for name in header.get(_NAMES[kind], []) if name]
     if not names:
-        raise DataError(f'{where}: a frame, but no MARKER_NAMES before it')
-    kind = _value(header, 'DATA_INCLUDED', '3D')
-    if kind != '3D':
-        raise DataError(f'{where}: data of kind {quote(kind)}; 3D trajectories are needed')
-    titles = ['Frame', *header['Frame']] if 'Frame' in header else ['Time'] * ('Time' in header)
-    if titles:
-        leading = 2 if titles[1:2] == ['Time'] else 1
-    else:
-        leading = 2 if count >= 3 * len(names) + 2 else 0
-    time_column = leading - 1 if not titles or titles[leading - 1] == 'Time' else None
-    if leading == 0:
-        time_column = None
+        raise DataError(f'{where}: a frame, but no {_NAMES[kind]} before it')
+    stride = _STRIDES[kind]
+    leading = _leading(titles, names, stride, len(cells))
+    before = [title.lower() for title in titles[:leading]] or ['frame', 'time'][:leading]
+    time = before.index('time') if 'time' in before else None
+    frame = before.index('frame') if 'frame' in before else None
     period_s = 0.0
-    if time_column is None:
-        rate = parse_number(_value(header, 'FREQUENCY', ''), 'FREQUENCY', where)
-        if not 0.0 < rate <= 1e5:
-            raise DataError(f'{where}: FREQUENCY of {rate:g} Hz')
-        period_s = 1.0 / rate
-    columns = {name: leading + 3 * place for name, place in choose(names, markers).items()}
-    return _Layout(names, columns, leading, time_column, period_s)
+    if time is None:
+        period_s = period_of_rate(_value(header, 'FREQUENCY', ''), 'FREQUENCY', where)
+    columns = {name: leading + stride * k for name, k in choose(names, markers).items()}
+    residuals = {name: first + 6 for name, first in columns.items()} if kind == '6D' else {}
+    width = leading + stride * len(names)
+    return names, WideTable(columns, width, time, frame, period_s, residuals)
 
 
-def _not_seen(cell: str) -> bool:
-    return cell.strip().lower() in _NOT_SEEN
+def _leading(titles: list[str], names: list[str], stride: int, count: int) -> int:
+    """Return how many columns stand before the first marker."""
+    first = f'{names[0]} X'
+    if first in titles:
+        return titles.index(first)
+    if titles:
+        return sum(title.lower() in ('frame', 'time') for title in titles[:2])
+    return 2 if count >= stride * len(names) + 2 else 0
 
 
 def _value(header: dict[str, list[str]], name: str, otherwise: str) -> str:

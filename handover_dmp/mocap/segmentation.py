@@ -32,8 +32,8 @@ from typing import NamedTuple
 
 from handover_dmp.common.errors import UsageError
 from handover_dmp.mocap.filtering import RATE_HZ, smooth
-from handover_dmp.mocap.markers import WristMotion
 from handover_dmp.mocap.trial import HandoverTrial
+from handover_dmp.mocap.wrists import WristMotion
 import numpy as np
 from numpy.typing import NDArray
 

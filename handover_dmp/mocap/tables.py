@@ -101,7 +101,7 @@ def read_lines(path: Path, largest: int = LARGEST_TEXT_BYTES) -> list[str]:
 
 def iterate_lines(path: Path) -> Iterator[tuple[int, str]]:
     """
-    Read a long recording line by line, UTF-8 or, as older programs write it, Windows-1252.
+    Read a long recording line by line: UTF-8, UTF-16 or, as older programs write, Windows-1252.
 
     Args:
         path: the file.
@@ -113,7 +113,8 @@ def iterate_lines(path: Path) -> Iterator[tuple[int, str]]:
         DataError: as `read_bytes`, or a line is absurdly long, or there are too many.
 
     """
-    for number, raw in enumerate(io.BytesIO(read_bytes(path, LARGEST_RECORDING_BYTES)), start=1):
+    content = _in_utf_8(read_bytes(path, LARGEST_RECORDING_BYTES))
+    for number, raw in enumerate(io.BytesIO(content), start=1):
         if len(raw) > _MAX_LINE_BYTES:
             raise DataError(f'{path}: line {number}: longer than {_MAX_LINE_BYTES} bytes')
         if number > MAX_RECORDING_LINES:
@@ -123,6 +124,18 @@ def iterate_lines(path: Path) -> Iterator[tuple[int, str]]:
         except UnicodeDecodeError:
             line = raw.decode('cp1252', errors='replace')
         yield number, line.rstrip('\r\n')
+
+
+def _in_utf_8(content: bytes) -> bytes:
+    """Turn UTF-16, which a mark at its beginning or the zero of its first letter tells."""
+    start = content[:2]
+    wide = {b'\xff\xfe': 'utf-16', b'\xfe\xff': 'utf-16'}.get(start)
+    if wide is None and len(start) == 2 and 0 in start:
+        wide = 'utf-16-be' if start[0] == 0 else 'utf-16-le'
+    if wide is not None:
+        content = content.decode(wide, errors='replace').encode()
+    # Programs of old Macintoshes end a line with a carriage return alone.
+    return content if b'\n' in content else content.replace(b'\r', b'\n')
 
 
 def read_table(path: Path, header: Sequence[str]) -> NDArray[np.float64]:

@@ -173,7 +173,7 @@ def read_trial(
     The file has the header `t,p1_x,p1_y,p1_z,p2_x,p2_y,p2_z` and one line a sample, in seconds
     and metres. What it is a trial of is told by the arguments, else by the line of a `trials.csv`
     beside it, else by its name `<configuration>_<exchange>_<number>.csv`; a file of another name
-    is taken for a give (a take where its name says so), number 1, of a configuration of its name.
+    is taken for a give, number 1, of a configuration of its name.
 
     Args:
         path: the file.
@@ -196,7 +196,7 @@ def read_trial(
     if None in (configuration, direction, number):
         known = _from_index(path) or describe(path)
         configuration = known[0] if configuration is None else configuration
-        direction = known[1] if direction is None else direction
+        direction = direction or known[1] or 'give'
         number = known[2] if number is None else number
     if direction not in DIRECTIONS:
         raise DataError(f"{path}: exchange {direction!r} instead of 'give' or 'take'")
@@ -211,7 +211,7 @@ def read_trial(
     )
 
 
-def describe(path: Path) -> tuple[str, str, int]:
+def describe(path: Path) -> tuple[str, str | None, int]:
     """
     Tell by the name of a file what it is a trial of.
 
@@ -219,15 +219,15 @@ def describe(path: Path) -> tuple[str, str, int]:
         path: the file; only its name matters.
 
     Returns:
-        Configuration, exchange and number, by `<configuration>_<exchange>_<number>.*`; for a file
-        of another name, its name, a give (a take where its name says so), and 1.
+        Configuration, direction and number, by `<configuration>_<exchange>_<number>.*`; for a file
+        of another name, its name, None, for other names do not tell it (`Take 2023-05-01` is what
+        Motive calls every recording), and 1.
 
     """
     match = _NAME.fullmatch(path.stem)
     if match:
         return match['configuration'], match['exchange'], int(match['number'])
-    words = re.split(r'[^a-z]+', path.stem.lower())
-    return path.stem, 'take' if 'take' in words else 'give', 1
+    return path.stem, None, 1
 
 
 def write_trial(trial: HandoverTrial, path: str | Path) -> None:

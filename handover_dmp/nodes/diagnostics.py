@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a node says of itself on `/diagnostics`, once a second."""
+"""What a node says of itself on `/diagnostics`: at its start, once a second, and at its end."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.topics import DIAGNOSTICS
 
 OVERRUN = 1.5
+HARDWARE_ID = 'handover_dmp'
 
 
 def refusals(refused: Mapping[str, int]) -> dict[str, str]:
@@ -97,7 +98,12 @@ class Periods:
 
 
 class Diagnostics:
-    """Publishes the condition of a node once a second on the wall clock."""
+    """
+    Publishes the condition of a node with what else it does once a second on the wall clock.
+
+    The newest report is kept for whoever listens later, so that also a node that ends within a
+    second has been heard of.
+    """
 
     def __init__(
         self,
@@ -122,17 +128,47 @@ class Diagnostics:
 
     def publish(self) -> None:
         """Publish now."""
-        fault, values = self._condition()
+        stage = self._node.once_per_second.stage
+        # before the first input everything lacks, which is no fault yet
+        fault, values = ('', {}) if stage == 'start' else self._condition()
         urgent = os.sched_getscheduler(0) == os.SCHED_FIFO
         scheduling = {'scheduling': 'real-time' if urgent else 'ordinary'}
-        values = {**self._periods.take(), **scheduling, **values}
+        values = {'stage': stage, **self._periods.take(), **scheduling, **values}
         status = DiagnosticStatus(
             level=DiagnosticStatus.WARN if fault else DiagnosticStatus.OK,
             name=self._node.get_name(),
             message=fault or 'ok',
-            hardware_id='handover_dmp',
+            hardware_id=HARDWARE_ID,
             values=[KeyValue(key=key, value=value) for key, value in values.items()],
         )
         array = DiagnosticArray(status=[status])
         array.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(array)
+
+
+class Attendance:
+    """
+    Keeps in mind which nodes of this package are there, by their reports.
+
+    Attributes:
+        present: names of those that have reported, and not yet for the last time.
+
+    """
+
+    def __init__(self) -> None:
+        """Begin with nobody."""
+        self.present: set[str] = set()
+
+    def hear(self, reports: DiagnosticArray) -> None:
+        """
+        Take in what somebody said of itself.
+
+        Args:
+            reports: on `/diagnostics`, of whomever.
+
+        """
+        for status in reports.status:
+            if status.hardware_id != HARDWARE_ID:
+                continue
+            ends = any(value.key == 'stage' and value.value == 'end' for value in status.values)
+            (self.present.discard if ends else self.present.add)(status.name)

@@ -21,7 +21,6 @@ For the demo, the benchmark and the tests. Whoever uses `ros2 launch` has no nee
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 import faulthandler
 from math import inf
 import os
@@ -156,7 +155,7 @@ class Graph:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """End the nodes, the recorder first; complain if one did not end cleanly."""
+        """End the nodes, the recorder last; complain if one did not end cleanly."""
         codes = self._end()
         wrong = {name: code for name, code in codes.items() if code != 0}
         if wrong and error is None:
@@ -346,22 +345,20 @@ class Graph:
         return f': {lines[-1]}' if lines else ''
 
     def _end(self) -> dict[str, int]:
-        recorder = [process for name, process in self.processes.items() if name == 'recorder']
-        others = [process for process in self.processes.values() if process not in recorder]
-        for group in (recorder, others):
-            for process in group:
+        # the recorder last, so that it hears what the others say in the end; of these the arm
+        # first, whose watchdog would else report the end of the commands
+        others = [name for name in reversed(self.processes) if name != 'recorder']
+        for group in (others, [name for name in self.processes if name == 'recorder']):
+            processes = [self.processes[name] for name in group]
+            for process in processes:
                 if process.poll() is None:
                     # a shell's background job has SIGINT ignored, and a node that still starts too
                     process.terminate()
-            for process in group:
-                with suppress(subprocess.TimeoutExpired):
+            for process in processes:
+                try:
                     process.wait(END_TIMEOUT_S)
-        # a recorder that got no processor beside the others has it now
-        for process in self.processes.values():
-            try:
-                process.wait(END_TIMEOUT_S)
-            except subprocess.TimeoutExpired:
-                process.kill()
+                except subprocess.TimeoutExpired:
+                    process.kill()
         # as in a node: what hangs in DDS ends here all the same, and says where it was
         faulthandler.dump_traceback_later(MAX_END_S, exit=True, file=STDERR)
         try:

@@ -66,6 +66,10 @@ class HandoverNode(Node):  # type: ignore[misc]
         self.add_on_set_parameters_callback(_keep_the_clock)
         self.once_per_second = OncePerSecond(self)
 
+    def finish(self) -> None:
+        """Do what is to be done before the end, while all others can still hear of it."""
+        self.once_per_second.finish()
+
     def advertise(self, topic: Topic) -> Publisher:
         """
         Publish a topic.

@@ -15,6 +15,8 @@
 """
 What a node does once a second beside its work, in the pause between two periods.
 
+Also when it starts and before it ends, so that a run that is over within a second lacks nothing.
+
 A timer of its own would keep its place relative to the timer of the periods, since a second is a
 whole number of them: where the two coincide, they do so every second, and one period in two
 hundred is late, the next one early.
@@ -31,7 +33,13 @@ INTERVAL_S = 1.0
 
 
 class OncePerSecond:
-    """Does its jobs once a second, right after a period; without periods, when it is time."""
+    """
+    Does its jobs once a second, right after a period; without periods, when it is time.
+
+    Attributes:
+        stage: of the node's life: `start`, `running` or `end`.
+
+    """
 
     def __init__(self, node: Node) -> None:
         """
@@ -41,6 +49,7 @@ class OncePerSecond:
             node: whose executor does them.
 
         """
+        self.stage = 'start'
         self._jobs: list[Callable[[], object]] = []
         self._due = False
         clock = Clock(clock_type=ClockType.STEADY_TIME)
@@ -56,14 +65,27 @@ class OncePerSecond:
         """
         self._jobs.append(job)
 
+    def start(self) -> None:
+        """Do all jobs for the first time, when the node is complete."""
+        self._do_all()
+        self.stage = 'running'
+
+    def finish(self) -> None:
+        """Do all jobs for the last time."""
+        self.stage = 'end'
+        self._do_all()
+
     def period_ended(self) -> None:
         """Do what is due."""
         if self._due:
             self._due = False
             # so that the next reminder, too, comes in such a pause
             self._timer.reset()
-            for job in self._jobs:
-                job()
+            self._do_all()
+
+    def _do_all(self) -> None:
+        for job in self._jobs:
+            job()
 
     def _remind(self) -> None:
         # what no period has done by now

@@ -354,6 +354,7 @@ class PriorityIkNode(HandoverNode):
 
     def finish(self) -> None:
         """Bring the arm to rest, since a velocity controller keeps its last command for ever."""
+        super().finish()
         while not self.lockstep:
             command = self._controller.stop('told to end', self._period_s)
             if command.velocities is None:

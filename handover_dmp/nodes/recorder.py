@@ -19,24 +19,29 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 import sys
-from time import sleep
+from time import monotonic, sleep
 
+from diagnostic_msgs.msg import DiagnosticArray
 from handover_dmp.common.errors import DataError
-from handover_dmp.nodes.diagnostics import Diagnostics, Periods
+from handover_dmp.nodes.diagnostics import Attendance, Diagnostics, Periods
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import Parameter
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.nodes.spin import run
 from handover_dmp.recording import BagWriter, Qos
 from handover_dmp.recording.messages import string
-from handover_dmp.topics import CLOCK, INFO, Quality, TOPICS
+from handover_dmp.topics import CLOCK, DIAGNOSTICS, INFO, Quality, TOPICS
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 
 STREAMING = (Quality.SENSOR, Quality.COMMAND)
 LOOK_S = 0.5
+LOOK_AGAIN_S = 0.01
 QUEUE = 2000
 ON_THE_WAY_S = 0.05
+LAST_WORD_S = 1.0
+"""How long after the last node that has taken its leave another one may still do so."""
 
 
 class Recorder(HandoverNode):
@@ -73,6 +78,7 @@ class Recorder(HandoverNode):
         self.exit_code = 0
         self._wanted = {name for name in values['topics'] if name}
         self._periods = Periods(1.0)
+        self._attendance = Attendance()
         self._heard: dict[str, Subscription] = {}
         self._offered: dict[str, list[Qos]] = {}
         self._not_installed: set[str] = set()
@@ -89,8 +95,33 @@ class Recorder(HandoverNode):
         Diagnostics(self, self._periods, self._condition)
 
     def finish(self) -> None:
-        """Write what was sent up to now, and close the bag: a node may have to wait to leave."""
+        """
+        Write what was sent up to now, and close the bag: a node may have to wait to leave.
+
+        Where all nodes are told to end at once, the others have the word before this one.
+        """
+        self._take_until_ended(lambda present: present <= {self.get_name()})
+        super().finish()
+        self._take_until_ended(lambda present: self.get_name() not in present)
+        try:
+            self._writer.close()
+        except DataError as error:
+            self._fail(error)
+
+    def _take_until_ended(self, ended: Callable[[set[str]], bool]) -> None:
+        """Take what is on its way, and go on while nodes take their leave one after the other."""
         sleep(ON_THE_WAY_S)
+        self._take()
+        present = set(self._attendance.present)
+        deadline_s = monotonic() + LAST_WORD_S
+        while not ended(self._attendance.present) and monotonic() < deadline_s:
+            sleep(LOOK_AGAIN_S)
+            self._take()
+            if present - self._attendance.present:
+                present = set(self._attendance.present)
+                deadline_s = monotonic() + LAST_WORD_S
+
+    def _take(self) -> None:
         for subscription in self._heard.values():
             with subscription.handle:
                 # no more than a queue holds, since others may go on to send
@@ -101,10 +132,6 @@ class Recorder(HandoverNode):
                     if taken is None:
                         break
                     subscription.callback(taken[0])
-        try:
-            self._writer.close()
-        except DataError as error:
-            self._fail(error)
 
     def _unheard(self) -> str:
         """Tell which of the streams to be recorded has not been heard of yet."""
@@ -168,7 +195,7 @@ class Recorder(HandoverNode):
         )
 
     def _writing(self, name: str, type_name: str) -> Callable[[bytes], None]:
-        clock, writer = self.get_clock(), self._writer
+        clock, writer, attendance = self.get_clock(), self._writer, self._attendance
 
         def write(data: bytes) -> None:
             if self._failure:
@@ -178,6 +205,8 @@ class Recorder(HandoverNode):
                     self._look_at(name)
                     writer.add_topic(name, type_name, self._offered[name] or _by_table(name))
                 writer.write(name, data, clock.now().nanoseconds)
+                if name == DIAGNOSTICS.name:
+                    attendance.hear(deserialize_message(data, DiagnosticArray))
             except DataError as error:
                 self._fail(error)
 

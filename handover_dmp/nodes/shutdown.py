@@ -25,10 +25,12 @@ from time import monotonic, sleep
 from typing import TextIO
 
 import rclpy
+from rclpy.duration import Duration
 from rclpy.node import Node
 
 SETTLE_S = 0.05
 MAX_WAIT_S = 5.0
+MAX_DELIVERY_S = 0.2
 LOOK_S = 0.01
 
 
@@ -51,10 +53,19 @@ def shut_down(node: Node) -> None:
             file = turn_file(node.context.get_domain_id()).open('w')
             _wait_for(turn.enter_context(file))
         sleep(SETTLE_S)
+        _deliver(node)
         node.destroy_node()
         # only so is the default one replaced; that of another node is not to end with it
         own = node.context is not rclpy.utilities.get_default_context()
         rclpy.try_shutdown(context=node.context if own else None)
+
+
+def _deliver(node: Node) -> None:
+    """Wait until what was sent last has arrived; it may be lost with who sent it."""
+    deadline_s = monotonic() + MAX_DELIVERY_S
+    for publisher in node.publishers:
+        left_s = max(0.0, deadline_s - monotonic())
+        publisher.wait_for_all_acked(Duration(seconds=left_s))
 
 
 def turn_file(domain: int) -> Path:

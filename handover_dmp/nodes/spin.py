@@ -55,7 +55,7 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
     Args:
         make_node: makes the node; a `HandoverError` there ends the process with its one line.
             A node ends itself by setting `ended`. Its `finish`, if it has one, is called before
-            it takes its turn to leave.
+            it takes its turn to leave; it has to end what is done once a second.
         arguments: ROS arguments; those of the process if left out.
 
     Returns:
@@ -78,9 +78,10 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
     gc.collect()
     gc.freeze()
     gc.disable()
-    once_per_second = getattr(node, 'housekeeping', None) or OncePerSecond(node)
+    once_per_second = getattr(node, 'once_per_second', None) or OncePerSecond(node)
     once_per_second.add(lambda: gc.collect(1))
     try:
+        once_per_second.start()
         while not ended and rclpy.ok() and not _orphaned() and not getattr(node, 'ended', False):
             spin()
     except (KeyboardInterrupt, ExternalShutdownException):
@@ -90,7 +91,7 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
             signal.signal(number, signal.SIG_IGN)
         # what hangs in DDS ends here all the same, and says where it was
         faulthandler.dump_traceback_later(MAX_END_S, exit=True, file=STDERR)
-        getattr(node, 'finish', lambda: None)()
+        getattr(node, 'finish', once_per_second.finish)()
         executor.shutdown()
         shut_down(node)
     exit_code = int(getattr(node, 'exit_code', 0))

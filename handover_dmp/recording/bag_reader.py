@@ -27,8 +27,15 @@ from typing import Any, NamedTuple
 
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.plain_yaml import load_plain
+from handover_dmp.recording.bag_file import (
+    COMPRESSED,
+    is_bag_file,
+    is_whole,
+    MCAP,
+    read_bag_file,
+    STORAGES,
+)
 from handover_dmp.recording.bag_metadata import METADATA_FILE, read_metadata
-from handover_dmp.recording.mcap_file import is_complete, read_mcap_records
 from mcap.records import Channel, Metadata, Schema
 from mcap.records import Message as McapMessage
 from mcap_ros2.decoder import DecoderFactory
@@ -123,34 +130,32 @@ class BagInformation:
 
 def bag_files(path: Path | str) -> list[Path]:
     """
-    Find the MCAP files of a bag.
+    Find the files of a bag.
 
     Args:
-        path: an MCAP file, the folder of a bag, or the folder of a run with its bag in `bag/`.
+        path: a file or the folder of a bag, or the folder of a run with its bag in `bag/`.
 
     Returns:
         The files, in the order they were written in.
 
     Raises:
-        DataError: there is no bag, or one of another storage than MCAP.
+        DataError: there is no bag, or one of another storage than MCAP and sqlite3.
 
     """
     path = Path(path)
     if path.is_file():
-        if path.suffix != '.mcap':
-            raise DataError(f'{path}: not an MCAP file')
+        if not is_bag_file(path):
+            raise DataError(f'{path}: not an MCAP file, nor a sqlite3 file of rosbag2')
         return [path]
     if not path.is_dir():
         raise DataError(f'{path}: no such bag')
     if (path / METADATA_FILE).is_file():
         return _listed_files(path)
-    files = numbered_files(path)
+    files = numbered_files(path) or numbered_files(path, '*.db3')
     if files:
         return files
     if (path / 'bag').is_dir():
         return bag_files(path / 'bag')
-    if next(path.glob('*.db3'), None) is not None:
-        raise DataError(_not_mcap(path, 'sqlite3'))
     raise DataError(f'{path}: no bag in this folder')
 
 
@@ -159,7 +164,7 @@ def read_bag(path: Path | str, topics: Collection[str] | None = None) -> Iterato
     Read and decode the messages of a bag.
 
     Args:
-        path: an MCAP file, the folder of a bag, or the folder of a run with its bag in `bag/`.
+        path: a file or the folder of a bag, or the folder of a run with its bag in `bag/`.
         topics: those wanted; all if left out. Others are not decoded, so it does not matter what
             they hold.
 
@@ -180,7 +185,7 @@ def bag_information(path: Path | str) -> BagInformation:
     Find out what a bag holds, by reading it from one end to the other.
 
     Args:
-        path: an MCAP file, the folder of a bag, or the folder of a run with its bag in `bag/`.
+        path: a file or the folder of a bag, or the folder of a run with its bag in `bag/`.
 
     Returns:
         Its topics with their counts and times.
@@ -194,7 +199,7 @@ def bag_information(path: Path | str) -> BagInformation:
     for file in files:
         types: dict[int, str] = {}
         channels: dict[int, TopicInformation] = {}
-        for record in read_mcap_records(file):
+        for record in read_bag_file(file):
             if isinstance(record, Schema):
                 types[record.id] = record.name
             elif isinstance(record, Channel):
@@ -207,7 +212,7 @@ def bag_information(path: Path | str) -> BagInformation:
                 )
                 topic.last_ns = max(topic.last_ns, record.log_time)
                 topic.count += 1
-    closed = all(is_complete(file) for file in files)
+    closed = all(is_whole(file) for file in files)
     described = Path(path).is_file() or (files[0].parent / METADATA_FILE).is_file()
     size = sum(file.stat().st_size for file in files)
     return BagInformation(tuple(files), topics, closed and described, size)
@@ -218,7 +223,7 @@ def bag_custom_data(path: Path | str) -> dict[str, str]:
     Read the pairs of text that a bag carries along.
 
     Args:
-        path: an MCAP file, the folder of a bag, or the folder of a run with its bag in `bag/`.
+        path: a file or the folder of a bag, or the folder of a run with its bag in `bag/`.
 
     Returns:
         The `custom_data` of its first file; empty where there is none.
@@ -227,9 +232,14 @@ def bag_custom_data(path: Path | str) -> dict[str, str]:
         DataError: there is no such bag, or it is damaged.
 
     """
-    for record in read_mcap_records(bag_files(path)[0]):
+    file = bag_files(path)[0]
+    for record in read_bag_file(file):
         if isinstance(record, Metadata):
             return custom_data(record)
+    if Path(path).is_dir() and (file.parent / METADATA_FILE).is_file():
+        # sqlite3 files have it nowhere else.
+        pairs = read_metadata(file.parent).get('custom_data')
+        return {str(key): str(value) for key, value in dict(pairs or {}).items()}
     return {}
 
 
@@ -243,9 +253,9 @@ def custom_data(record: Metadata) -> dict[str, str]:
         return {}
 
 
-def numbered_files(folder: Path) -> list[Path]:
-    """Return the MCAP files of a folder in the order of the numbers that their names end with."""
-    return sorted(folder.glob('*.mcap'), key=_file_number)
+def numbered_files(folder: Path, pattern: str = f'*{MCAP}') -> list[Path]:
+    """Return the files of a folder in the order of the numbers that their names end with."""
+    return sorted(folder.glob(pattern), key=_file_number)
 
 
 def _read_file(file: Path, topics: Collection[str] | None) -> Iterator[BagMessage]:
@@ -253,7 +263,7 @@ def _read_file(file: Path, topics: Collection[str] | None) -> Iterator[BagMessag
     schemas: dict[int, Schema] = {}
     names: dict[int, str] = {}
     decoders: dict[int, Callable[[bytes], Any] | None] = {}
-    for record in read_mcap_records(file):
+    for record in read_bag_file(file):
         if isinstance(record, McapMessage):
             decode = _known(decoders, record.channel_id, file)
             if decode is None:
@@ -325,12 +335,15 @@ def _known(table: dict[int, Any], channel: int, file: Path) -> Any:
 def _listed_files(folder: Path) -> list[Path]:
     information = read_metadata(folder)
     storage = information.get('storage_identifier')
-    if storage != 'mcap':
-        raise DataError(_not_mcap(folder, storage))
-    if information.get('compression_mode') not in (None, '', 'none', 'NONE'):
+    if storage not in STORAGES:
         raise DataError(
-            f'{folder}: recorded with whole files or single messages compressed; convert it with '
-            f'ros2 bag convert'
+            f'{folder}: stored as {_plain(str(storage))}, only MCAP and sqlite3 can be read; '
+            f'convert it with ros2 bag convert or rosbags-convert'
+        )
+    if information.get('compression_format') not in (None, '', 'zstd', 'none', 'NONE'):
+        raise DataError(
+            f'{folder}: compressed with {_plain(str(information["compression_format"]))}, only '
+            f'zstd can be read; convert it with ros2 bag convert'
         )
     names = information.get('relative_file_paths')
     if not isinstance(names, list) or not names:
@@ -340,17 +353,12 @@ def _listed_files(folder: Path) -> list[Path]:
         # a bag consists of files beside its metadata; anything else is not ours to open
         if not isinstance(name, str) or Path(name).name != name:
             raise DataError(f'{folder / METADATA_FILE}: {name!r} is not the name of a file')
-        if not (folder / name).is_file():
+        # Some versions name a file as it was before it was compressed.
+        found = [file for file in (name, name + COMPRESSED) if (folder / file).is_file()]
+        if not found:
             raise DataError(f'{folder / _plain(name)}: missing, though {METADATA_FILE} names it')
-        files.append(folder / name)
+        files.append(folder / found[0])
     return files
-
-
-def _not_mcap(folder: Path, storage: object) -> str:
-    return (
-        f'{folder}: stored as {_plain(str(storage))}, only MCAP can be read; convert it with '
-        f'ros2 bag convert or rosbags-convert'
-    )
 
 
 def _file_number(file: Path) -> tuple[int, str]:

@@ -24,6 +24,7 @@ from pathlib import Path
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.files import replacing
 from handover_dmp.common.plain_yaml import load_plain
+from handover_dmp.recording.bag_file import MCAP
 from handover_dmp.recording.bag_metadata import (
     FileStatistics,
     read_metadata,
@@ -78,6 +79,8 @@ def repair_bag(path: Path | str) -> Repair:
 
     """
     files = _files_to_repair(Path(path))
+    if other := [file for file in files if file.suffix != MCAP]:
+        raise DataError(f'{other[0]}: only MCAP files that are not compressed can be repaired')
     topics: dict[str, TopicMetadata] = {}
     statistics: list[FileStatistics] = []
     rewritten = []

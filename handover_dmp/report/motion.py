@@ -20,8 +20,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
-from scipy.signal import savgol_filter
 
 Array = NDArray[np.float64]
 
@@ -63,6 +61,9 @@ def velocity(times: Array, positions: Array) -> tuple[Array, Array]:
         (m,) s at 200 Hz, and (m, d) m/s; both empty where there is less than 0.1 s.
 
     """
+    # imported here, since it takes a second, and not everybody who imports this differentiates
+    from scipy.signal import savgol_filter
+
     window = round(WINDOW_S * RATE_HZ) | 1
     count = int((times[-1] - times[0]) * RATE_HZ) + 1 if len(times) else 0
     if count < window:
@@ -116,6 +117,8 @@ def bell_of(times: Array, speeds: Array, until_s: float | None = None) -> Bell |
         The bell; None where nothing moves.
 
     """
+    from scipy.optimize import least_squares
+
     if until_s is not None:
         times, speeds = times[times <= until_s], speeds[times <= until_s]
     if len(speeds) < MIN_SAMPLES or speeds.max() < MIN_SPEED:

@@ -281,7 +281,7 @@ def _timing(report: Numbers) -> tuple[Table, ...]:
     for name, node in nodes.items():
         values = ', '.join(f'{key} {value}' for key, value in node['values'].items())
         rows.append((name, '; '.join(node['faults']) or 'none', values))
-    return topics, Table(('node', 'faults', 'last second'), tuple(rows))
+    return topics, Table(('node', 'faults', 'last report'), tuple(rows))
 
 
 def _bag_text(report: Numbers) -> str:

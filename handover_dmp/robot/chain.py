@@ -26,7 +26,7 @@ from handover_dmp.robot import descriptions
 from handover_dmp.robot.descriptions import ArmEntry
 from handover_dmp.robot.effective_limits import effective_limits, EffectiveLimits, KnownLimits
 from handover_dmp.robot.errors import RobotDescriptionError
-from handover_dmp.robot.plain_description import parse as parse_xml
+from handover_dmp.robot.plain_description import parse_xml
 
 Element = ElementTree.Element
 
@@ -74,10 +74,10 @@ def read(path: Path) -> tuple[str, Element]:
         text = path.read_text(encoding='utf-8')
     except UnicodeDecodeError as error:
         raise RobotDescriptionError(f'{path}: not UTF-8: save it in that encoding') from error
-    return text, parse(text, str(path))
+    return text, parse_description(text, str(path))
 
 
-def parse(text: str, origin: str) -> Element:
+def parse_description(text: str, origin: str) -> Element:
     """
     Parse a URDF.
 
@@ -177,7 +177,7 @@ def described_limits(text: str, joint_names: Sequence[str], origin: str) -> Effe
         RobotDescriptionError: it is no URDF, or lacks a joint.
 
     """
-    tree = parse(text, origin)
+    tree = parse_description(text, origin)
     joints = {joint.get('name'): joint for joint in tree.findall('joint')}
     missing = [name for name in joint_names if name not in joints]
     if missing:

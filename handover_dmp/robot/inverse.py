@@ -23,7 +23,6 @@ from handover_dmp.robot.limits import JointLimits
 import numpy as np
 from numpy.typing import NDArray
 import pinocchio as pin
-from scipy.optimize import least_squares, minimize
 
 Array = NDArray[np.float64]
 
@@ -162,6 +161,9 @@ def greatest_reach(model: Arm) -> float:
         The distance, m, the best of several local maxima within the position limits.
 
     """
+    # imported here, since it takes half a second, and the nodes load a model without it
+    from scipy.optimize import minimize
+
     centre = model.shoulder
     low, high = model.limits.one_turn
 
@@ -197,6 +199,8 @@ def _near_pose(
     low: Array,
     high: Array,
 ) -> Array:
+    from scipy.optimize import least_squares
+
     rows = 3 if rotation is None else 6
     held = POSTURE_WEIGHT * np.eye(model.dof)
 

@@ -79,7 +79,7 @@ class Meshes:
     missing: tuple[str, ...]
 
 
-def parse(text: str) -> Element:
+def parse_xml(text: str) -> Element:
     """
     Parse a URDF as the parsers of ROS do, which know nothing of namespaces.
 

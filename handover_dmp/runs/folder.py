@@ -32,11 +32,8 @@ from handover_dmp.common.versions import installed_versions, LIBRARIES
 from handover_dmp.dmp import save_model
 from handover_dmp.handover.scenario import Scenario
 from handover_dmp.mocap import HandoverTrial, write_trial
-from handover_dmp.report import write_report
-from handover_dmp.view.stage import set_up
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 
 def new_run_folder(output: Path | None, trial: HandoverTrial) -> Path:
@@ -140,6 +137,11 @@ def finish(folder: Path, scenario: Scenario) -> dict[str, Any]:
         The report, plain types.
 
     """
+    # imported here, since what draws takes seconds, and who starts nodes should not wait for it
+    from handover_dmp.report import write_report
+    from handover_dmp.view.stage import set_up
+    from PIL import Image
+
     with set_up(folder, scenario.robot.asked_for) as stage:
         (folder / 'figures').mkdir(exist_ok=True)
         met = math.isfinite(stage.scene.exchange_time_s)

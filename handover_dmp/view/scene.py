@@ -33,6 +33,7 @@ from handover_dmp.common.settings import setting
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.simulation.partner_figure import FigureBodies, PartnerFigure
 from handover_dmp.simulation.world import joint_numbers, load_robot
+from handover_dmp.view.camera_image import camera_image
 from handover_dmp.view.drawn_robot import drawn_description
 from handover_dmp.view.primitives import refine, write_unit_cylinder, write_unit_sphere
 import numpy as np
@@ -530,27 +531,23 @@ class Scene:
         ahead = camera.target - camera.eye
         right = np.cross(ahead, [0.0, 0.0, 1.0])
         light = -ahead / np.linalg.norm(ahead) - 0.55 * right / np.linalg.norm(right)
-        _, _, rgba, _, mask = pybullet.getCameraImage(
+        rgba, seen = camera_image(
             width,
             height,
             camera.view,
             camera.projection,
+            self._client,
             lightDirection=[light[0], light[1], light[2] + 1.2],
             lightColor=[1.0, 1.0, 1.0],
             lightAmbientCoeff=0.50,
             lightDiffuseCoeff=0.48,
             lightSpecularCoeff=0.12,
-            shadow=0,
-            renderer=pybullet.ER_TINY_RENDERER,
-            physicsClientId=self._client,
         )
-        covered = (np.reshape(mask, (height, width, 1)) >= 0).astype(np.uint8)
-        samples = np.reshape(rgba, (height, width, 4)) * covered
-        samples[..., 3:] = covered
+        rgba[..., 3] = seen >= 0
         total = np.zeros((camera.height, camera.width, 4), dtype=np.uint16)
         for row in range(k):
             for column in range(k):
-                total += samples[row::k, column::k]
+                total += rgba[row::k, column::k]
         return total[..., :3] / (255.0 * k * k), total[..., 3] / (k * k)
 
     def _shadow(self, backdrop: _Backdrop) -> Array:
@@ -558,18 +555,16 @@ class Scene:
         centre, half = backdrop.centre, backdrop.shadow_half_m
         eye = centre + np.array([0.0, 0.0, 20.0])
         tangent = half / 20.0
-        _, _, _, _, mask = pybullet.getCameraImage(
+        _, seen = camera_image(
             SHADOW_PIXELS,
             SHADOW_PIXELS,
             pybullet.computeViewMatrix(list(eye), list(centre), [0, 1, 0]),
             pybullet.computeProjectionMatrixFOV(
                 2 * float(np.degrees(np.arctan(tangent))), 1.0, 10.0, 21.0
             ),
-            shadow=0,
-            renderer=pybullet.ER_TINY_RENDERER,
-            physicsClientId=self._client,
+            self._client,
         )
-        cover = (np.reshape(mask, (SHADOW_PIXELS, SHADOW_PIXELS)) >= 0).astype(float)
+        cover = (seen >= 0).astype(float)
         return np.asarray(gaussian_filter(cover, SHADOW_BLUR_M * SHADOW_PIXELS / (2 * half)))
 
     def close(self) -> None:

@@ -26,12 +26,10 @@ from typing import Any
 
 from handover_dmp.common.errors import DataError, UsageError
 from handover_dmp.common.files import replacing
+from handover_dmp.view.camera_image import Pixels
 from handover_dmp.view.stage import set_up, Stage
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
-
-Pixels = NDArray[np.uint8]
 
 INK = (70, 76, 84)
 HOLD_S = 0.8

@@ -18,8 +18,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from handover_dmp.mocap.markers import WristMotion
 from handover_dmp.mocap.trial import HandoverTrial
+from handover_dmp.mocap.wrists import WristMotion
 import numpy as np
 import pytest
 

@@ -71,8 +71,10 @@ def test_units_and_axes(tmp_path):
     assert (recording.unit, recording.up) == ('m', 'y')
     motion = recording.wrists(['M_wrist'], ['A_wrist'])
     np.testing.assert_allclose(motion.demonstrator[0], [0.301, -0.501, 0.401], atol=1e-6)
-    with pytest.raises(DataError, match="unit 'furlong'"):
-        read_c3d(write(tmp_path / 'b.c3d', unit='furlong'))
+    recording = read_c3d(write(tmp_path / 'b.c3d', unit='furlong'))
+    with pytest.raises(DataError, match=r"unit 'furlong' .*--unit"):
+        recording.wrists(['M_wrist'], ['A_wrist'])
+    assert recording.wrists(['M_wrist'], ['A_wrist'], unit='mm', up='z').unit.value == 'mm'
 
 
 def test_markers_out_of_sight(tmp_path):

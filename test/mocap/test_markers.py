@@ -17,7 +17,9 @@
 from __future__ import annotations
 
 from handover_dmp.common.errors import DataError
-from handover_dmp.mocap.markers import MarkerRecording, WristMotion
+from handover_dmp.mocap.markers import MarkerRecording
+from handover_dmp.mocap.up_axis import AXES, turn_up
+from handover_dmp.mocap.wrists import WristMotion
 import numpy as np
 import pytest
 
@@ -45,13 +47,11 @@ def test_y_up_becomes_z_up_and_stays_right_handed():
     np.testing.assert_allclose(motion.partner[50], [0.15, -1.0, 0.02])
     np.testing.assert_array_equal(recording().wrists(['a'], ['c'], up='y').partner, motion.partner)
     basis = np.eye(3)
-    turned = [
-        recording(positions={'a': np.tile(axis, (SAMPLES, 1)), 'c': np.zeros((SAMPLES, 3))})
-        .wrists(['a'], ['c'], unit='m', up='y')
-        .partner[0]
-        for axis in basis
-    ]
-    assert np.linalg.det(turned) == pytest.approx(1.0)
+    for axis in AXES:
+        turned = np.array([turn_up(direction, axis) for direction in basis])
+        assert np.linalg.det(turned) == pytest.approx(1.0)
+        up = basis['xyz'.index(axis[-1])] * (-1.0 if axis[0] == '-' else 1.0)
+        np.testing.assert_array_equal(turn_up(up, axis), [0.0, 0.0, 1.0])
 
 
 def test_unknown_markers_are_named_with_those_that_are_there():
@@ -95,3 +95,118 @@ def test_samples_that_make_no_sense():
     with pytest.raises(DataError, match='no samples'):
         nothing = WristMotion(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)), 'x')
         nothing.trial(0, 0, configuration='a', direction='give', number=1)
+
+
+def reach(start, end, samples=SAMPLES):
+    """Go from one place to another with minimum jerk; m."""
+    u = np.clip(np.linspace(-0.2, 1.2, samples), 0.0, 1.0)[:, None]
+    return np.array(start) + (10 * u**3 - 15 * u**4 + 6 * u**5) * np.subtract(end, start)
+
+
+P1 = reach([0.9, 0.3, 1.0], [0.55, 0.2, 1.15])
+P2 = reach([0.0, 0.05, 0.9], [0.5, 0.2, 1.1])
+
+
+def wrists(partner=P1, demonstrator=P2, unit='', up='', told=None, told_up=None, usual='z'):
+    """Record two wrists in metres, in a file that says this or that, and take them out again."""
+    return recording(
+        positions={'a': partner, 'c': demonstrator}, unit=unit, up=up, usual_up=usual
+    ).wrists(['a'], ['c'], unit=told, up=told_up)
+
+
+@pytest.mark.parametrize('word', ['m', 'meters', 'Metres', '[m]', 'METER ', 'm\0\0'])
+def test_words_for_units(word):
+    motion = wrists(unit=word)
+    assert motion.unit == ('m', 'in the file')
+    np.testing.assert_allclose(motion.demonstrator, P2)
+
+
+@pytest.mark.parametrize(('word', 'metres'), [('Centimeters', 0.01), ('Inches', 0.0254)])
+def test_other_units_and_what_was_told_goes_before_what_the_file_tells(word, metres):
+    for unit, told in ((word, None), ('furlong', word), ('mm', word)):
+        motion = wrists(P1 / metres, P2 / metres, unit=unit, told=told)
+        np.testing.assert_allclose(motion.partner, P1)
+
+
+@pytest.mark.parametrize('metres', [1.0, 0.1, 0.01])
+def test_what_is_too_small_for_people_is_refused(metres):
+    """Metres, decimetres or centimetres that are taken for millimetres, whatever wrist moves."""
+    for one, other in ((P1, P2), (P2, P1), (P1[:1] + 0.0 * P1, P2)):
+        with pytest.raises(DataError, match=r'--unit'):
+            wrists(one / metres, other / metres)
+    for name in ('mm', 'millimeters'):
+        with pytest.raises(DataError, match=r'if the unit is mm; say which with --unit'):
+            wrists(P1 / metres, P2[:1] / metres + 0.0 * P2, unit=name)
+
+
+def test_a_partner_may_hold_still():
+    still = P1[:1] + 1e-4 * np.random.default_rng(0).standard_normal(P1.shape)
+    np.testing.assert_allclose(wrists(still * 1e3, P2 * 1e3).partner, still)
+    assert wrists(still * 1e3, P2 * 1e3).unit == ('mm', 'assumed')
+
+
+@pytest.mark.parametrize('axis', ['x', 'y', 'z', '-y'])
+@pytest.mark.parametrize('usual', ['z', 'y'])
+def test_up_is_the_axis_along_which_the_wrists_rest_as_high_as_those_of_people(axis, usual):
+    back = np.linalg.inv(np.array([turn_up(line, axis) for line in np.eye(3)]).T).T
+    motion = wrists(P1 @ back, P2 @ back, unit='m', usual=usual)
+    assert motion.up == (axis, 'by the height of the wrists')
+    np.testing.assert_allclose(motion.partner, P1, atol=1e-12)
+    np.testing.assert_allclose(motion.demonstrator, P2, atol=1e-12)
+
+
+def test_unsure_which_axis_points_up_is_asked():
+    aside = np.array([0.0, 0.7, 0.0])
+    with pytest.raises(DataError, match=r'height along z and y; say which with --up'):
+        wrists(P1 + aside, P2 + aside, unit='m')
+    for told, up in (({'up': 'z'}, 'z'), ({'told_up': 'y', 'up': 'z'}, 'y')):
+        assert wrists(P1 + aside, P2 + aside, unit='m', **told).up.value == up
+    # The origin on a table: heights tell nothing.
+    low = np.array([0.0, -0.4, -0.9])
+    for usual in 'zy':
+        assert wrists(P1 + low, P2 + low, unit='m', usual=usual).up == (
+            usual, 'usual of the format, no height tells',
+        )  # fmt: skip
+
+
+def pair(rng, gap, marks):
+    """Make two markers 60 mm apart on a wrist that turns, one of them unseen for a while."""
+    angle = np.linspace(0.0, rng.uniform(0.0, 1.0), SAMPLES)[:, None]
+    half = 0.03 * np.hstack([np.cos(angle), np.sin(angle), 0.0 * angle])
+    one, other = P2 + half, P2 - half
+    hidden = one.copy()
+    hidden[gap] = marks
+    return hidden, other
+
+
+@pytest.mark.parametrize('marks', [0.0, np.nan, 9_999_999.0])
+@pytest.mark.parametrize('gap', [slice(40, 60), slice(0, 15), slice(90, SAMPLES)])
+def test_a_wrist_does_not_jump_when_one_of_its_markers_is_lost(gap, marks):
+    one, other = pair(np.random.default_rng(1), gap, marks)
+    for order in ({'a': one, 'b': other}, {'a': other, 'b': one}):
+        made = recording(positions={**order, 'c': P1}, unit='m').wrists(['c'], ['a', 'b'])
+        assert len(made.times) == SAMPLES
+        np.testing.assert_allclose(made.demonstrator, P2, atol=4e-3)
+        steps = np.abs(np.diff(made.demonstrator - P2, axis=0)).max()
+        assert steps < 1e-3
+
+
+def test_markers_that_are_never_seen_together():
+    first, second = P2.copy(), P2 + 0.05
+    first[50:], second[:50] = np.nan, np.nan
+    with pytest.raises(DataError, match=r'a, b are never all seen at once'):
+        recording(positions={'a': first, 'b': second, 'c': P1}, unit='m').wrists(['c'], ['a', 'b'])
+
+
+def test_two_markers_of_one_name():
+    with pytest.raises(DataError, match="2 markers are named 'a'"):
+        recording(names=['a', 'b', 'a', 'c']).wrists(['a'], ['c'])
+
+
+def test_gaps_are_told():
+    lost = P2.copy()
+    lost[30:50] = 0.0
+    motion = wrists(P1, lost, unit='m')
+    assert [gap.who for gap in motion.gaps] == ['P2']
+    np.testing.assert_allclose(motion.gaps[0][1:], [0.29, 0.5])
+    assert len(motion.times) == SAMPLES - 20

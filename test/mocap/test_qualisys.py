@@ -81,7 +81,9 @@ def read(folder, text, markers=None):
 def test_every_layout(tmp_path, frame_and_time, titles, version):
     recording = read(tmp_path, qtm(frame_and_time=frame_and_time, titles=titles, version=version))
     assert recording.names == NAMES
-    assert (recording.unit, recording.up) == ('mm', 'z')
+    # It tells neither.
+    assert (recording.unit, recording.up) == ('', '')
+    assert (recording.usual_unit, recording.usual_up) == ('mm', 'z')
     np.testing.assert_allclose(recording.times, np.arange(FRAMES) / 120.0, atol=1e-5)
     for k, name in enumerate(NAMES):
         np.testing.assert_allclose(recording.positions[name], positions()[:, k], atol=1e-3)
@@ -132,7 +134,7 @@ def test_tabs_at_the_end_of_a_line_and_old_encodings(tmp_path):
 
 
 FAULTS = {
-    'rotations': ({'included': '6D'}, "data of kind '6D'"),
+    'two dimensions': ({'included': '2D'}, "data of kind '2D'"),
     'edges': ({'frame_and_time': False, 'frequency': 'EXT'}, "FREQUENCY is 'EXT', not a number"),
     'no rate': ({'frame_and_time': False, 'frequency': '0'}, 'FREQUENCY of 0 Hz'),
     'no names': ({'names': []}, 'no MARKER_NAMES before it'),

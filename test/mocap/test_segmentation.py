@@ -20,8 +20,8 @@ from dataclasses import replace
 
 from handover_dmp.common.errors import DataError, UsageError
 from handover_dmp.mocap import read_data_set, synthesize
-from handover_dmp.mocap.markers import WristMotion
 from handover_dmp.mocap.segmentation import GIVERS, segment, Segmentation
+from handover_dmp.mocap.wrists import WristMotion
 import numpy as np
 import pytest
 

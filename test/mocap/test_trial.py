@@ -25,7 +25,7 @@ import textwrap
 
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap import HandoverTrial, read_trial, write_trial
-from handover_dmp.mocap.trial import HEADER
+from handover_dmp.mocap.trial import describe, HEADER
 from hypothesis import example, given, HealthCheck, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -176,7 +176,11 @@ def test_what_it_is_a_trial_of(tmp_path):
         return trial.configuration, trial.direction, trial.number
 
     assert known('engine_bay_take_12.csv') == ('engine_bay', 'take', 12)
-    assert known('my-take.csv') == ('my-take', 'take', 1)
+    # What Motive calls every recording.
+    name = 'Take 2023-05-01 10.12.13 AM'
+    assert known(f'{name}.csv') == (name, 'give', 1)
+    assert describe(tmp_path / f'{name}.c3d') == (name, None, 1)
+    assert describe(tmp_path / 'take_1.c3d') == ('take_1', None, 1)
     assert known('mistaken.csv') == ('mistaken', 'give', 1)
     assert known('engine_bay_take_12.csv', direction='give') == ('engine_bay', 'give', 12)
     index = 'source,trial,exchange,configuration,file\n"a, b",7,take,pit,engine_bay_give_1.csv\n'

@@ -156,6 +156,24 @@ def pacing(bag: Path) -> tuple[float, float]:
     return simulated_s, slept_s
 
 
+@pytest.mark.parametrize('at_once', [False, True])
+def test_a_bag_tells_of_every_node_however_short_the_run(prepare: Any, at_once: bool) -> None:
+    """Also where all are told to end at once, as by Ctrl-C and `ros2 launch`."""
+    folder, parameters = prepare()
+    with Graph(folder, parameters) as graph:
+        if at_once:
+            for process in graph.processes.values():
+                process.send_signal(signal.SIGINT)
+    said = [
+        (status.name, next(value.value for value in status.values if value.key == 'stage'))
+        for _, message, _ in read_bag(folder / 'bag', ['/diagnostics'])
+        for status in message.status
+    ]
+    assert {name for name, stage in said if stage == 'start'} == set(NODES)
+    assert {name for name, stage in said if stage == 'end'} == set(NODES)
+    assert said[-1] == ('recorder', 'end')
+
+
 @pytest.mark.parametrize('factor', [0.5, 2.0, 20.0])
 def test_the_pace_is_kept_on_average(factor: float) -> None:
     """Rounds that take longer than a period are made up; only a long pause is not."""

@@ -267,7 +267,9 @@ def test_every_node_tells_its_condition(graph: Graph) -> None:
         while nodes - set(told) and time.monotonic() < end_s:
             graph.spin(0.02)
             for status in (status for message in heard for status in message.status):
-                told[status.name] = {value.key for value in status.values}
+                values = {value.key: value.value for value in status.values}
+                if values['stage'] == 'running':
+                    told[status.name] = set(values)
     assert set(told) == nodes
     for node in ('robot_sim', 'hand_tracker', 'dmp', 'priority_ik'):
         assert {'rate (Hz)', 'period error, 99 % (ms)', 'overruns'} <= told[node], node

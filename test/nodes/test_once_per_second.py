@@ -69,6 +69,15 @@ def test_a_job_is_done_once_a_second_right_behind_a_period(node: Node) -> None:
     assert min(later - earlier for earlier, later in pairwise(times)) > 0.9 * INTERVAL_S
 
 
+def test_a_life_of_less_than_a_second_has_a_start_and_an_end(node: Node) -> None:
+    once_per_second = OncePerSecond(node)
+    stages: list[str] = []
+    once_per_second.add(lambda: stages.append(once_per_second.stage))
+    once_per_second.start()
+    once_per_second.finish()
+    assert stages == ['start', 'end']
+
+
 def test_jobs_are_done_in_their_order_without_periods_too(node: Node) -> None:
     once_per_second = OncePerSecond(node)
     jobs: list[tuple[str, float]] = []

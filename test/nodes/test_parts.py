@@ -42,7 +42,7 @@ from handover_dmp.recording import (
     bag_files,
     bag_information,
     BagMessage,
-    COMMAND,
+    LATCHED,
     Qos,
     read_bag,
 )
@@ -565,5 +565,5 @@ def test_recorder_hears_who_offers_less_than_our_table_and_keeps_what_was_offere
     either = sorted(profile['reliability'] for profile in offered[POSE_COMMAND.name])
     assert either == ['best_effort', 'reliable']
     (diagnostics,) = offered[DIAGNOSTICS.name]
-    assert diagnostics == COMMAND.as_rosbag2(), 'as rosbag2 finds it, without a depth'
+    assert diagnostics == LATCHED.as_rosbag2(), 'as rosbag2 finds it, without a depth'
     assert offered['/rosout'][0]['lifespan'] == {'sec': 10, 'nsec': 0}, 'as rclpy offers it'

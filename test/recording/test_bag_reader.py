@@ -90,8 +90,8 @@ def edit_metadata(bag: Path, **changes: object) -> None:
 @pytest.mark.parametrize(
     ('changes', 'fault'),
     [
-        ({'storage_identifier': 'sqlite3'}, 'stored as sqlite3.*ros2 bag convert'),
-        ({'compression_mode': 'file'}, 'compressed; convert'),
+        ({'storage_identifier': 'rocksdb'}, 'stored as rocksdb.*ros2 bag convert'),
+        ({'compression_format': 'brotli'}, 'compressed with brotli.*ros2 bag convert'),
         ({'relative_file_paths': []}, 'names no files'),
         ({'relative_file_paths': ['run_1.mcap']}, 'run_1.mcap: missing'),
         ({'relative_file_paths': ['../../etc/passwd']}, 'not the name of a file'),
@@ -132,7 +132,7 @@ def test_what_is_no_bag(tmp_path: Path) -> None:
     for path, fault in [
         (tmp_path / 'absent', 'no such bag'),
         (tmp_path / 'text.txt', 'not an MCAP file'),
-        (tmp_path, 'stored as sqlite3'),
+        (tmp_path, 'not a sqlite3 bag that can be read'),
     ]:
         with pytest.raises(DataError, match=fault):
             list(read_bag(path))

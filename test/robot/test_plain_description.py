@@ -20,7 +20,7 @@ from xml.etree import ElementTree
 
 from handover_dmp.robot.collision import link_capsules
 from handover_dmp.robot.model import RobotModel
-from handover_dmp.robot.plain_description import make_plain, parse
+from handover_dmp.robot.plain_description import make_plain, parse_xml
 from handover_dmp.simulation.self_check import check_models
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -161,7 +161,7 @@ def test_the_inertia_of_any_body_is_left_as_it_is(points):
     values = {
         f'i{"xyz"[i]}{"xyz"[j]}': repr(float(moments[i, j])) for i in range(3) for j in range(i, 3)
     }
-    robot = parse(
+    robot = parse_xml(
         '<robot name="r"><link name="a"/><joint name="j" type="revolute"><parent link="a"/>'
         '<child link="b"/></joint><link name="b"><inertial><mass value="2"/><inertia/></inertial>'
         '</link></robot>'

@@ -1,0 +1,114 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Whose pose a message holds: one body, or several with names or numbers.
+
+Trackers of all makes publish standard messages or lists of their own. Here they are told apart by
+what they hold, not by their type: a place (`position`, `point`, `translation`) and beside it or
+around it a header, a name, an orientation, a covariance. Read so are PoseStamped, PointStamped,
+TransformStamped, PoseWithCovarianceStamped, Odometry, PoseArray, TFMessage, MarkerArray, the lists
+of mocap4r2 (RigidBodies, Markers), NamedPoseArray, and others of that kind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from handover_dmp.mocap.no_pose import no_pose
+
+_WRAPPERS = ('pose', 'pose', 'transform')
+_PLACES = ('position', 'translation', 'point')
+_LISTS = ('rigidbodies', 'rigid_bodies', 'bodies', 'transforms', 'poses', 'markers')
+_NAMES = ('child_frame_id', 'rigid_body_name', 'body_name', 'marker_name', 'name', 'subject_name')
+_NANOSECONDS = 1_000_000_000
+
+
+class Body(NamedTuple):
+    """
+    One body in a message.
+
+    Attributes:
+        name: what the message calls it; empty where it does not.
+        stamp_ns: time of its header, ns; 0 where there is none.
+        frame: of its header; empty where there is none.
+        position: x, y, z, m; NaN where the message says that the body was not seen.
+
+    """
+
+    name: str
+    stamp_ns: int
+    frame: str
+    position: tuple[float, float, float]
+
+
+def bodies(message: Any) -> list[Body] | None:
+    """
+    Find the bodies in a message.
+
+    Args:
+        message: decoded; its fields are attributes.
+
+    Returns:
+        Those of a list in their order, else the one; None where it holds no place at all.
+
+    """
+    for name in _LISTS:
+        members = getattr(message, name, None)
+        if isinstance(members, (list, tuple)):
+            found = [_body(member, message) for member in members]
+            return None if None in found else [body for body in found if body]
+    body = _body(message, message)
+    return None if body is None else [body]
+
+
+def _body(member: Any, message: Any) -> Body | None:
+    pose = member
+    covariance: Sequence[float] | None = None
+    for name in _WRAPPERS:
+        pose = getattr(pose, name, pose)
+        covariance = getattr(pose, 'covariance', covariance)
+    place = next((getattr(pose, name) for name in _PLACES if hasattr(pose, name)), pose)
+    header = getattr(member, 'header', None) or getattr(message, 'header', None)
+    try:
+        position = (float(place.x), float(place.y), float(place.z))
+        stamp_ns, frame = 0, ''
+        if header is not None:
+            stamp_ns = int(header.stamp.sec) * _NANOSECONDS + int(header.stamp.nanosec)
+            frame = str(header.frame_id)
+    except (AttributeError, TypeError, ValueError):
+        return None
+    turn = getattr(pose, 'orientation', None) or getattr(pose, 'rotation', None)
+    if no_pose(position, _quaternion(turn), covariance):
+        position = (float('nan'),) * 3
+    return Body(_name(member), stamp_ns, frame.lstrip('/'), position)
+
+
+def _quaternion(turn: Any) -> tuple[float, float, float, float] | None:
+    try:
+        return (float(turn.x), float(turn.y), float(turn.z), float(turn.w))
+    except (AttributeError, TypeError, ValueError):
+        return None
+
+
+def _name(member: Any) -> str:
+    for name in _NAMES:
+        value = getattr(member, name, None)
+        if isinstance(value, str) and value:
+            return value.lstrip('/')
+    space, number = getattr(member, 'ns', None), getattr(member, 'id', None)
+    if isinstance(number, int) and not isinstance(number, bool):
+        return f'{space}/{number}' if space else str(number)
+    return ''

@@ -1,0 +1,118 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Which axis of a recording points up, where the file does not tell.
+
+A person's wrists rest between 0.5 m (hanging, of someone small) and 1.6 m (raised to the shoulder)
+above the floor. The origin of a mocap laboratory lies on its floor, so the axis along which both
+wrists rest at such heights is the one that points up, if there is just one.
+"""
+
+from __future__ import annotations
+
+from handover_dmp.common.errors import DataError
+import numpy as np
+from numpy.typing import NDArray
+
+RESTING_M = (0.5, 1.6)
+# Rows: where the new x, y and z come from. All are rotations: right stays right.
+_TURNS = {
+    'z': ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+    '-z': ((1, 0, 0), (0, -1, 0), (0, 0, -1)),
+    'y': ((1, 0, 0), (0, 0, -1), (0, 1, 0)),
+    '-y': ((1, 0, 0), (0, 0, 1), (0, -1, 0)),
+    'x': ((0, 1, 0), (0, 0, 1), (1, 0, 0)),
+    '-x': ((0, 0, 1), (0, 1, 0), (-1, 0, 0)),
+}
+AXES = tuple(_TURNS)
+_REST_SHARE = 0.2
+
+
+def turn_up(positions: NDArray[np.float64], up: str) -> NDArray[np.float64]:
+    """
+    Turn a recording so that z points up.
+
+    Args:
+        positions: (n, 3), in any unit.
+        up: the axis that points up in it, one of `AXES`; for y, (x, y, z) becomes (x, −z, y).
+
+    Returns:
+        (n, 3) in the same unit.
+
+    """
+    turned: NDArray[np.float64] = positions @ np.array(_TURNS[up], dtype=np.float64).T
+    return turned
+
+
+def resting_axes(wrists: tuple[NDArray[np.float64], ...]) -> list[str]:
+    """
+    Find the axes along which all wrists rest as high above zero as a person's do.
+
+    Args:
+        wrists: (n, 3) m each, NaN where it was not seen.
+
+    Returns:
+        Those of `AXES` that may point up.
+
+    """
+    low, high = RESTING_M
+    fit = []
+    for axis in AXES:
+        heights = [turn_up(_at_rest(wrist), axis)[:, 2] for wrist in wrists]
+        if all(low <= float(np.median(height)) <= high for height in heights):
+            fit.append(axis)
+    return fit
+
+
+def find_up_axis(
+    wrists: tuple[NDArray[np.float64], ...], usual: str, source: str
+) -> tuple[str, str]:
+    """
+    Find out which axis points up from how high the wrists rest.
+
+    Where they rest at such a height along no axis at all, the origin is not on the floor, heights
+    tell nothing, and the axis that the program uses unless told otherwise is taken.
+
+    Args:
+        wrists: (n, 3) m each, NaN where it was not seen.
+        usual: the axis that the program uses unless told otherwise.
+        source: the file, for the error.
+
+    Returns:
+        The axis, and in words how it was found.
+
+    Raises:
+        DataError: more than one axis may point up.
+
+    """
+    fit = resting_axes(wrists)
+    if len(fit) > 1:
+        raise DataError(
+            f'{source}: it does not tell which axis points up, and the wrists rest at a '
+            f"person's height along {' and '.join(fit)}; say which with --up"
+        )
+    if not fit:
+        return usual, 'usual of the format, no height tells'
+    return fit[0], 'by the height of the wrists'
+
+
+def _at_rest(wrist: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the seen samples around which the wrist moves least."""
+    seen: NDArray[np.float64] = wrist[np.isfinite(wrist).all(axis=1)]
+    if len(seen) < 3:
+        return seen
+    speed = np.linalg.norm(np.gradient(seen, axis=0), axis=1)
+    rest: NDArray[np.float64] = seen[speed <= np.quantile(speed, _REST_SHARE)]
+    return rest

@@ -1,0 +1,151 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Reader of the CSV or text that Vicon Nexus exports, and of the objects of Vicon Tracker.
+
+Sections one after the other: a line with the name of the section, its rate, a line of names, a
+line `Frame,Sub Frame,X,Y,Z,...`, units, then a line a frame, until an empty line. Of devices,
+joints and so on nothing is read. What was not seen has empty cells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+import csv
+from pathlib import Path
+from typing import NamedTuple
+
+from handover_dmp.common.errors import DataError
+from handover_dmp.mocap.markers import choose, MarkerRecording
+from handover_dmp.mocap.tables import iterate_lines
+from handover_dmp.mocap.wide_table import is_number, period_of_rate, WideTable
+
+_SECTIONS = ('Trajectories', 'Objects', 'Global Segments')
+_TRIPLETS = (('X', 'Y', 'Z'), ('TX', 'TY', 'TZ'))
+_DELIMITERS = (',', '\t', ';')
+
+_Lines = Iterator[tuple[int, str]]
+
+
+class _Columns(NamedTuple):
+    """
+    What stands where in a section.
+
+    Attributes:
+        names: of its markers or objects.
+        firsts: column of the x of each.
+        width: number of columns.
+        delimiter: between them.
+
+    """
+
+    names: list[str]
+    firsts: list[int]
+    width: int
+    delimiter: str
+
+
+def read_vicon(path: str | Path, markers: Sequence[str] | None = None) -> MarkerRecording:
+    """
+    Read a file that Vicon Nexus or Tracker exported.
+
+    Args:
+        path: the file.
+        markers: which ones to read, of those that are there; all if left out.
+
+    Returns:
+        The markers or objects, in the unit of the file.
+
+    Raises:
+        DataError: the file is missing or no such file; names file, line and fault.
+
+    """
+    path = Path(path)
+    lines = iterate_lines(path)
+    other = []
+    for _, line in lines:
+        title = line.strip(' ,;\t"')
+        if title in _SECTIONS:
+            return _read_section(path, title, lines, markers)
+        if title.replace(' ', '').isalpha() and title != 'Frame':
+            other.append(title)
+    found = f'; it has {", ".join(other[:5])}' if other else ''
+    raise DataError(f'{path}: no section {" or ".join(_SECTIONS)}{found}')
+
+
+def _read_section(
+    path: Path, title: str, lines: _Lines, markers: Sequence[str] | None
+) -> MarkerRecording:
+    where, rate = _next(path, lines)
+    period_s = period_of_rate(rate.strip(' ,;\t"'), 'the rate', where)
+    _, labels = _next(path, lines)
+    where, titles = _next(path, lines)
+    columns = _columns(labels, titles, where)
+    chosen = {name: columns.firsts[k] for name, k in choose(columns.names, markers).items()}
+    table = WideTable(chosen, columns.width, None, 0, period_s)
+    unit = ''
+    for number, line in lines:
+        cells = _split(line, columns.delimiter)
+        if not any(cell.strip() for cell in cells):
+            break
+        where = f'{path}: line {number}'
+        if not len(table) and not cells[0].strip():
+            unit = _unit(cells, columns.firsts, where)
+        elif not is_number(cells[0]):
+            break
+        else:
+            table.add(cells, where)
+    if not len(table):
+        raise DataError(f'{path}: no frames in its section {title}')
+    return MarkerRecording(table.times(), columns.names, table.positions(), unit, '', path.name)
+
+
+def _next(path: Path, lines: _Lines) -> tuple[str, str]:
+    for number, line in lines:
+        return f'{path}: line {number}', line
+    raise DataError(f'{path}: ends within the header of a section')
+
+
+def _columns(labels: str, titles: str, where: str) -> _Columns:
+    delimiter = next((mark for mark in _DELIMITERS if mark in titles), ',')
+    axes = [cell.strip() for cell in _split(titles, delimiter)]
+    named = [cell.strip() for cell in _split(labels, delimiter)]
+    while axes and not axes[-1]:
+        axes.pop()
+    if axes[:2] != ['Frame', 'Sub Frame']:
+        raise DataError(f'{where}: a line that begins with Frame and Sub Frame is expected')
+    names: list[str] = []
+    firsts: list[int] = []
+    for column in range(2, len(axes) - 2):
+        if tuple(axes[column:][:3]) in _TRIPLETS:
+            names.append(next((name for name in named[column::-1] if name), ''))
+            firsts.append(column)
+    if not names:
+        raise DataError(f'{where}: no columns X, Y, Z')
+    return _Columns(names, firsts, len(axes), delimiter)
+
+
+def _unit(cells: Sequence[str], firsts: Sequence[int], where: str) -> str:
+    units = {cells[first].strip() for first in firsts if first < len(cells)}
+    if len(units) != 1:
+        raise DataError(f'{where}: positions in more than one unit')
+    return units.pop()
+
+
+def _split(line: str, delimiter: str) -> list[str]:
+    try:
+        return next(csv.reader([line], delimiter=delimiter), [])
+    except csv.Error:
+        return line.split(delimiter)

@@ -1,0 +1,262 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Both wrists over a recording of any length, and what is known of how they were recorded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+from handover_dmp.common.errors import DataError
+from handover_dmp.mocap.trial import find_fault, HandoverTrial
+import numpy as np
+from numpy.typing import NDArray
+
+# Unseen for longer than this, a hand may have been anywhere.
+MAX_HIDDEN_S = 0.25
+# P2 reaches farther than this, and two people need more room than this to hand over. P1 may hold
+# still.
+MIN_REACH_M = 0.02
+MIN_WORKSPACE_M = 0.05
+# A unit that is only assumed has to be confirmed by a reach of this.
+SURE_REACH_M = 0.1
+# A sample is missing where the next comes later than this many periods.
+_MISSED_PERIODS = 1.8
+# What programs write where they saw nothing; 9999999 is what Cortex does.
+_EMPTY = 9_999_999.0
+# Why something is known of a recording.
+ASSUMED = 'assumed'
+AS_TOLD = 'as told'
+IN_FILE = 'in the file'
+
+
+class Gap(NamedTuple):
+    """
+    A time in which a wrist was not seen.
+
+    Attributes:
+        who: `P1` or `P2`.
+        start_s: when it was last seen before, s.
+        end_s: when it was first seen after, s.
+
+    """
+
+    who: str
+    start_s: float
+    end_s: float
+
+
+class Known(NamedTuple):
+    """
+    Something known of a recording.
+
+    Attributes:
+        value: what it is.
+        why: where it is known from, in words.
+
+    """
+
+    value: str
+    why: str
+
+
+METRES_KNOWN = Known('m', 'by convention')
+Z_KNOWN = Known('z', 'by convention')
+
+
+@dataclass(frozen=True, eq=False)
+class WristMotion:
+    """
+    Both wrists over a recording of any length, of one handover or of many.
+
+    Attributes:
+        times: (n,) s, strictly increasing; gaps are where not both were seen.
+        partner: (n, 3) m, z up.
+        demonstrator: (n, 3) m, z up.
+        source: where it comes from, in words.
+        unit: of length in the recording.
+        up: axis that points up in the recording.
+        gaps: when one of the wrists was not seen.
+        remarks: what else is to be known of it.
+
+    """
+
+    times: NDArray[np.float64]
+    partner: NDArray[np.float64]
+    demonstrator: NDArray[np.float64]
+    source: str
+    unit: Known = METRES_KNOWN
+    up: Known = Z_KNOWN
+    gaps: tuple[Gap, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+    def checked(self) -> WristMotion:
+        """
+        Check that these can be the wrists of two people.
+
+        Returns:
+            The motion itself.
+
+        Raises:
+            DataError: too few samples, or some that make no sense.
+
+        """
+        if len(self.times) < 2:
+            raise DataError(f'{self.source}: the two wrists are never seen together')
+        for first, end in self.spans():
+            part = slice(first, end)
+            both = np.hstack([self.partner[part], self.demonstrator[part]])
+            fault = find_fault(self.times[part], both, max_duration_s=np.inf, minimum=1)
+            if fault:
+                at = f'{self.times[first + (fault.row or 0)]:.3f} s: '
+                hint = '; --unit says which' if 'millimetres' in fault.what else ''
+                raise DataError(f'{self.source}: {at}{fault.what}{hint}')
+        self._check_size()
+        return self
+
+    def spans(self) -> list[tuple[int, int]]:
+        """Return first index and end of every stretch without a gap."""
+        breaks = np.flatnonzero(np.diff(self.times) > MAX_HIDDEN_S) + 1
+        edges = [0, *breaks.tolist(), len(self.times)]
+        return list(pairwise(edges))
+
+    def trial(
+        self, first: int, end: int, *, configuration: str, direction: str, number: int
+    ) -> HandoverTrial:
+        """
+        Cut a trial out.
+
+        Args:
+            first: index of its first sample.
+            end: index after its last sample.
+            configuration: where it took place.
+            direction: `give` or `take`.
+            number: of the trial.
+
+        Returns:
+            The trial, its time starting at 0.
+
+        Raises:
+            DataError: a wrist was out of sight for too long, or the samples make no trial.
+
+        """
+        if end - first < 1:
+            raise DataError(f'{self.source}: no samples to make a trial of')
+        times = self.times[first:end]
+        gaps = np.diff(times)
+        if len(gaps) and gaps.max() > MAX_HIDDEN_S:
+            at = f'{times[int(np.argmax(gaps))]:.3f} s'
+            raise DataError(f'{self.source}: {at}: a wrist is out of sight for {gaps.max():.2g} s')
+        return HandoverTrial(
+            times=np.round(times - float(times[0]), 6),
+            partner=self.partner[first:end],
+            demonstrator=self.demonstrator[first:end],
+            configuration=configuration,
+            direction=direction,
+            number=number,
+            source=self.source,
+        )
+
+    def _check_size(self) -> None:
+        """Refuse what is too small for people, as a recording in the wrong unit is."""
+        unit = f'if the unit is {self.unit.value}; say which with --unit'
+        moved = extent(self.demonstrator)
+        if moved < (SURE_REACH_M if self.unit.why == ASSUMED else MIN_REACH_M):
+            raise DataError(f'{self.source}: P2 moves only {1e3 * moved:.2g} mm in all, {unit}')
+        room = extent(np.vstack([self.partner, self.demonstrator]))
+        if room < MIN_WORKSPACE_M:
+            raise DataError(f'{self.source}: both wrists stay within {1e3 * room:.2g} mm, {unit}')
+
+
+def extent(positions: NDArray[np.float64]) -> float:
+    """Return how large a box about positions (n, 3) is, along its diagonal."""
+    return float(np.linalg.norm(np.ptp(positions, axis=0)))
+
+
+def mark_unseen(positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Mark what stands for a marker or body that was not seen.
+
+    Args:
+        positions: (..., 3); NaN, the very origin, and numbers that programs write for nothing.
+
+    Returns:
+        A copy, all three coordinates NaN where it was not seen.
+
+    """
+    unseen = ~np.isfinite(positions).all(axis=-1)
+    unseen |= (positions == 0.0).all(axis=-1)
+    unseen |= (np.abs(positions) == _EMPTY).any(axis=-1)
+    return np.where(unseen[..., None], np.nan, positions)
+
+
+def middle(markers: list[NDArray[np.float64]], names: str) -> NDArray[np.float64]:
+    """
+    Follow the middle between markers of one wrist, also while some of them are not seen.
+
+    The middle is learnt from the samples in which all are seen: how far each marker is from it.
+    While some are not seen, the others tell where it is, each by its own distance, which is
+    interpolated from before to after; so the wrist does not jump when a marker is lost.
+
+    Args:
+        markers: (n, 3) each, NaN where it was not seen.
+        names: of the markers, for the error.
+
+    Returns:
+        (n, 3), NaN where none was seen.
+
+    Raises:
+        DataError: the markers are never all seen at once.
+
+    """
+    if len(markers) == 1:
+        return markers[0]
+    table = np.stack(markers)
+    seen = np.asarray(np.isfinite(table).all(axis=2))
+    whole = np.flatnonzero(seen.all(axis=0))
+    if len(whole) == 0:
+        raise DataError(f'{names} are never all seen at once; leave some of them out')
+    centre = table[:, whole].mean(axis=0)
+    every = np.arange(table.shape[1])
+    total = np.zeros(table.shape[1:])
+    for marker, place in zip(table, seen, strict=True):
+        offset = marker[whole] - centre
+        away = np.column_stack([np.interp(every, whole, column) for column in offset.T])
+        total[place] += marker[place] - away[place]
+    count = seen.sum(axis=0)[:, None]
+    wrist: NDArray[np.float64] = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    return wrist
+
+
+def find_gaps(times: NDArray[np.float64], seen: NDArray[Any], who: str) -> list[Gap]:
+    """
+    Find when a wrist was not seen.
+
+    Args:
+        times: (n,) s, of all samples; where samples are missing, it was not seen either.
+        seen: (n,) whether it was.
+        who: `P1` or `P2`.
+
+    Returns:
+        The gaps between the first time it was seen and the last.
+
+    """
+    if len(times) < 3:
+        return []
+    period = float(np.median(np.diff(times)))
+    when = times[seen]
+    wide = np.flatnonzero(np.diff(when) > _MISSED_PERIODS * period)
+    return [Gap(who, float(when[k]), float(when[k + 1])) for k in wide]

@@ -1,0 +1,99 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The records of a bag that is stored as sqlite3, as ROS 2 Humble does by default.
+
+They come as the records of an MCAP file, in the order they were written in, so that whoever reads
+one reads the other. (The library `rosbags` sorts by the time of recording, by which a recording on
+simulated time that was reset would be woven into one.) Before ROS 2 Iron these files hold no
+definitions of their messages; the packages of this machine have them, or `rosbags`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+import sqlite3
+
+from handover_dmp.common.errors import DataError
+from handover_dmp.recording.mcap_file import RECORD_LIMIT
+from handover_dmp.recording.message_definitions import message_definition
+from mcap.records import Channel, McapRecord, Message, Schema
+
+_TABLES = ('topics', 'messages')
+
+
+def read_sqlite3(path: Path) -> Iterator[McapRecord]:
+    """
+    Read the records of a sqlite3 file of rosbag2.
+
+    Args:
+        path: the file.
+
+    Yields:
+        A schema and a channel for each topic, then the messages.
+
+    Raises:
+        DataError: no such file of rosbag2, or a damaged one.
+
+    """
+    # What a recorder that was killed left beside the file belongs to it.
+    unfinished = path.with_name(f'{path.name}-wal').exists()
+    place = path.absolute().as_uri() + ('?mode=ro' if unfinished else '?immutable=1')
+    try:
+        with closing(sqlite3.connect(place, uri=True)) as connection:
+            yield from _read(connection, path)
+    except (sqlite3.Error, ValueError, TypeError, OverflowError) as error:
+        raise DataError(f'{path}: not a sqlite3 bag that can be read: {error}'[:300]) from error
+
+
+def _read(connection: sqlite3.Connection, path: Path) -> Iterator[McapRecord]:
+    # Of tables alone: a view could have a query without end behind it.
+    query = "SELECT name FROM sqlite_master WHERE type = 'table'"
+    tables = {name for (name,) in connection.execute(query)}
+    if not tables.issuperset(_TABLES):
+        raise DataError(f'{path}: not a bag of rosbag2, it has no topics and messages')
+    definitions: dict[str, tuple[str, str]] = {}
+    if 'message_definitions' in tables:
+        query = 'SELECT topic_type, encoding, encoded_message_definition FROM message_definitions'
+        definitions = {name: (how, text) for name, how, text in connection.execute(query)}
+    query = 'SELECT id, name, type, serialization_format FROM topics'
+    for number, name, type_name, encoding in connection.execute(query).fetchall():
+        how, text = definitions.get(type_name, ('', '')) or ('', '')
+        if not text:
+            how, text = 'ros2msg', _known_definition(type_name)
+        schema = 0
+        if text:
+            schema = number
+            yield Schema(data=text.encode(), encoding=how, id=schema, name=type_name)
+        yield Channel(
+            id=number, topic=name, message_encoding=encoding, metadata={}, schema_id=schema
+        )
+    query = 'SELECT topic_id, timestamp, data FROM messages ORDER BY id'
+    for count, (number, time_ns, data) in enumerate(connection.execute(query)):
+        if not isinstance(data, bytes) or len(data) > RECORD_LIMIT:
+            raise DataError(f'{path}: message {count + 1} is no message')
+        yield Message(
+            channel_id=number, log_time=time_ns, publish_time=time_ns, sequence=count, data=data
+        )
+
+
+def _known_definition(type_name: str) -> str:
+    try:
+        return message_definition(type_name).text
+    except DataError:
+        # It matters only if somebody wants to know what is in it.
+        return ''
