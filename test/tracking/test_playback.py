@@ -144,7 +144,6 @@ def test_nothing_long_past_is_played(tmp_path: Path, trial: HandoverTrial) -> No
 
 
 def test_bags_that_cannot_be_played(tmp_path: Path) -> None:
-    good: list[Any] = [('/hand/pose', k, (0.0, 0.0, 1.0)) for k in range(3)]
     cases = {
         '0 poses on /hand/pose': write(tmp_path / 'a', [('/human/pose', 0, (0.0, 0.0, 1.0))]),
         'no such bag': tmp_path / 'nowhere',
