@@ -42,7 +42,7 @@ class SeenPose(NamedTuple):
     covariance: Sequence[float] | None = None
 
 
-Reader = Callable[[Any], list[SeenPose]]
+BodyReader = Callable[[Any], list[SeenPose]]
 
 
 def _xyz(vector: Any) -> tuple[float, float, float]:
@@ -60,7 +60,7 @@ def _transform(message: Any) -> SeenPose:
     return SeenPose(message.child_frame_id, place, (turn.x, turn.y, turn.z, turn.w))
 
 
-READERS: dict[str, Reader] = {
+READERS: dict[str, BodyReader] = {
     'geometry_msgs/msg/PoseStamped': lambda m: [_pose('', m.pose)],
     'geometry_msgs/msg/PoseWithCovarianceStamped': lambda m: [
         _pose('', m.pose.pose, m.pose.covariance)
