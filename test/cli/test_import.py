@@ -220,7 +220,8 @@ def test_what_is_unusual_is_told(tmp_path, trials, capsys):
     from dataclasses import replace
 
     trial = trials[0]
-    away = replace(trial, partner=trial.demonstrator, demonstrator=trial.partner + [1.0, 0.0, 0.0])
+    far, way = trial.demonstrator[0] + [1.5, 0.0, 0.0], trial.demonstrator - trial.demonstrator[0]
+    away = replace(trial, partner=trial.demonstrator, demonstrator=far + 0.2 * way)
     source = str(tsv(tmp_path / 'bay_give_1.tsv', [away]))
     words = ['import', 'qualisys', source, '-o', str(tmp_path / 'set'), '--up', 'z']
     assert main([*words, *MARKERS, '--unit', 'mm']) == 0
