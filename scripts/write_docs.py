@@ -43,7 +43,9 @@ NODES = (
     'hand_tracker', 'dmp', 'priority_ik', 'robot_sim', 'recorder', 'velocity_to_position',
 )  # fmt: skip
 # Helpers of nodes that have topics of their own, and who uses them.
-HELPERS = {'markers': 'dmp', 'diagnostics': 'every node'}
+HELPERS = {
+    'markers': 'dmp', 'diagnostics': 'every node', 'hand_input': '`dmp`, `priority_ik`'
+}  # fmt: skip
 BEGIN, END = '<!-- generated: {} -->', '<!-- end -->'
 
 
