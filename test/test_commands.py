@@ -63,6 +63,7 @@ DOCUMENTS = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs
 ROS2 = shutil.which('ros2')
 PLAYER = ROOT / 'test' / 'nodes' / 'play_bag.py'
 WAIT_S = 90.0
+SLOW_MOTION = 0.1
 # These take a quarter of a minute and more each.
 MINUTES = (' bench', ' tune ', ' render runs', ' evaluate ', '--robot panda', ' demo --trial')
 
@@ -128,13 +129,19 @@ def qualisys(partner: np.ndarray, demonstrator: np.ndarray) -> str:
 
 @pytest.fixture(scope='module')
 def graph(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
-    """Give the five nodes on the wall clock, for what is asked of a running graph."""
+    """
+    Give the five nodes in slow motion, for what is asked of a running graph.
+
+    In real time they would take most of a small machine from the commands between.
+    """
     folder = tmp_path_factory.mktemp('graph')
     scenario = make_scenario()
     keep_inputs(folder, scenario)
-    with Graph(
-        folder, graph_parameters(folder, scenario, {}, lockstep=False), lockstep=False
-    ) as running:
+    parameters = graph_parameters(folder, scenario, {}, lockstep=True)
+    parameters['robot_sim']['real_time_factor'] = SLOW_MOTION
+    parameters['hand_tracker']['replay_at_s'] = -1.0  # when it is told
+    with Graph(folder, parameters) as running:
+        running.pause(False)
         yield running
 
 
