@@ -7,6 +7,9 @@ PYTHON ?= python3
 VENV ?= .venv
 
 BIN := $(VENV)/bin
+# The linters' own, since they are pinned, and NumPy with them.
+LINTERS ?= .venv-lint
+PYTHON_FILES := setup.py examples handover_dmp launch scripts test
 # A new version of one of these means that the packages have to be installed again.
 METADATA := setup.py setup.cfg pyproject.toml
 
@@ -23,13 +26,15 @@ ISOLATED = ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_DOMAIN_ID=$$(($$$$ % 100 
 # As many processes as there are processors; test/conftest.py says which tests belong together.
 PYTEST = $(ISOLATED) $(BIN)/python -m pytest -n auto
 
-.PHONY: help demo test longtest lint format bench clean
+.PHONY: help demo test longtest matrix coverage lint format bench clean
 
 help:
 	@echo 'make demo       install what is needed, run one handover, write runs/<name>/'
 	@echo 'make test       install what is needed, run the tests'
-	@echo 'make longtest   those too that take minutes each'
-	@echo 'make lint       what test/test_lint.py checks, file by file'
+	@echo 'make longtest   those too that take minutes each, and new examples for all properties'
+	@echo 'make matrix     demo and test on Python 3.10 to 3.13, and with the oldest libraries'
+	@echo 'make coverage   what share of each room the tests run through'
+	@echo 'make lint       style and types, with pinned tools in an environment of their own'
 	@echo 'make format     put every Python file into shape'
 	@echo 'make bench      measure speed and accuracy beside peers'
 	@echo 'make clean      remove .venv and what builds and tools left; runs/ stays'
@@ -41,48 +46,69 @@ test: $(VENV)/.test
 	$(PYTEST)
 
 longtest: $(VENV)/.test
-	$(PYTEST) -m 'slow or not slow'
+	$(PYTEST) -m 'slow or not slow' --hypothesis-profile=new
 
-lint: $(VENV)/.test
-	$(BIN)/ament_flake8 --exclude .venv build install log -- .
-	$(BIN)/ament_pep257 .
-	$(BIN)/ruff check .
-	$(BIN)/ruff format --check .
-	$(BIN)/mypy
+matrix:
+	scripts/matrix.sh
 
-format: $(VENV)/.test
-	$(BIN)/python scripts/add_licence_header.py
-	$(BIN)/ruff format .
-	$(BIN)/ruff check --fix .
+coverage: $(VENV)/.coverage
+	$(PYTEST) --cov=handover_dmp --cov-report=json:$(VENV)/coverage.json --cov-report=
+	$(BIN)/python scripts/coverage_by_room.py $(VENV)/coverage.json
+
+lint: $(LINTERS)/.lint
+	$(LINTERS)/bin/ament_flake8 $(PYTHON_FILES)
+	$(LINTERS)/bin/ament_pep257 --add-ignore D406 D407 -- $(PYTHON_FILES)
+	$(LINTERS)/bin/ruff check .
+	$(LINTERS)/bin/ruff format --check .
+	$(LINTERS)/bin/mypy
+	$(LINTERS)/bin/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
+
+format: $(LINTERS)/.lint
+	$(LINTERS)/bin/python scripts/add_licence_header.py
+	$(LINTERS)/bin/ruff format .
+	$(LINTERS)/bin/ruff check --fix .
 
 bench: $(VENV)/.bench
 	$(ISOLATED) $(BIN)/handover_dmp bench
 
 clean:
-	rm -rf $(VENV) build dist install log *.egg-info
+	rm -rf $(VENV) $(LINTERS) .venv-* build dist install log *.egg-info
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # Each file below stands for "is installed".
 
-$(BIN)/python:
+# Files in `lib/` and `share/` are copied, so an install is also as old as they are.
+COPIED := $(wildcard config/* launch/* urdf/* scripts/* package.xml)
+INSTALL = pip install --quiet $(PIP_OPTIONS)
+
+$(BIN)/python $(LINTERS)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 14))' || { \
 	    echo "Python 3.10 to 3.13 is needed, and '$(PYTHON)' is not: make PYTHON=python3.12" >&2; \
 	    exit 1; }
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(PYTHON) -m venv $(@D)/..
+	$@ -m pip install --quiet --upgrade pip
 
-$(VENV)/.demo: $(METADATA) | $(BIN)/python
-	@echo 'installing (some minutes; from Python 3.12 on PyBullet is compiled, some more)'
-	$(BIN)/python -m pip install --quiet --editable '.[ros]'
+$(VENV)/.demo: $(METADATA) $(COPIED) | $(BIN)/python
+	@echo 'installing (about a minute)'
+	$(BIN)/python -m $(INSTALL) --editable '.[ros]'
 	@touch $@
 
-$(VENV)/.test: $(METADATA) | $(BIN)/python
-	@echo 'installing (some minutes; from Python 3.12 on PyBullet is compiled, some more)'
-	$(BIN)/python -m pip install --quiet --editable '.[ros,test,lint]'
+$(VENV)/.test: $(METADATA) $(COPIED) | $(BIN)/python
+	@echo 'installing (about a minute)'
+	$(BIN)/python -m $(INSTALL) --editable '.[ros,test]'
 	@touch $@ $(VENV)/.demo
 
-$(VENV)/.bench: $(METADATA) | $(BIN)/python
-	@echo 'installing (some minutes; from Python 3.12 on PyBullet is compiled, some more)'
-	$(BIN)/python -m pip install --quiet --editable '.[ros,bench]'
+$(VENV)/.coverage: $(VENV)/.test
+	$(BIN)/python -m $(INSTALL) --editable '.[ros,test,coverage]'
+	@touch $@
+
+$(VENV)/.bench: $(METADATA) $(COPIED) | $(BIN)/python
+	@echo 'installing (some minutes)'
+	$(BIN)/python -m $(INSTALL) --editable '.[ros,bench]'
 	@touch $@ $(VENV)/.demo
+
+$(LINTERS)/.lint: $(METADATA) | $(LINTERS)/bin/python
+	@echo 'installing (about a minute)'
+	$(LINTERS)/bin/python -m $(INSTALL) '.[lint]'
+	@touch $@

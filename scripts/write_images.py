@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Make the pictures of the README anew, from a run: python scripts/write_images.py [RUN]."""
+"""Make the pictures of README and docs anew: python scripts/write_images.py [RUN]."""
 
 from __future__ import annotations
 
@@ -22,18 +22,23 @@ import sys
 from tempfile import TemporaryDirectory
 
 from handover_dmp.cli.main import main as handover_dmp
+from handover_dmp.handover.approach_figure import draw_approach
+from handover_dmp.handover.scenario import example_model
 
 IMAGES = Path(__file__).resolve().parents[1] / 'docs' / 'images'
 MAX_BYTES = 3_000_000
+NEAR_SHARE = 0.27
+"""Distance of the hand in the figure of the approach, as a part of the learnt one."""
 
 
 def main(run: Path) -> None:
-    """Film the run at half its speed, and take its figure of the three axes."""
+    """Film the run at half its speed, take its figure of the three axes, and draw the approach."""
     film = IMAGES / 'handover.webp'
     words = ['--no-video', '--image', str(film), '--speed', '0.5', '--size', '800x600']
     if handover_dmp(['render', str(run), *words]):
         raise SystemExit(f'{run}: cannot be filmed')
     shutil.copyfile(run / 'figures' / 'positions.png', IMAGES / 'positions.png')
+    draw_approach(example_model(), NEAR_SHARE, IMAGES / 'approach.png')
     if film.stat().st_size > MAX_BYTES:
         raise SystemExit(f'{film}: too large for a README')
 

@@ -21,9 +21,15 @@ from pathlib import Path
 from typing import Any
 
 from handover_dmp.common.threads import use_one_thread
+from hypothesis import settings
 import pytest
 
 use_one_thread()
+
+# `make test` tries the same examples each time; `make longtest` looks for new ones.
+settings.register_profile('same', derandomize=True, deadline=None)
+settings.register_profile('new', deadline=None, print_blob=True)
+settings.load_profile('same')
 
 KTH = Path(__file__).resolve().parents[2] / 'shared' / 'data' / 'kth_handovers'
 DOMAINS = 100

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The rules of the ament linters, and this repository's own: layout, types, licence headers."""
+"""Licence headers. Layout, style and types depend on their tools' versions: `make lint`."""
 
 from __future__ import annotations
 
@@ -25,49 +25,6 @@ from types import ModuleType
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-FOLDERS = ('examples', 'handover_dmp', 'launch', 'scripts', 'test')
-FILES = [
-    str(file.relative_to(ROOT))
-    for file in [
-        ROOT / 'setup.py',
-        *(file for folder in FOLDERS for file in sorted((ROOT / folder).rglob('*.py'))),
-    ]
-]
-
-
-def run(*words: str) -> None:
-    """Run a linter on the repository; what it finds is the reason of the failure."""
-    result = subprocess.run(
-        [sys.executable, '-m', *words], cwd=ROOT, capture_output=True, text=True
-    )
-    assert result.returncode == 0, '\n' + result.stdout + result.stderr
-
-
-def test_flake8_as_ament_has_it() -> None:
-    pytest.importorskip('ament_flake8')
-    run('ament_flake8.main', *FILES)
-
-
-def test_pep257_as_ament_has_it() -> None:
-    pytest.importorskip('ament_pep257')
-    # D406 and D407 are not of PEP 257: they ask for underlined sections, which Google's style,
-    # that of these docstrings, does not have.
-    run('ament_pep257.main', '--add-ignore', 'D406', 'D407', '--', *FILES)
-
-
-def test_ruff() -> None:
-    pytest.importorskip('ruff')
-    run('ruff', 'check', *FILES)
-
-
-def test_layout() -> None:
-    pytest.importorskip('ruff')
-    run('ruff', 'format', '--check', *FILES)
-
-
-def test_types() -> None:
-    pytest.importorskip('mypy')
-    run('mypy')
 
 
 @pytest.fixture(scope='module')

@@ -37,8 +37,8 @@ ROOT = Path(__file__).resolve().parents[1]
 NODES = ('robot_sim', 'hand_tracker', 'dmp', 'priority_ik', 'recorder')
 # What an install is made from; the rest of a checkout (.venv, runs, caches) may be large.
 SOURCES = (
-    'setup.py', 'setup.cfg', 'pyproject.toml', 'package.xml', 'LICENSE', 'resource', 'scripts',
-    'handover_dmp', 'config', 'urdf', 'launch',
+    'setup.py', 'setup.cfg', 'pyproject.toml', 'package.xml', 'LICENSE', 'README.md', 'resource',
+    'scripts', 'handover_dmp', 'config', 'urdf', 'launch',
 )  # fmt: skip
 PATIENCE_S = 120.0
 
@@ -120,6 +120,13 @@ def copy_sources(target: Path, *more: str) -> Path:
     return target
 
 
+def see_this_environment(prefix: Path) -> None:
+    """Let what the package depends on be that of this environment: the tests need no network."""
+    (site_packages,) = prefix.glob('lib/python3*/site-packages')
+    outer = sysconfig.get_path('purelib')
+    (site_packages / 'outer.pth').write_text(f'import site; site.addsitedir({outer!r})\n')
+
+
 @pytest.fixture(scope='module')
 def pip_layout(tmp_path_factory: pytest.TempPathFactory) -> Installed:
     """Build the wheel and install it to a virtual environment of its own."""
@@ -134,12 +141,25 @@ def pip_layout(tmp_path_factory: pytest.TempPathFactory) -> Installed:
     (wheel,) = folder.glob('*.whl')
     checked((sys.executable, '-m', 'venv', '--without-pip', prefix), folder, variables)
     checked((*pip, '--python', prefix, 'install', *offline, wheel), folder, variables)
-    # What the package depends on is that of this environment: the tests need no network.
-    (site_packages,) = prefix.glob('lib/python3*/site-packages')
-    outer = sysconfig.get_path('purelib')
-    (site_packages / 'outer.pth').write_text(f'import site; site.addsitedir({outer!r})\n')
+    see_this_environment(prefix)
     # Another Python is first on the PATH: the nodes have to take that of their own prefix.
     return Installed(prefix, variables | {'AMENT_PREFIX_PATH': str(prefix)})
+
+
+def test_an_editable_install_has_what_ros2_run_looks_for(tmp_path: Path) -> None:
+    source, prefix = copy_sources(tmp_path / 'source'), tmp_path / 'venv'
+    checked((sys.executable, '-m', 'venv', '--without-pip', prefix), tmp_path, environment())
+    see_this_environment(prefix)
+    words = f'--disable-pip-version-check --python {prefix} install --no-deps --no-index'
+    words += f' --no-build-isolation --editable {source}'
+    checked((sys.executable, '-m', 'pip', *words.split()), tmp_path, environment())
+    for name in NODES:
+        assert os.access(prefix / 'lib' / 'handover_dmp' / name, os.X_OK), name
+    share_folder = prefix / 'share'
+    assert (share_folder / 'ament_index/resource_index/packages/handover_dmp').is_file()
+    for file in ('package.xml', 'launch/handover.launch.py', 'config/handover.yaml'):
+        copied = share_folder / 'handover_dmp' / file
+        assert copied.read_bytes() == (source / file).read_bytes()
 
 
 @pytest.fixture(scope='module')
@@ -361,6 +381,89 @@ def test_package_xml_is_what_colcon_and_ament_want() -> None:
         assert re.fullmatch(r'[\w.+-]+@[\w-]+(\.[\w-]+)+', address)
     names = [element.text for element in root if element.tag.endswith('_depend')]
     assert len(names) == len(set(names))
+
+
+WITH_PINOCCHIO = {'pin', 'coal', 'eigenpy'}
+
+
+def declared(name: str) -> dict[str, str]:
+    """Return the requirements of a list in `setup.py`: name to bound."""
+    text = (ROOT / 'setup.py').read_text(encoding='utf-8')
+    part = re.search(rf"^(?:{name} =| +'{name}':) \[$(.*?)^ *\]", text, re.MULTILINE | re.DOTALL)
+    return dict(re.findall(r"^ +'([\w.-]+)(?:\[\w+\])?>=([\d.]+)", part.group(1), re.MULTILINE))
+
+
+def by_pip() -> dict[str, str]:
+    """Return what goes into the environment beside a colcon workspace: name to bound."""
+    lines = (ROOT / 'requirements-colcon.txt').read_text(encoding='utf-8').splitlines()
+    return dict(line.split('>=') for line in lines if not line.startswith('#'))
+
+
+def test_rosdep_and_pip_bring_exactly_what_is_required() -> None:
+    """Beside a ROS 2 that apt installed; there is no key that ends in a plain pip install."""
+    keys = [str(element.text) for element in package_xml().findall('exec_depend')]
+    assert not [key for key in keys if key.endswith('-pip')]
+    by_rosdep = {key.removeprefix('python3-') for key in keys if key.startswith('python3-')}
+    known = {'pil': 'pillow', 'yaml': 'PyYAML'}
+    by_rosdep = {known.get(key, key) for key in by_rosdep} | {'xacro'}
+    assert {'pinocchio', 'xacro'} <= set(keys)
+    required = declared('REQUIREMENTS')
+    # of the two builds of PyBullet, the one for the Python of Ubuntu 24.04
+    del required['pybullet']
+    assert by_rosdep | set(by_pip()) | WITH_PINOCCHIO == set(required)
+    assert not by_rosdep & set(by_pip())
+    assert by_pip() == {name: required[name] for name in by_pip()}
+
+
+UBUNTU_24_04 = {
+    'joblib': '1.3.2', 'matplotlib': '3.6.3', 'numpy': '1.26.4', 'pillow': '10.2.0',
+    'PyYAML': '6.0.1', 'rich': '13.7.1', 'scipy': '1.11.4',
+}  # fmt: skip
+
+
+def test_what_ubuntu_has_is_new_enough() -> None:
+    required = declared('REQUIREMENTS')
+    for name, version in UBUNTU_24_04.items():
+        bound, there = ([*map(int, text.split('.'))] for text in (required[name], version))
+        assert bound <= there, name
+
+
+def test_the_readme_tells_of_every_step_beside_a_ros_that_apt_installed() -> None:
+    readme = (ROOT / 'README.md').read_text(encoding='utf-8')
+    (block,) = (each for each in readme.split('```') if '/opt/ros/jazzy' in each)
+    steps = [
+        'source /opt/ros/jazzy/setup.bash', 'rosdep install --from-paths',
+        'venv --system-site-packages', 'COLCON_IGNORE',
+        'pip install -r src/handover_dmp/requirements-colcon.txt', '"$(command -v colcon)" build',
+        'source install/setup.bash', 'ros2 launch handover_dmp handover.launch.py',
+    ]  # fmt: skip
+    places = [block.index(step) for step in steps]
+    assert places == sorted(places)
+    checked(('bash', '-n', '-c', block.removeprefix('sh')), ROOT, environment())
+
+
+def test_the_oldest_libraries_are_those_of_setup_py() -> None:
+    told = checked((sys.executable, 'scripts/lower_bounds.py'), ROOT, environment()).split('\n')
+    found = dict(line.partition(';')[0].split('==') for line in told if line)
+    wanted = declared('REQUIREMENTS') | declared('ros') | declared('test')
+    assert found == wanted
+
+
+def test_the_workflow_has_the_form_that_github_wants() -> None:
+    pytest.importorskip('check_jsonschema')
+    files = (ROOT / '.github' / 'workflows').glob('*.yml')
+    schema = ('--builtin-schema', 'vendor.github-workflows')
+    checked((sys.executable, '-m', 'check_jsonschema', *schema, *files), ROOT, environment())
+
+
+def test_the_workflow_runs_the_two_commands_on_every_python() -> None:
+    text = (ROOT / '.github' / 'workflows' / 'ci.yml').read_text(encoding='utf-8')
+    jobs = yaml.safe_load(text)['jobs']
+    assert jobs['pip']['strategy']['matrix']['python'] == ['3.10', '3.11', '3.12', '3.13']
+    assert jobs['pip']['runs-on'] == 'ubuntu-24.04'
+    commands = [step['run'] for step in jobs['pip']['steps'] if 'run' in step]
+    assert commands == ['make demo', 'make test']
+    assert jobs['colcon']['container'] == 'ros:jazzy'
 
 
 def test_catkin_pkg_finds_no_fault(recwarn: pytest.WarningsRecorder) -> None:

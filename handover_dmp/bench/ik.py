@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from functools import partial
 from importlib import import_module
 from statistics import median
 from time import perf_counter
@@ -46,7 +47,7 @@ LONG_RUN = 100_000
 STEPS, BLOCK = 3000, 50
 ARMS = ('lwr4', 'iiwa14', 'panda', 'ur5')
 ROUNDING = 1e-9
-PEERS = ('pink', 'placo')
+PEERS = ('pink', 'pink with AccelerationLimit', 'placo')
 
 
 def run(progress: Callable[[str], None]) -> list[Measurement]:
@@ -280,7 +281,7 @@ def _worst(model: RobotModel, runs: Iterable[Run], limit: str) -> float:
     return max(run.excess(model)[limit] for run in runs)
 
 
-def _pink(model: RobotModel) -> Follower:
+def _pink(model: RobotModel, *, bound_acceleration: bool = False) -> Follower:
     """Give the pink package the same task: the wrist's position first in weight, posture after."""
     pink = import_module('pink')
     limits = import_module('pink.limits')
@@ -293,8 +294,11 @@ def _pink(model: RobotModel) -> Follower:
     posture_task.set_target(model.home)
     configuration = pink.Configuration(robot, robot.createData(), model.home)
     kept = [limits.ConfigurationLimit(robot), limits.VelocityLimit(robot)]
+    acceleration = limits.AccelerationLimit(robot, model.limits.acceleration)
+    kept += [acceleration] if bound_acceleration else []
 
     def step(q: Array, velocity: Array, position: Array, speed: Array) -> tuple[Array, float]:
+        acceleration.set_last_integration(velocity, PERIOD_S)
         configuration.update(np.clip(q, model.limits.lower, model.limits.upper))
         wrist.set_target(pin.SE3(np.eye(3), position + speed * PERIOD_S))
         try:
@@ -341,4 +345,8 @@ def _at_home(model: RobotModel) -> tuple[Array, Array]:
     return position, np.zeros(3)
 
 
-_PEER_FOLLOWERS = {'pink': _pink, 'placo': _placo}
+_PEER_FOLLOWERS: dict[str, Callable[[RobotModel], Follower]] = {
+    'pink': _pink,
+    'pink with AccelerationLimit': partial(_pink, bound_acceleration=True),
+    'placo': _placo,
+}

@@ -23,6 +23,7 @@ from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING
 
+from handover_dmp.cli.low_pass import add_low_pass
 from handover_dmp.common.errors import UsageError
 from handover_dmp.evaluation import LEARN
 
@@ -134,6 +135,7 @@ def add_learning_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='N',
         help='candidate basis functions (default: %(default)s)',
     )
+    add_low_pass(parser)
 
 
 def read_learning(options: argparse.Namespace) -> Learning:
@@ -155,7 +157,9 @@ def read_learning(options: argparse.Namespace) -> Learning:
     from handover_dmp.dmp.parameter_file import read_parameters
     from handover_dmp.evaluation.rollouts import Learning
 
-    learning = Learning(regression=options.regression, basis=options.basis)
+    learning = Learning(
+        regression=options.regression, basis=options.basis, cutoff_hz=options.low_pass
+    )
     if options.parameters is not None:
         tuned = read_parameters(options.parameters)
         learning = replace(

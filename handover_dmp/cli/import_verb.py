@@ -23,6 +23,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from handover_dmp.cli.low_pass import add_low_pass
 from handover_dmp.common.errors import DataError, UsageError
 
 if TYPE_CHECKING:
@@ -89,6 +90,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='axis that points up (x, y, z, -x, -y, -z), whatever the file tells; default: what '
         'it tells, else the one along which the wrists rest at a height of people',
     )
+    add_low_pass(parser, default='none')
     default = 'default: what a bag tells, else <configuration>_<exchange>_<number> of the file'
     parser.add_argument('--configuration', metavar='NAME', help=default)
     parser.add_argument('--exchange', choices=('give', 'take'), help=default)
@@ -142,6 +144,7 @@ def run(options: argparse.Namespace) -> int:
         read_data_set,
         write_data_set,
     )
+    from handover_dmp.mocap.filtering import condition
     from handover_dmp.mocap.tables import save
     from rich.console import Console
     from rich.progress import track
@@ -169,6 +172,8 @@ def run(options: argparse.Namespace) -> int:
         from handover_dmp.mocap.segmentation_figure import draw_segmentation
 
         draw_segmentation(segmented[0], options.figure)
+    if options.low_pass is not None:
+        new = [condition(trial, trial.rate_hz, options.low_pass) for trial in new]
     if not new:
         raise DataError(f'{", ".join(map(str, sources))}: no handover found{_why(segmented)}')
     new = _numbered(old, new)

@@ -20,6 +20,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from handover_dmp.cli.low_pass import add_low_pass
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
@@ -77,6 +79,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--classical', action='store_true', help='learn the classical primitive (1) instead'
     )
+    add_low_pass(parser)
     parser.add_argument('--json', type=Path, metavar='FILE', help='write the outcome as JSON, too')
 
 
@@ -113,6 +116,7 @@ def run(options: argparse.Namespace) -> int:
         basis=DEFAULT_BASIS if options.basis is None else options.basis,
         jointly=options.joint,
         primitive=ClassicalDmp if options.classical else DecoupledDmp,
+        cutoff_hz=options.low_pass,
     )
     if tuned.duration_scale != 1.0:
         model = model.with_duration(tuned.duration_scale * model.duration_s)
@@ -125,7 +129,9 @@ def run(options: argparse.Namespace) -> int:
         'regression': options.regression,
         'basis_functions': model.basis.size,
         'used_basis_functions': np.count_nonzero(model.weights, axis=0).tolist(),
-        'reproduction_error_mm': [1e3 * reproduction_error(model, trial) for trial in trials],
+        'reproduction_error_mm': [
+            1e3 * reproduction_error(model, trial, options.low_pass) for trial in trials
+        ],
     }
     if options.json:
         import json

@@ -23,6 +23,8 @@ from handover_dmp.cli.recorded import add_source_and_output
 from handover_dmp.cli.robot_arguments import add_robot_arguments, chosen_arm
 
 MAX_JOBS = 4
+VIDEOS = ('.mp4',)
+IMAGES = ('.webp', '.gif')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,8 +37,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
     add_source_and_output(
         parser,
-        'DIR',
-        'where handover.mp4 and handover.webp go; default: the folder of the run, or <bag>_film',
+        'DIR_OR_FILE',
+        'where handover.mp4 and handover.webp go, or the one file to make, .mp4, .webp or .gif; '
+        'default: the folder of the run, or <bag>_film',
     )
     parser.add_argument('--video', type=Path, metavar='FILE', help='MP4, in place of that one')
     parser.add_argument(
@@ -99,9 +102,7 @@ def run(options: argparse.Namespace) -> int:
         raise UsageError('neither video nor image: nothing to do')
     width, height = _size(options.size)
     how = Film(width, height, options.rate, options.speed, chosen_arm(options))
-    folder = options.output or _folder(options.source)
-    video = None if options.no_video else options.video or folder / 'handover.mp4'
-    image = None if options.no_image else options.image or folder / 'handover.webp'
+    video, image = chosen_files(options)
     jobs = options.jobs or min(MAX_JOBS, os.cpu_count() or 1)
     began_s = monotonic()
     with progress_bar() as bar:
@@ -126,6 +127,33 @@ def run(options: argparse.Namespace) -> int:
     if options.json is not None:
         write_text(options.json, json.dumps(made, indent=2) + '\n')
     return 0
+
+
+def chosen_files(options: argparse.Namespace) -> tuple[Path | None, Path | None]:
+    """
+    Tell which video and which image are to be made.
+
+    Args:
+        options: what `add_arguments` declared.
+
+    Returns:
+        Video and image; None for one that is not wanted.
+
+    Raises:
+        UsageError: one file is named and others are asked for.
+
+    """
+    from handover_dmp.common.errors import UsageError
+
+    kind = '' if options.output is None else options.output.suffix.lower()
+    if kind in (*VIDEOS, *IMAGES) and not options.output.is_dir():
+        if options.video or options.image or options.no_video or options.no_image:
+            raise UsageError(f'-o {options.output} names the one file to make')
+        return (options.output, None) if kind in VIDEOS else (None, options.output)
+    folder = options.output or _folder(options.source)
+    video = None if options.no_video else options.video or folder / 'handover.mp4'
+    image = None if options.no_image else options.image or folder / 'handover.webp'
+    return video, image
 
 
 def _size(text: str) -> tuple[int, int]:

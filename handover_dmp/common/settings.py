@@ -41,6 +41,13 @@ def defaults(node: str) -> dict[str, Any]:
     return dict(_flatten(tree['/**']['ros__parameters']) + _flatten(tree[node]['ros__parameters']))
 
 
+@cache
+def node_names() -> tuple[str, ...]:
+    """Return the names of all nodes that have parameters in `config/handover.yaml`."""
+    tree = yaml.safe_load(share_path('config/handover.yaml').read_text(encoding='utf-8'))
+    return tuple(name for name in tree if name != '/**')
+
+
 def setting(node: str, name: str) -> Any:
     """
     Make a dataclass field whose default is a parameter of `config/handover.yaml`.

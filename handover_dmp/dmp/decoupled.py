@@ -59,6 +59,22 @@ class DecoupledDmp(Primitive):
         weight: NDArray[np.float64] = 0.5 + 0.5 * erf_of_array((u - mu) * slope)
         return weight
 
+    def shape(self, u: float) -> Vector:
+        """
+        Give the forcing term f of (6) at one time.
+
+        Args:
+            u: −ln(s)/α, from 0.
+
+        Returns:
+            m, d floats; beyond the end of the basis its last value.
+
+        """
+        node = min(u * TABLE_RATE, LAST_NODE)
+        index = int(node)
+        value, slope = self._rows[index]
+        return tuple([f + (node - index) * df for f, df in zip(value, slope, strict=True)])
+
     @cached_property
     def _erf(self) -> tuple[float, float]:
         return (

@@ -19,10 +19,13 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field, fields, replace
 import math
 from pathlib import Path
+from typing import Any
 
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.files import write_text
 from handover_dmp.common.plain_yaml import load_plain
+from handover_dmp.common.ros_parameters import merged, Section, sections, unknown_parameter
+from handover_dmp.common.settings import defaults, node_names
 from handover_dmp.dmp import DmpParameters
 import yaml
 
@@ -68,15 +71,16 @@ def read_parameters(path: Path) -> TunedParameters:
     Read the parameters of the primitive from a ROS parameter file.
 
     Args:
-        path: the file; parameters of the node that do not belong to the primitive are passed by,
-            those that are not named have their defaults.
+        path: the file; its sections are merged for the node `dmp` as rcl does. Parameters of the
+            node that do not belong to the primitive are passed by, those that are not named have
+            their defaults.
 
     Returns:
         The parameters.
 
     Raises:
-        DataError: the file is missing, is no ROS parameter file with a section `dmp`, or a
-            parameter is out of its range.
+        DataError: the file is missing, is no ROS parameter file with a section for `dmp`, names a
+            parameter that there is not, or a parameter is out of its range.
 
     """
     try:
@@ -89,10 +93,7 @@ def read_parameters(path: Path) -> TunedParameters:
         tree = load_plain(text)
     except DataError as error:
         raise DataError(f'{path}: {error}') from error
-    try:
-        section = dict(tree[NODE]['ros__parameters'])
-    except (KeyError, TypeError, ValueError) as error:
-        raise DataError(f'{path}: no section {NODE}: ros__parameters:') from error
+    section = _section(path, sections(tree))
     known = {each.name for each in fields(DmpParameters)}
     given = {name: value for name, value in section.items() if name in known}
     scale = section.get(DURATION_SCALE, 1.0)
@@ -102,3 +103,28 @@ def read_parameters(path: Path) -> TunedParameters:
         return TunedParameters(replace(DmpParameters(), **given), float(scale))
     except (DataError, OverflowError) as error:
         raise DataError(f'{path}: {error}') from error
+
+
+def _section(path: Path, found: list[Section]) -> dict[str, Any]:
+    """Return what the file says for the node `dmp`, in whatever namespace it lives."""
+    nodes = {
+        section.node
+        for section in found
+        if not section.is_for_many and section.node.rpartition('/')[2] == NODE
+    }
+    node = f'/{NODE}'
+    if nodes and node not in nodes:
+        if len(nodes) > 1:
+            raise DataError(f'{path}: for which of {", ".join(sorted(nodes))} is not told')
+        (node,) = nodes
+    matching = [section for section in found if section.is_for(node)]
+    if not matching:
+        raise DataError(f'{path}: no section {NODE}: ros__parameters:')
+    own = {*defaults(NODE), DURATION_SCALE}
+    everybody = own.union(*(defaults(name) for name in node_names()))
+    for section in matching:
+        many = section.is_for_many
+        fault = unknown_parameter(section.values, everybody if many else own, for_many=many)
+        if fault:
+            raise DataError(f'{path}: {section.node}: {fault}')
+    return merged(matching, node)

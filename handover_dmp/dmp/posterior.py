@@ -44,7 +44,9 @@ class WeightPosterior:
     def __post_init__(self) -> None:
         """Check the shapes and make the arrays read-only."""
         active = np.array(self.active, dtype=np.int64)
-        matrix = np.array(self.matrix, dtype=float, order='C').reshape(-1, active.size)
+        matrix = np.array(self.matrix, dtype=float, order='C')
+        # Of a coordinate that never moves no weight is left, and of their covariance no row.
+        matrix = matrix.reshape(-1, active.size) if active.size else matrix.reshape(0, 0)
         if active.ndim != 1 or matrix.shape != (active.size, active.size):
             raise DataError(f'covariance has the shape {matrix.shape} for {active.size} weights')
         if not np.isfinite(matrix).all():

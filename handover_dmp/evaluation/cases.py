@@ -23,6 +23,7 @@ from functools import cached_property
 from handover_dmp.common.errors import DataError
 from handover_dmp.evaluation.envelope import Array, SAMPLES, time_normalise
 from handover_dmp.mocap import condition, HandoverTrial, velocities
+from handover_dmp.mocap.filtering import CUTOFF_HZ
 import numpy as np
 from numpy.typing import NDArray
 
@@ -133,13 +134,19 @@ class Case:
         return Hands.of(self.trials)
 
 
-def make_cases(trials: Sequence[HandoverTrial], *, min_trials: int = 2) -> list[Case]:
+def make_cases(
+    trials: Sequence[HandoverTrial],
+    *,
+    min_trials: int = 2,
+    cutoff_hz: float | None = CUTOFF_HZ,
+) -> list[Case]:
     """
     Sort trials into cases and condition them.
 
     Args:
         trials: of any configurations and exchanges, in any order.
         min_trials: how many trials a case must have.
+        cutoff_hz: low-pass of the recordings, Hz; None: they are smooth already.
 
     Returns:
         The cases in order of their first trial, trials in order of their number.
@@ -161,6 +168,6 @@ def make_cases(trials: Sequence[HandoverTrial], *, min_trials: int = 2) -> list[
                 f'{len(group)} trial{"s" * (len(group) > 1)}, at least {min_trials} are needed'
             )
         group.sort(key=lambda trial: trial.number)
-        conditioned = [condition(trial) for trial in group]
+        conditioned = [condition(trial, cutoff_hz=cutoff_hz) for trial in group]
         cases.append(Case(configuration, direction, tuple(conditioned)))
     return cases

@@ -130,7 +130,7 @@ def evaluate(
     """
     protocol = protocol or Protocol()
     min_trials = MIN_TRIALS_LEFT_OUT if protocol.leave_one_out else MIN_TRIALS
-    cases = make_cases(trials, min_trials=min_trials)
+    cases = make_cases(trials, min_trials=min_trials, cutoff_hz=protocol.learning.cutoff_hz)
     units = [unit for case in cases for unit in _units(case, protocol)]
     total, done = sum(len(unit.tasks) for unit in units), 0
     blocks: list[list[_Block]] = []

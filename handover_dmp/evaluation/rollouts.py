@@ -22,6 +22,7 @@ from dataclasses import dataclass, field
 from handover_dmp.dmp import ClassicalDmp, DecoupledDmp, DmpParameters, learn
 from handover_dmp.evaluation.cases import Case, Hands
 from handover_dmp.evaluation.envelope import Array
+from handover_dmp.mocap.filtering import CUTOFF_HZ
 import numpy as np
 
 PRIMITIVES: dict[str, type[DecoupledDmp] | type[ClassicalDmp]] = {
@@ -44,6 +45,7 @@ class Learning:
         regression: `rvm` or `ridge`.
         basis: number of basis functions.
         duration_scale: factor on the duration that was learnt; 1 in the protocol.
+        cutoff_hz: low-pass of the recordings, Hz; None: they are smooth already.
 
     """
 
@@ -51,6 +53,7 @@ class Learning:
     regression: str = 'ridge'
     basis: int = 50
     duration_scale: float = 1.0
+    cutoff_hz: float | None = CUTOFF_HZ
 
 
 @dataclass(frozen=True)

@@ -208,7 +208,8 @@ def tune(
 
     """
     default = default or Learning()
-    cases = [thinned(case) for case in make_cases(trials, min_trials=MIN_TRIALS)]
+    made = make_cases(trials, min_trials=MIN_TRIALS, cutoff_hz=default.cutoff_hz)
+    cases = [thinned(case) for case in made]
     seeds = np.random.SeedSequence(seed).spawn(len(cases) + 2)
     splits = [split(case, own) for case, own in zip(cases, seeds, strict=False)]
     attempts = list(_changes(default))

@@ -24,13 +24,14 @@ when the hand is late, wrong or gone. It knows neither the arm nor ROS, so the l
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
-from math import dist, hypot, isfinite, nan
+from math import dist, hypot, inf, isfinite, nan
 from typing import NamedTuple
 
 from handover_dmp.common.settings import setting
 from handover_dmp.dmp import DecoupledDmp, DmpState
+from handover_dmp.handover.approach import ApproachOptions, bounded, step_towards
 from handover_dmp.tracking import GoalEstimator, HandEstimate
 
 Vector = tuple[float, ...]
@@ -66,6 +67,7 @@ class HandoverOptions:
         acceleration_limit: bound on the acceleration of the wrist command, m/s².
         tracking_error_limit_m: how far the command may run ahead of the measured wrist, m.
         phase_stopping: whether an arm that cannot keep up slows the phase.
+        approach: how it comes to a hand that is not where the movement expects it.
 
     """
 
@@ -79,6 +81,7 @@ class HandoverOptions:
     acceleration_limit: float = setting('dmp', 'acceleration_limit')
     tracking_error_limit_m: float = setting('dmp', 'tracking_error_limit_m')
     phase_stopping: bool = setting('dmp', 'phase_stopping')
+    approach: ApproachOptions = field(default_factory=ApproachOptions)
 
 
 class WristCommand(NamedTuple):
@@ -90,7 +93,7 @@ class WristCommand(NamedTuple):
         velocity: m/s.
         state: of the handover.
         phase: s of (4), 1 at the start, towards 0.
-        goal_weight: w_g of (7).
+        goal_weight: w_g of (8).
         hand_age_s: time since the last accepted pose of the hand arrived; infinite before any.
 
     """
@@ -165,6 +168,8 @@ class HandoverController:
         self._estimator.reset()
         self._signal_s: float | None = None
         self._exchange_since_s: float | None = None
+        self._goal_weight = 0.0
+        self._astray = -inf
         if self._primitive is not None and hypot(*self._primitive.velocity) == 0.0:
             self._primitive = None
 
@@ -297,6 +302,8 @@ class HandoverController:
         self._exchange_since_s = None
         self.exchange_position = None
         self._signal_s = None
+        self._goal_weight = float(self.model.goal_weight(self._primitive.phase))
+        self._astray = -inf
         self.state = HandoverState.REACHING
         return True
 
@@ -360,11 +367,13 @@ class HandoverController:
     def _follow(
         self, primitive: DmpState, hand: HandEstimate, dt: float, phase_rate: float
     ) -> DmpState:
-        goal_velocity = tuple(map(float, hand.velocity))
-        ahead = self.model.step(
-            self._anchored(primitive), self._goal(hand), goal_velocity, dt, phase_rate
+        goal, goal_velocity = self._goal(hand), tuple(map(float, hand.velocity))
+        options, limit = self.options.approach, self.options.acceleration_limit
+        primitive = self._anchored(primitive)
+        ahead, self._goal_weight, self._astray = step_towards(
+            self.model, primitive, goal, goal_velocity, dt, phase_rate, options, self._astray
         )
-        return self._accelerated(primitive, ahead, dt)
+        return bounded(primitive, ahead, goal, goal_velocity, dt, limit, options)
 
     def _anchored(self, primitive: DmpState) -> DmpState:
         """Keep the command near the measured wrist, so that it cannot wind up against a stop."""
@@ -377,22 +386,6 @@ class HandoverController:
             w + (c - w) * share for w, c in zip(self._wrist, primitive.position, strict=True)
         )
         return primitive._replace(position=position)
-
-    def _accelerated(self, before: DmpState, after: DmpState, dt: float) -> DmpState:
-        """Bound the change of velocity, whatever the goal does."""
-        maximum = self.options.acceleration_limit * dt
-        size = dist(after.velocity, before.velocity)
-        if size <= maximum:
-            return after
-        velocity = tuple(
-            b + (a - b) * maximum / size
-            for a, b in zip(after.velocity, before.velocity, strict=True)
-        )
-        position = tuple(
-            x + 0.5 * (b + v) * dt
-            for x, b, v in zip(before.position, before.velocity, velocity, strict=True)
-        )
-        return after._replace(position=position, velocity=velocity)
 
     def _brake(self, primitive: DmpState, dt: float) -> DmpState:
         """Come to rest along the way, within the acceleration limit; the phase stands still."""
@@ -424,7 +417,7 @@ class HandoverController:
         gap = dist(self._wrist, self._goal(hand))
         relative = dist(self._primitive.velocity, hand.velocity)
         arrived = gap < self.options.exchange_distance_m and relative < self.options.exchange_speed
-        if arrived and self.model.goal_weight(self._primitive.phase) > 0.5:
+        if arrived and self._goal_weight > 0.5:
             self.state = HandoverState.EXCHANGE
             self.exchange_position = self._wrist
             self._exchange_since_s = now_s
@@ -435,6 +428,6 @@ class HandoverController:
             velocity=primitive.velocity,
             state=self.state,
             phase=primitive.phase,
-            goal_weight=float(self.model.goal_weight(primitive.phase)),
+            goal_weight=self._goal_weight,
             hand_age_s=age,
         )

@@ -22,7 +22,8 @@ from pathlib import Path
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.settings import defaults
 from handover_dmp.dmp import DecoupledDmp, load_model
-from handover_dmp.handover.teaching import learn_from_trials, rollout_against
+from handover_dmp.handover.approach import rollout_towards
+from handover_dmp.handover.teaching import hand_goal, learn_from_trials
 from handover_dmp.mocap import condition, HandoverTrial, read_trial, synthesize
 from handover_dmp.robot.descriptions import ArmChoice
 from handover_dmp.robot.model import BasePlacement, RobotModel
@@ -237,5 +238,7 @@ def expected_path(model: DecoupledDmp, trial: HandoverTrial) -> Array:
         (n, 3), m, from where P2 started to where the movement comes to rest.
 
     """
-    wrist_path: Array = rollout_against(model, trial).positions
+    goals, velocities = hand_goal(trial, model)
+    start = trial.demonstrator[0]
+    wrist_path, _ = rollout_towards(model, trial.times, goals, velocities, start)
     return np.vstack([wrist_path, trial.partner[-1] + model.goal_offset])

@@ -25,7 +25,7 @@ from handover_dmp.dmp.learning import DEFAULT_BASIS, learn_jointly, learn_mean
 from handover_dmp.dmp.parameters import DmpParameters
 from handover_dmp.dmp.primitive import Primitive
 from handover_dmp.dmp.state import Rollout
-from handover_dmp.mocap.filtering import condition, RATE_HZ, smooth
+from handover_dmp.mocap.filtering import condition, CUTOFF_HZ, RATE_HZ, smooth
 from handover_dmp.mocap.trial import HandoverTrial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -41,6 +41,7 @@ def learn_from_trials(
     basis: int = DEFAULT_BASIS,
     jointly: bool = False,
     primitive: type[Any] = DecoupledDmp,
+    cutoff_hz: float | None = CUTOFF_HZ,
 ) -> Any:
     """
     Learn the motion of P2 from one recorded handover, or from several.
@@ -54,6 +55,7 @@ def learn_from_trials(
         basis: number of basis functions.
         jointly: learn from all rows of all trials at once instead of from their mean.
         primitive: `DecoupledDmp` or `ClassicalDmp`.
+        cutoff_hz: low-pass of the recordings, Hz; None: they are smooth already.
 
     Returns:
         The learnt movement. Its goal offset is P2(end) − P1(end), the mean of it over the trials.
@@ -65,7 +67,7 @@ def learn_from_trials(
     """
     if not trials:
         raise DataError('no trial to learn from')
-    smoothed = [condition(trial) for trial in trials]
+    smoothed = [condition(trial, cutoff_hz=cutoff_hz) for trial in trials]
     teach = learn_jointly if jointly else learn_mean
     motions = [(trial.times, trial.demonstrator) for trial in smoothed]
     model: Primitive = (learn_jointly if len(trials) == 1 else teach)(
@@ -132,19 +134,22 @@ def rollout_against(
     return model.rollout(times, goals, start=trial.demonstrator[0], deviation=deviation)
 
 
-def reproduction_error(model: Primitive, trial: HandoverTrial) -> float:
+def reproduction_error(
+    model: Primitive, trial: HandoverTrial, cutoff_hz: float | None = CUTOFF_HZ
+) -> float:
     """
     Measure how far a primitive, sent to P2's own goal at its own pace, strays from P2.
 
     Args:
         model: learnt movement.
         trial: recorded handover, such as the one it was learnt from.
+        cutoff_hz: low-pass of the recording, Hz; None: it is smooth already.
 
     Returns:
         Largest distance between the motion and the low-passed recording, m.
 
     """
-    smoothed = condition(trial)
+    smoothed = condition(trial, cutoff_hz=cutoff_hz)
     motion = model.with_duration(smoothed.duration_s).rollout(
         smoothed.times,
         smoothed.demonstrator[-1],

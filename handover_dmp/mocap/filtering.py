@@ -50,7 +50,7 @@ _THIRD_DIFFERENCE = np.array([-1.0, 3.0, -3.0, 1.0])
 
 
 def condition(
-    trial: HandoverTrial, rate_hz: float = RATE_HZ, cutoff_hz: float = CUTOFF_HZ
+    trial: HandoverTrial, rate_hz: float = RATE_HZ, cutoff_hz: float | None = CUTOFF_HZ
 ) -> HandoverTrial:
     """
     Resample a trial evenly and low-pass it without phase.
@@ -58,7 +58,8 @@ def condition(
     Args:
         trial: as recorded, at any rate, stamps even or not.
         rate_hz: new sampling rate, Hz.
-        cutoff_hz: frequency at which the amplitude has fallen to 1/√2, Hz.
+        cutoff_hz: frequency at which the amplitude has fallen to 1/√2, Hz; None: not low-passed,
+            what is recorded is met exactly.
 
     Returns:
         The trial at times t_0 + k / rate_hz, the last one at most 1 / rate_hz before its end.
@@ -74,7 +75,10 @@ def condition(
 
 
 def smooth(
-    times: ArrayLike, positions: ArrayLike, rate_hz: float = RATE_HZ, cutoff_hz: float = CUTOFF_HZ
+    times: ArrayLike,
+    positions: ArrayLike,
+    rate_hz: float = RATE_HZ,
+    cutoff_hz: float | None = CUTOFF_HZ,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """
     Resample positions evenly, low-passed without phase, and differentiate them.
@@ -83,7 +87,8 @@ def smooth(
         times: (n,) s, strictly increasing, n >= 4.
         positions: (n, d) m.
         rate_hz: new sampling rate, Hz.
-        cutoff_hz: frequency at which the amplitude has fallen to 1/√2, Hz.
+        cutoff_hz: frequency at which the amplitude has fallen to 1/√2, Hz; None: not low-passed,
+            what is recorded is met exactly.
 
     Returns:
         Times (m,) in s, positions (m, d) in m, and velocities (m, d) in m/s, which are the exact
@@ -95,7 +100,9 @@ def smooth(
     """
     stamps = np.asarray(times, dtype=np.float64)
     samples = np.asarray(positions, dtype=np.float64)
-    if not (math.isfinite(rate_hz) and 0.0 < cutoff_hz < rate_hz / 2):
+    if not (math.isfinite(rate_hz) and rate_hz > 0.0):
+        raise DataError(f'cannot sample at {rate_hz:g} Hz')
+    if cutoff_hz is not None and not 0.0 < cutoff_hz < rate_hz / 2:
         raise DataError(f'cannot low-pass at {cutoff_hz:g} Hz when sampling at {rate_hz:g} Hz')
     period = 1.0 / rate_hz
     elapsed = stamps - stamps[0]
@@ -103,8 +110,12 @@ def smooth(
     intervals = math.floor(elapsed[-1] * rate_hz + 1e-6)
     if intervals > _MAX_SAMPLES:
         raise DataError(f'{elapsed[-1]:g} s at {rate_hz:g} Hz are more than can be held')
-    spline = _fit(elapsed, samples, period, cutoff_hz)
-    new = np.arange(intervals + 1) * period
+    spline: BSpline | CubicSpline
+    if cutoff_hz is None:
+        spline = interpolate(elapsed, samples)
+    else:
+        spline = _fit(elapsed, samples, period, cutoff_hz)
+    new = np.minimum(np.arange(intervals + 1) * period, elapsed[-1])
     return stamps[0] + new, spline(new), spline.derivative()(new)
 
 

@@ -26,6 +26,7 @@ from time import monotonic
 from geometry_msgs.msg import PoseStamped
 from handover_dmp.dmp import DecoupledDmp, relearn
 from handover_dmp.dmp.parameters import RANGES
+from handover_dmp.handover.approach import ApproachOptions
 from handover_dmp.handover.controller import (
     HandoverController,
     HandoverOptions,
@@ -105,6 +106,19 @@ HANDOVER = (
     Parameter('tracking_error_limit_m', 'how far the command may run ahead, m', 0.001, 10.0),
     Parameter('phase_stopping', 'whether an arm that cannot keep up slows the phase'),
 )
+APPROACH = (
+    Parameter('approach.enabled', 'whether the wrist never passes a hand that is nearer'),
+    Parameter('approach.near_m', 'distance left where the goal takes over, m', 0.001, 1.0),
+    Parameter('approach.shape_beyond_m', 'if the shape leads so far beyond it, m', 0.001, 10.0),
+    Parameter(
+        'approach.astray',
+        'or if the wrist gets farther from it than at its start, part',
+        0.01,
+        10.0,
+    ),
+    Parameter('approach.beyond_m', 'how far beyond the goal the wrist may get, m', 0.0, 1.0),
+    Parameter('approach.braking_share', 'of the acceleration limit, to brake', 0.05, 1.0),
+)
 
 
 class Dmp(HandoverNode):
@@ -121,6 +135,7 @@ class Dmp(HandoverNode):
         ),
         *HAND,
         *HANDOVER,
+        *APPROACH,
     )
 
     def __init__(self) -> None:
@@ -134,7 +149,7 @@ class Dmp(HandoverNode):
             _options(self.values),
             goal_estimator(self.values),
         )
-        on_change(self, HANDOVER + PRIMITIVE, self._prepare)
+        on_change(self, HANDOVER + APPROACH + PRIMITIVE, self._prepare)
         period_s = 1.0 / self.values['rate_hz']
         self._period_ns = round(period_s * NANOSECONDS)
         self._periods = Periods(period_s)
@@ -393,7 +408,13 @@ class Dmp(HandoverNode):
 
 
 def _options(values: Values) -> HandoverOptions:
-    return HandoverOptions(**{parameter.name: values[parameter.name] for parameter in HANDOVER})
+    rules = {parameter.name: values[parameter.name] for parameter in HANDOVER}
+    return HandoverOptions(**rules, approach=_approach(values))
+
+
+def _approach(values: Values) -> ApproachOptions:
+    names = (parameter.name for parameter in APPROACH)
+    return ApproachOptions(**{name.partition('.')[2]: values[name] for name in names})
 
 
 def _with_parameters(model: DecoupledDmp, values: Values) -> DecoupledDmp:

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import sys
 from time import monotonic, time_ns
 from typing import Any, ClassVar
 
@@ -24,7 +25,7 @@ from builtin_interfaces.msg import Time
 from handover_dmp.common.errors import UsageError
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
 from handover_dmp.nodes.once_per_second import OncePerSecond
-from handover_dmp.nodes.parameters import COMMON, declare, Parameter
+from handover_dmp.nodes.parameters import check_names, COMMON, declare, Parameter
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.topics import Topic
 from rcl_interfaces.msg import SetParametersResult
@@ -56,6 +57,7 @@ class HandoverNode(Node):  # type: ignore[misc]
     def __init__(self) -> None:
         """Declare the parameters; their values at the start are in `self.values`."""
         super().__init__(self.NAME)
+        check_names(self, sys.argv)
         self.values = declare(self, COMMON + self.PARAMETERS)
         self.lockstep: bool = self.values['lockstep']
         self.simulated: bool = self.get_parameter('use_sim_time').value

@@ -18,10 +18,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
-from handover_dmp.common.errors import HandoverError, UsageError
-from handover_dmp.common.settings import defaults
+from handover_dmp.common.errors import DataError, HandoverError, UsageError
+from handover_dmp.common.plain_yaml import load_plain
+from handover_dmp.common.ros_parameters import sections, unknown_parameter
+from handover_dmp.common.settings import defaults, node_names
+from handover_dmp.dmp.parameter_file import DURATION_SCALE
 from handover_dmp.tracking import GoalEstimator, HandFilter
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -200,6 +205,39 @@ def goal_estimator(values: Values) -> GoalEstimator:
         if name.startswith(HAND_FILTER)
     }
     return GoalEstimator(HandFilter(**named))
+
+
+def check_names(node: Node, arguments: Sequence[str]) -> None:
+    """
+    Refuse a parameter file that gives the node a parameter which it does not have.
+
+    Args:
+        node: the node, by its class's `NAME`.
+        arguments: words of the process; files are those after `--params-file`.
+
+    Raises:
+        UsageError: such a name in a section of this node; in one of many nodes, a name that is
+            nearly the one of a parameter, for others may have those that are not.
+
+    """
+    own = {*defaults(node.NAME), DURATION_SCALE}
+    everybody = own.union(*(defaults(name) for name in node_names()))
+    for option, file in pairwise(arguments):
+        if option != '--params-file':
+            continue
+        try:
+            found = sections(load_plain(Path(file).read_text(encoding='utf-8')))
+        except (DataError, OSError, UnicodeDecodeError):
+            # What rcl understands and this does not, it has read already.
+            continue
+        for section in found:
+            if section.is_for(node.get_fully_qualified_name()):
+                many = section.is_for_many
+                fault = unknown_parameter(
+                    section.values, everybody if many else own, for_many=many
+                )
+                if fault:
+                    raise UsageError(f'{node.NAME}: {file}: {section.node}: {fault}')
 
 
 def on_change(

@@ -33,13 +33,17 @@ from handover_dmp.recording.bag_metadata import (
     TopicMetadata,
     write_metadata,
 )
-from handover_dmp.recording.mcap_writer import COMPRESSIONS, McapFileWriter
 from handover_dmp.recording.message_definitions import message_definition, MessageDefinition
 from handover_dmp.recording.messages import encoder, Message
 from handover_dmp.recording.qos import COMMAND, dump_profiles, Qos
 from mcap.well_known import MessageEncoding, SchemaEncoding
-from mcap.writer import LIBRARY_IDENTIFIER
+from mcap.writer import CompressionType, LIBRARY_IDENTIFIER, Writer
 
+COMPRESSIONS = {
+    'zstd': CompressionType.ZSTD,
+    'lz4': CompressionType.LZ4,
+    'none': CompressionType.NONE,
+}
 LIBRARY = f'handover_dmp {__version__}; {LIBRARY_IDENTIFIER}'
 # name of the record that rosbag2 keeps its metadata under within each file
 METADATA_RECORD = 'rosbag2'
@@ -314,39 +318,44 @@ class _BagFile:
     def __init__(self, path: Path, compression: str, chunk_size: int) -> None:
         self.name = path.name
         self.first_ns: int | None = None
-        self._writer = McapFileWriter(path, compression, chunk_size, LIBRARY)
+        self.message_count = 0
+        self._flushed_s = monotonic()
+        self._times_ns = (NO_TIME, 0)
+        self._counts: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
+        self._sink = _Sink(path)
+        self._writer = Writer(
+            self._sink,  # type: ignore[arg-type]
+            chunk_size=chunk_size,
+            compression=COMPRESSIONS[compression],
+        )
+        self._writer.start('ros2', LIBRARY)
 
     @property
     def size(self) -> int:
-        return self._writer.size
-
-    @property
-    def message_count(self) -> int:
-        return self._writer.message_count
+        return self._sink.tell()
 
     @property
     def statistics(self) -> FileStatistics:
-        """Tell what has reached the file."""
-        writer = self._writer
-        if writer.first_ns is None:
+        if not self.message_count:
             return FileStatistics(self.name)
-        counts = {topic: writer.counts[channel] for topic, channel in self._channels.items()}
-        return FileStatistics(self.name, writer.first_ns, writer.last_ns, counts)
+        return FileStatistics(self.name, *self._times_ns, self._counts)
 
     def add_metadata(self, text: str) -> None:
-        self._writer.add_metadata(METADATA_RECORD, {'serialized_metadata': text})
+        pairs = {'serialized_metadata': text}
+        self._writer.add_metadata(METADATA_RECORD, pairs)
 
     def add_topic(self, topic: TopicMetadata, definition: MessageDefinition) -> None:
         if topic.type_name not in self._schemas:
-            self._schemas[topic.type_name] = self._writer.add_schema(
-                topic.type_name, SchemaEncoding.ROS2, definition.text
+            self._schemas[topic.type_name] = self._writer.register_schema(
+                topic.type_name, SchemaEncoding.ROS2, definition.text.encode()
             )
-        self._channels[topic.name] = self._writer.add_channel(
+        self._counts[topic.name] = 0
+        self._channels[topic.name] = self._writer.register_channel(
             topic.name,
-            self._schemas[topic.type_name],
             MessageEncoding.CDR,
+            self._schemas[topic.type_name],
             {
                 'offered_qos_profiles': dump_profiles(
                     qos for qos in topic.qos if isinstance(qos, Qos)
@@ -358,21 +367,55 @@ class _BagFile:
     def write(
         self, topic: str, data: bytes, log_time_ns: int, publish_time_ns: int, age_s: float
     ) -> None:
+        self._writer.add_message(self._channels[topic], log_time_ns, data, publish_time_ns)
         if self.first_ns is None:
             self.first_ns = log_time_ns
-        writer = self._writer
-        writer.add_message(self._channels[topic], data, log_time_ns, publish_time_ns)
-        if monotonic() - writer.flushed_at > age_s:
-            writer.flush()
+        self.message_count += 1
+        self._counts[topic] += 1
+        first_ns, last_ns = self._times_ns
+        self._times_ns = min(first_ns, log_time_ns), max(last_ns, log_time_ns)
+        if monotonic() - self._flushed_s > age_s:
+            self.flush()
 
     def flush(self) -> None:
-        self._writer.flush()
+        self._flushed_s = monotonic()
+        self._writer.flush()  # type: ignore[no-untyped-call]
 
     def finish(self, metadata: Callable[[FileStatistics], str]) -> None:
-        # the metadata tells of all messages, so the open chunk is closed first
-        self._writer.flush()
+        # behind all messages, as the metadata tells of them
+        self._writer.flush()  # type: ignore[no-untyped-call]
         self.add_metadata(metadata(self.statistics))
-        self._writer.finish()
+        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._sink.close()
 
     def abandon(self) -> None:
-        self._writer.abandon()
+        self._sink.close()
+
+
+class _Sink:
+    """
+    A file that holds nothing back.
+
+    It is handed whole chunks, so a buffer between it and the operating system would spare
+    nothing, but a killed process would lose what is in it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open('xb', buffering=0)
+        self._size = 0
+
+    def write(self, data: bytes) -> None:
+        remaining = memoryview(data)
+        while remaining:
+            written = self._file.write(remaining)
+            self._size += written
+            remaining = remaining[written:]
+
+    def tell(self) -> int:
+        return self._size
+
+    def flush(self) -> None:
+        """Do nothing, as nothing is held back."""
+
+    def close(self) -> None:
+        self._file.close()

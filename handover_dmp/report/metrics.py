@@ -61,6 +61,7 @@ def measure(run: RunRecord) -> Numbers:
         'states': [{'time_s': time_s, 'state': state} for time_s, state in run.states],
         **_durations(run),
         **_exchange(run),
+        **_against_demonstration(run),
         **_speeds(run),
         'lag': lag_behind_hand(run),
         'arm_lag': lag_behind_command(run),
@@ -367,6 +368,29 @@ def _exchange(run: RunRecord) -> Numbers:
         'exchange_time_s': span[0],
         'exchange_gap_m': float(gaps[0]),
         'exchange_gap_least_m': float(gaps.min()),
+    }
+
+
+def _against_demonstration(run: RunRecord) -> Numbers:
+    """
+    Compare the hand's distance with the one that was learnt, and find how far the wrist passed it.
+
+    Both along the line from where the wrist started to the goal.
+    """
+    begin, span = run.reaching_time_s, run.exchange_span_s
+    end = span[1] if span else run.end_time_s
+    times = run.wrist_times[(run.wrist_times >= (begin or 0.0)) & (run.wrist_times <= end)]
+    if begin is None or len(times) < 2:
+        return {'hand_distance_share': None, 'beyond_goal_max_m': None}
+    goals, wrist = goal_at(run, times), resample(run.wrist_times, run.wrist_positions, times)
+    line = goals - wrist[0]
+    distance = np.linalg.norm(line, axis=1)
+    line /= np.maximum(distance, RESOLUTION_M)[:, None]
+    learnt = run.learnt_distance_m
+    met = int(np.searchsorted(times, span[0])) if span else -1
+    return {
+        'hand_distance_share': float(distance[met] / learnt) if learnt else None,
+        'beyond_goal_max_m': float(((wrist - goals) * line).sum(axis=1).max()),
     }
 
 

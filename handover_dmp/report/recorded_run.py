@@ -218,6 +218,12 @@ class RunRecord:
         """(3,) m: goal of the wrist minus hand, as the learnt model has it; zeros if not told."""
         return _vector(self.info.get('goal_offset_m'), 3, self.source)
 
+    @property
+    def learnt_distance_m(self) -> float | None:
+        """How far the hand was at the end of the demonstration, from its start, m."""
+        distance = self.info.get('learnt_distance_m')
+        return float(distance) if isinstance(distance, int | float) and distance > 0 else None
+
 
 def load_run(path: Path | str) -> RunRecord:
     """

@@ -29,6 +29,8 @@ from handover_dmp.report.metrics import measure, Numbers
 from handover_dmp.report.page import as_html, as_markdown, Page, Section, Table
 from handover_dmp.report.recorded_run import load_run, RecordedLimits, RunRecord
 
+MUCH_NEARER, MUCH_FARTHER = 0.5, 1.5
+"""Parts of the learnt distance beyond which a hand is not where the demonstration had it."""
 SCENES = {
     'scene_start': 'The scene when the arm begins to move',
     'scene_middle': 'half way',
@@ -138,6 +140,16 @@ def _summary(report: Numbers) -> Table:
             f'{_number(report["exchange_gap_least_m"], 1e3, "mm", 1)} at the least during it',
         ),
         (
+            'distance of the hand, against the demonstration',
+            _share(report['hand_distance_share']),
+            _nearer_or_farther(report['hand_distance_share']),
+        ),
+        (
+            'wrist beyond the goal, at the farthest',
+            _number(report['beyond_goal_max_m'], 1e3, 'mm', 1),
+            'along the line from where it started; negative: never there',
+        ),
+        (
             'lag behind the moving hand',
             _number(lag['time_ms'], 1, 'ms', 1),
             'the hand was still, or the wrist followed it too shortly to tell'
@@ -181,6 +193,12 @@ def _summary(report: Numbers) -> Table:
         ),
     ]
     return Table((), tuple(rows))
+
+
+def _nearer_or_farther(share: float | None) -> str:
+    if share is None or MUCH_NEARER <= share <= MUCH_FARTHER:
+        return ''
+    return f'much {"nearer" if share < MUCH_NEARER else "farther"} than it was learnt'
 
 
 def _limits_note(limits: Numbers) -> str:

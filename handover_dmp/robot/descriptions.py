@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
+import sys
 from typing import Any
 
 from handover_dmp.common.quiet_pybullet import silenced
@@ -286,7 +287,7 @@ def pybullet_data_folder() -> Path:
 
 def example_robot_data_folder() -> Path:
     """
-    Find the models of example-robot-data, which installs beside Pinocchio.
+    Find the models of example-robot-data, which usually installs beside Pinocchio.
 
     Returns:
         Its share folder, the one that holds `robots/`.
@@ -296,7 +297,10 @@ def example_robot_data_folder() -> Path:
 
     """
     found = find_spec('pinocchio')
-    for prefix in Path(found.origin).parents if found and found.origin else ():
+    prefixes = [*Path(found.origin).parents] if found and found.origin else []
+    # it may come by pip where Pinocchio comes with the ROS 2 of the system
+    prefixes += [Path(folder, 'cmeel.prefix') for folder in sys.path]
+    for prefix in prefixes:
         folder = prefix / 'share' / 'example-robot-data'
         if (folder / 'robots').is_dir():
             return folder

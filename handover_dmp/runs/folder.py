@@ -99,6 +99,7 @@ def run_info(scenario: Scenario, scale: float) -> dict[str, Any]:
         'number': trial.number,
         'learnt_from': scenario.model.source,
         'goal_offset_m': list(scenario.model.goal_offset),
+        'learnt_distance_m': math.dist(scenario.model.start, scenario.model.goal),
         'seed': scenario.seed,
         'scale': scale,
         'robot': robot.name,

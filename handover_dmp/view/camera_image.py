@@ -36,6 +36,9 @@ MARGIN = 2
 """Pixels of the coarse look around what it finds; what it missed is thinner than one."""
 STRIPS = 4
 """Windows side by side, each as high as what is in it."""
+MIN_PIXELS = 500_000
+"""In a smaller picture, to render it several times takes longer than the tuples of the whole."""
+
 Pixels = NDArray[np.uint8]
 Seen = NDArray[np.int32]
 Matrix = Sequence[float]
@@ -69,7 +72,7 @@ def camera_image(
 
     """
     if by_windows is None:
-        by_windows = not pybullet.isNumpyEnabled()
+        by_windows = not pybullet.isNumpyEnabled() and width * height >= MIN_PIXELS
     if not by_windows:
         rgba, seen = _render(width, height, view, projection, client, **lighting)
         return rgba * (seen[..., None] >= 0), seen

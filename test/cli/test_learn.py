@@ -94,3 +94,44 @@ def test_unknown_choices_are_wrong_usage(trials, tmp_path, words):
     with pytest.raises(SystemExit) as exit_:
         main(['learn', trials[0], '-o', str(tmp_path / 'm.json'), *words])
     assert exit_.value.code == 2
+
+
+@pytest.mark.parametrize('still', [[1], [0, 1, 2], [2]])
+def test_a_motion_in_a_plane_or_along_a_line(tmp_path, still):
+    """A table-top study has a coordinate that never moves; it stays where it is."""
+    from dataclasses import replace
+
+    trial = synthesize(trials=1)[0]
+    place = trial.demonstrator.copy()
+    place[:, still] = 0.25
+    write_trial(replace(trial, demonstrator=place), tmp_path / 'flat_give_1.csv')
+    out = tmp_path / 'model.json'
+    assert main(['learn', str(tmp_path / 'flat_give_1.csv'), '-o', str(out)]) == 0
+    model = load_model(out)
+    motion = model.rollout(trial.times, place[-1], start=place[0]).positions
+    assert abs(motion[:, still] - 0.25).max() < 1e-9
+    assert abs(motion[-1] - place[-1]).max() < 5e-3
+
+
+def test_smooth_data_are_not_smoothed_again(tmp_path):
+    """A noiseless minimum jerk is met better when it is not low-passed before."""
+    from handover_dmp.mocap import HandoverTrial
+    import numpy as np
+
+    u = np.linspace(0.0, 1.0, 201)[:, None]
+    path = (10 * u**3 - 15 * u**4 + 6 * u**5) * [0.5, 0.2, 0.1] + [0.0, 0.1, 0.9]
+    trial = HandoverTrial(np.linspace(0.0, 1.0, 201), path[::-1], path)
+    write_trial(trial, tmp_path / 'a_give_1.csv')
+    errors = {}
+    for cutoff in ('none', '6', '12'):
+        out = tmp_path / f'{cutoff}.json'
+        words = ['learn', str(tmp_path / 'a_give_1.csv'), '-o', str(out), '--low-pass', cutoff]
+        assert main(words) == 0
+        model = load_model(out)
+        motion = model.rollout(trial.times, path[-1], start=path[0]).positions
+        errors[cutoff] = np.abs(motion - path).max()
+    assert errors['none'] < 0.5 * errors['6']
+    assert errors['none'] <= errors['12'] <= errors['6']
+    for wrong in ('0', 'nan', 'much'):
+        with pytest.raises(SystemExit):
+            main(['learn', 'x.csv', '-o', 'm.json', '--low-pass', wrong])

@@ -137,3 +137,24 @@ def test_no_half_film_is_left(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert main(['render', str(tmp_path / 'absent'), '-o', str(tmp_path / 'film')]) == 1
     assert 'no such bag' in capsys.readouterr().err
     assert not list(tmp_path.rglob('*.mp4'))
+
+
+@pytest.mark.parametrize(
+    ('words', 'files'),
+    [
+        (['-o', 'film.mp4'], ('film.mp4', None)),
+        (['-o', 'film.GIF'], (None, 'film.GIF')),
+        (['-o', 'films'], ('films/handover.mp4', 'films/handover.webp')),
+        (['-o', 'films', '--no-image'], ('films/handover.mp4', None)),
+    ],
+)
+def test_a_file_name_means_the_file(words, files):
+    import argparse
+    from pathlib import Path
+
+    from handover_dmp.cli import render
+
+    parser = argparse.ArgumentParser()
+    render.add_arguments(parser)
+    video, image = (None if name is None else Path(name) for name in files)
+    assert render.chosen_files(parser.parse_args(['run', *words])) == (video, image)

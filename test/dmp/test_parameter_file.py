@@ -79,3 +79,30 @@ def test_faults_are_named(tmp_path, text, word):
     assert '\n' not in str(caught.value)
     with pytest.raises(DataError, match='cannot be read'):
         read_parameters(tmp_path / 'missing.yaml')
+
+
+def written(folder, text):
+    path = folder / 'parameters.yaml'
+    path.write_text(text)
+    return path
+
+
+def test_sections_are_merged_for_the_node(tmp_path):
+    text = '/**:\n  ros__parameters: {stiffness: 150.0, robot: lwr4}\n'
+    text += '/lab/dmp:\n  ros__parameters: {mu: 0.7, use_sim_time: true}\n'
+    found = read_parameters(written(tmp_path, text)).primitive
+    assert (found.stiffness, found.mu) == (150.0, 0.7)
+
+
+@pytest.mark.parametrize(
+    ('text', 'fault'),
+    [
+        ('dmp:\n  ros__parameters: {stifness: 1.0}\n', "'stifness'; the nearest is 'stiffness'"),
+        ('/**:\n  ros__parameters: {stifness: 1.0}\n', "'stifness'; the nearest is 'stiffness'"),
+        ('/a/dmp:\n  ros__parameters: {}\n/b/dmp:\n  ros__parameters: {}\n', 'is not told'),
+        ('recorder:\n  ros__parameters: {mu: 0.7}\n', 'no section dmp'),
+    ],
+)
+def test_files_that_mean_something_else(tmp_path, text, fault):
+    with pytest.raises(DataError, match=fault):
+        read_parameters(written(tmp_path, text))

@@ -1,0 +1,149 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Files of ROS parameters, merged for one node as rcl does.
+
+The keys of such a file are names of nodes, with namespaces in front or around, and with `*` for
+one name and `**` for any number of them. All that match a node count, in the order of the file:
+what stands later goes before what stands earlier, however exact its key is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from difflib import get_close_matches
+import re
+from typing import Any, NamedTuple
+
+PARAMETERS = 'ros__parameters'
+# What every node has, whoever wrote it.
+_OF_EVERY_NODE = ('use_sim_time', 'start_type_description_service')
+_OVERRIDES = 'qos_overrides.'
+_ALIKE = 0.75
+
+
+class Section(NamedTuple):
+    """
+    A section of a parameter file.
+
+    Attributes:
+        node: full name of the nodes that it is for, perhaps with wildcards.
+        values: parameter name to value; names of nested parameters are joined by dots.
+
+    """
+
+    node: str
+    values: dict[str, Any]
+
+    @property
+    def is_for_many(self) -> bool:
+        """Tell whether its name has wildcards."""
+        return '*' in self.node
+
+    def is_for(self, node: str) -> bool:
+        """
+        Tell whether a node takes its parameters from this section.
+
+        Args:
+            node: full name, e.g. `/dmp`.
+
+        Returns:
+            Whether its name fits.
+
+        """
+        pattern = re.escape(self.node).replace(r'/\*\*', r'(/\w+)*').replace(r'\*', r'\w+')
+        return re.fullmatch(pattern, node) is not None
+
+
+def sections(tree: Any) -> list[Section]:
+    """
+    List the sections of a parameter file.
+
+    Args:
+        tree: the file, as YAML says it.
+
+    Returns:
+        The sections in the order of the file.
+
+    """
+    return list(_sections(tree, ''))
+
+
+def merged(found: Collection[Section], node: str) -> dict[str, Any]:
+    """
+    Merge what a parameter file says for one node.
+
+    Args:
+        found: its sections.
+        node: full name, e.g. `/dmp`.
+
+    Returns:
+        Parameter name to value.
+
+    """
+    values: dict[str, Any] = {}
+    for section in found:
+        if section.is_for(node):
+            values |= section.values
+    return values
+
+
+def unknown_parameter(
+    names: Collection[str], known: Collection[str], *, for_many: bool = False
+) -> str:
+    """
+    Find a name that no parameter has.
+
+    Args:
+        names: as a file gives them.
+        known: names of parameters that there are.
+        for_many: whether the names are meant for many nodes, of which others may have them; then
+            only a name that is nearly one of ours counts.
+
+    Returns:
+        What is wrong, with the parameter that is nearest; empty if nothing is.
+
+    """
+    for name in names:
+        if name in known or name in _OF_EVERY_NODE or name.startswith(_OVERRIDES):
+            continue
+        near = get_close_matches(name, known, n=1, cutoff=_ALIKE if for_many else 0.0)
+        if near:
+            return f'there is no parameter {name!r:.80}; the nearest is {near[0]!r}'
+        if not for_many:
+            return f'there is no parameter {name!r:.80}'
+    return ''
+
+
+def _sections(tree: Any, space: str) -> Iterator[Section]:
+    if not isinstance(tree, dict):
+        return
+    for key, inner in tree.items():
+        if not isinstance(inner, dict):
+            continue
+        name = f'{space}/{str(key).strip("/")}'
+        if PARAMETERS in inner:
+            yield Section(name, dict(_flat(inner[PARAMETERS], '')))
+        yield from _sections({k: v for k, v in inner.items() if k != PARAMETERS}, name)
+
+
+def _flat(tree: Any, prefix: str) -> Iterator[tuple[str, Any]]:
+    if not isinstance(tree, dict):
+        return
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f'{prefix}{key}.')
+        else:
+            yield f'{prefix}{key}', value

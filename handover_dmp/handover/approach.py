@@ -1,0 +1,487 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Coming to a hand that is not where the learnt movement expects it, without running past it.
+
+While w_g of (8) is 0, the primitive takes no notice of the hand: it goes as far as it was taught,
+through a hand that is nearer, and away from one that is on the other side. Two rules mend that.
+
+The goal takes over by time, (7), or by place, whichever is more:
+
+    w_g = ½[1 + erf(ξ/√2)], ξ = max((u − μ)/σ, ξ_near, ξ_astray),
+    ξ_near = min((ρ − n)/(0.4ρ), (b − β)/(0.25β)),
+    ξ_astray = (a − a_learnt − ε)/(0.25ε),
+
+with n = |g − x₀| − |x − x₀| what is left of the distance, b = |y − x₀| − |g − x₀| how far the
+shape leads beyond the goal, y = x + (K_s/K)(f + x₀ − x) being where it leads (both for the goal
+where it will be in a tenth of a second, if that is nearer), and
+a = |g − x|/|g − x₀| − 1 how much farther from the goal the wrist is than at its start; once
+ξ_astray is above 0 it never falls, and grows by 40 a second.
+
+And the wrist comes nearer no faster than it can brake again. For d = |g − x₀| − |x − x₀|, and for
+d = |g − x| itself, with m how far beyond the goal it may get:
+
+    −ḋ ≤ V(d + m), V(l) = √(2a(l − l₀/2)), and λl for l < l₀ = a/λ²,
+
+where a is a part of the acceleration limit; so braking at that rate keeps the bound for ever, and
+the rest of the limit is for what the hand does. The speed approaches its bound no faster than
+with a rate of its own, so that it does not hit it.
+
+The first rule brings the wrist softly to the hand, the second holds whatever the first does, and
+for a hand that is about as far as in the demonstration neither changes anything to speak of.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from math import dist, exp, hypot, inf, log, sqrt
+from operator import add, mul, sub
+from typing import NamedTuple
+
+from handover_dmp.common.settings import defaults, setting
+from handover_dmp.dmp import DecoupledDmp, DmpState
+from handover_dmp.dmp.state import Vector
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+SETTLED_DEVIATIONS = 5.0
+"""Standard deviations from which on the weight is 0 or 1 to a millionth."""
+NEAR_WIDTH = 0.4
+BEYOND_WIDTH = 0.25
+ASTRAY_WIDTH = 0.25
+"""Standard deviations of the three, as shares of their centres."""
+FINAL_GAIN = 25.0
+"""1/s; with which the bound on the speed falls with the last of the distance."""
+CLOSING_GAIN = 30.0
+"""1/s; how fast the speed may come near to its bound, so that it does not hit it."""
+ASTRAY_RATE = 40.0
+"""1/s; how fast the goal goes on to take over once the wrist is astray."""
+AHEAD_S = 0.1
+"""A hand that comes is taken to be where it will be so much later."""
+MIN_DISTANCE_M = 1e-6
+"""Distances below have no direction."""
+MIN_SINE_SQUARED = 1e-6
+"""Square of the sine between two directions below which they are one."""
+
+
+@dataclass(frozen=True)
+class ApproachOptions:
+    """
+    How the wrist comes to a hand that is not where it was in the demonstration.
+
+    Attributes:
+        enabled: whether any of this is done; without, the movement goes by (7) and (8) alone.
+        near_m: ρ, distance left at which the goal takes over, m.
+        shape_beyond_m: β, how far beyond the goal the learnt shape has to lead for that, m.
+        astray: ε, by how much farther from the goal than at the start the wrist may get, beyond
+            what was learnt, before the goal takes over; in parts of that distance.
+        beyond_m: m, how far beyond the goal the wrist may get, m.
+        braking_share: part of the acceleration limit that braking may need; the rest is for what
+            the hand does.
+
+    """
+
+    enabled: bool = setting('dmp', 'approach.enabled')
+    near_m: float = setting('dmp', 'approach.near_m')
+    shape_beyond_m: float = setting('dmp', 'approach.shape_beyond_m')
+    astray: float = setting('dmp', 'approach.astray')
+    beyond_m: float = setting('dmp', 'approach.beyond_m')
+    braking_share: float = setting('dmp', 'approach.braking_share')
+
+
+@lru_cache(maxsize=8)
+def learnt_detour(model: DecoupledDmp) -> float:
+    """
+    Tell how much farther from its end than at its start the learnt movement gets on its way.
+
+    Args:
+        model: the movement.
+
+    Returns:
+        In parts of the distance from start to end, from 0.
+
+    """
+    places = model.rollout(np.linspace(0.0, model.duration_s, 101), model.goal).positions
+    distances = np.linalg.norm(places - model.goal, axis=1)
+    whole = max(float(np.linalg.norm(model.goal - model.start)), MIN_DISTANCE_M)
+    return max(0.0, float(distances.max()) / whole - 1.0)
+
+
+class Towards(NamedTuple):
+    """
+    What a step leads to.
+
+    Attributes:
+        state: at the end of the step.
+        weight: w_g, of the goal.
+        astray: ξ_astray, for the next step: once astray, the wrist does not turn back to the
+            shape that led it there.
+
+    """
+
+    state: DmpState
+    weight: float
+    astray: float
+
+
+def step_towards(
+    model: DecoupledDmp,
+    state: DmpState,
+    goal: Vector,
+    goal_velocity: Vector,
+    dt: float,
+    phase_rate: float,
+    options: ApproachOptions,
+    astray: float = -inf,
+) -> Towards:
+    """
+    Make a step of (8), with the goal's weight by time or by place.
+
+    Where it is by place, the primitive is asked as if it were as late as (7) needs for that
+    weight, with its start moved by what the shape would have gone on until then: a step of (8)
+    with the later weight and the present shape, right for any length.
+
+    Args:
+        model: the movement.
+        state: where it stands.
+        goal: g, m.
+        goal_velocity: ġ, m/s.
+        dt: length of the step, s.
+        phase_rate: how fast the phase runs.
+        options: of the approach.
+        astray: ξ_astray of the step before.
+
+    Returns:
+        Where it leads.
+
+    """
+    parameters = model.parameters
+    u = -log(state.phase) / parameters.alpha
+    later = -inf
+    if options.enabled:
+        near = _near(model, state, goal, goal_velocity, u, options)
+        astray = max(astray, _astray(model, state, goal, options))
+        if astray > 0.0:
+            astray += ASTRAY_RATE * dt
+        deviations = max(near, astray)
+        if deviations > -SETTLED_DEVIATIONS:
+            later = parameters.mu + parameters.sigma * min(deviations, SETTLED_DEVIATIONS)
+    if later <= u:
+        after = model.step(state, goal, goal_velocity, dt, phase_rate)
+        return Towards(after, float(model.goal_weight(after.phase)), astray)
+    half = 0.5 * phase_rate * dt / model.duration_s
+    now, then = model.shape(u + half), model.shape(later + half)
+    asked = state._replace(
+        phase=exp(-parameters.alpha * later), start=_plus(state.start, _minus(now, then))
+    )
+    after = model.step(asked, goal, goal_velocity, dt, phase_rate)
+    phase = state.phase * exp(-2.0 * parameters.alpha * half)
+    weight = float(model.goal_weight(asked.phase))
+    return Towards(after._replace(phase=phase, start=state.start), weight, astray)
+
+
+def _near(
+    model: DecoupledDmp,
+    state: DmpState,
+    goal: Vector,
+    goal_velocity: Vector,
+    u: float,
+    options: ApproachOptions,
+) -> float:
+    position, start = state.position, state.start
+    soon = _plus(goal, _scaled(goal_velocity, AHEAD_S))
+    whole = min(dist(goal, start), dist(soon, start))
+    left = whole - dist(position, start)
+    near = (options.near_m - left) / (NEAR_WIDTH * options.near_m)
+    if near <= -SETTLED_DEVIATIONS:
+        return near
+    share = model.shape_stiffness / model.parameters.stiffness
+    target = tuple(
+        x + share * (f + x0 - x) for x, f, x0 in zip(position, model.shape(u), start, strict=True)
+    )
+    beyond = dist(target, start) - whole - options.shape_beyond_m
+    return min(near, beyond / (BEYOND_WIDTH * options.shape_beyond_m))
+
+
+def _astray(model: DecoupledDmp, state: DmpState, goal: Vector, options: ApproachOptions) -> float:
+    whole = max(dist(goal, state.start), MIN_DISTANCE_M)
+    further = dist(goal, state.position) / whole - 1.0
+    allowed = learnt_detour(model) + options.astray
+    return (further - allowed) / (ASTRAY_WIDTH * options.astray)
+
+
+class SpeedBound(NamedTuple):
+    """
+    A bound on the velocity along one direction.
+
+    Attributes:
+        direction: of length 1.
+        max_speed: of the velocity along it, m/s.
+
+    """
+
+    direction: Vector
+    max_speed: float
+
+    def excess(self, velocity: Vector) -> float:
+        """
+        Tell by how much a velocity breaks the bound.
+
+        Args:
+            velocity: m/s.
+
+        Returns:
+            m/s; negative where it keeps it.
+
+        """
+        return _dot(velocity, self.direction) - self.max_speed
+
+
+class Braking(NamedTuple):
+    """
+    How fast a wrist may come to a place where it has to stop.
+
+    Attributes:
+        deceleration: m/s².
+        gain: 1/s; the speed falls with the distance at the end, where its root would fall too
+            steeply.
+        margin_m: how far beyond the place it has to stand at the latest, m.
+
+    """
+
+    deceleration: float
+    gain: float
+    margin_m: float
+
+    def speed(self, left_m: float) -> float:
+        """
+        Give V of the module's equations.
+
+        Args:
+            left_m: distance to the place, m.
+
+        Returns:
+            The speed, m/s.
+
+        """
+        distance = max(0.0, left_m + self.margin_m)
+        linear = self.deceleration / self.gain**2
+        if distance <= linear:
+            return self.gain * distance
+        return sqrt(2.0 * self.deceleration * (distance - 0.5 * linear))
+
+    def along_the_way(self, state: DmpState, goal: Vector, goal_velocity: Vector) -> SpeedBound:
+        """
+        Bound how fast the wrist gets as far from its start as the goal is.
+
+        Args:
+            state: of the primitive.
+            goal: g, m.
+            goal_velocity: ġ, m/s.
+
+        Returns:
+            The bound; none to speak of where the wrist is on the other side of its start.
+
+        """
+        gone, way = _minus(state.position, state.start), _minus(goal, state.start)
+        far, whole = hypot(*gone), hypot(*way)
+        if far < MIN_DISTANCE_M or _dot(gone, way) <= 0.0:
+            return FREE
+        receding = _dot(goal_velocity, way) / whole
+        return SpeedBound(_scaled(gone, 1.0 / far), receding + self.speed(whole - far))
+
+    def straight(self, state: DmpState, goal: Vector, goal_velocity: Vector) -> SpeedBound:
+        """
+        Bound how fast the wrist comes nearer to the goal, from wherever it is.
+
+        Args:
+            state: of the primitive.
+            goal: g, m.
+            goal_velocity: ġ, m/s.
+
+        Returns:
+            The bound; none at the goal itself.
+
+        """
+        between = _minus(goal, state.position)
+        distance = hypot(*between)
+        if distance < MIN_DISTANCE_M:
+            return FREE
+        direction = _scaled(between, 1.0 / distance)
+        return SpeedBound(direction, _dot(goal_velocity, direction) + self.speed(distance))
+
+
+FREE = SpeedBound((0.0, 0.0, 0.0), inf)
+
+
+def bounded(
+    before: DmpState,
+    after: DmpState,
+    goal: Vector,
+    goal_velocity: Vector,
+    dt: float,
+    acceleration_limit: float,
+    options: ApproachOptions,
+) -> DmpState:
+    """
+    Change the velocity by no more than the limit, and come no faster than can be braked again.
+
+    Where both cannot be, as after a jump of the hand, the acceleration limit is kept.
+
+    Args:
+        before: state at the start of the period.
+        after: state that is wanted at its end.
+        goal: g at the start of the period, m.
+        goal_velocity: ġ, m/s.
+        dt: length of the period, s.
+        acceleration_limit: m/s².
+        options: of the approach.
+
+    Returns:
+        The state at the end of the period; the very one that is wanted where it keeps all bounds.
+
+    """
+    max_change = acceleration_limit * dt
+    bounds: list[SpeedBound] = []
+    if options.enabled and dt > 0.0:
+        braking = Braking(
+            acceleration_limit * options.braking_share,
+            min(FINAL_GAIN, 0.5 / dt),
+            options.beyond_m,
+        )
+        bounds = _speed_bounds(braking, before, after, goal, goal_velocity, dt)
+    wanted = _within(after.velocity, bounds)
+    change = _minus(wanted, before.velocity)
+    if hypot(*change) <= max_change:
+        if wanted is after.velocity:
+            return after
+    else:
+        needed = _minus(_within(before.velocity, bounds), before.velocity)
+        change = _shortened(needed, change, max_change)
+    velocity = _plus(before.velocity, change)
+    mean = _plus(before.velocity, _scaled(change, 0.5))
+    position = _plus(before.position, _scaled(mean, dt))
+    return after._replace(position=position, velocity=velocity)
+
+
+def rollout_towards(
+    model: DecoupledDmp,
+    times: Array,
+    goals: Array,
+    goal_velocities: Array,
+    start: Array,
+    options: ApproachOptions | None = None,
+    acceleration_limit: float | None = None,
+) -> tuple[Array, Array]:
+    """
+    Run a movement against a hand as the wrist is commanded to go.
+
+    Args:
+        model: the movement.
+        times: s, (n,), rising.
+        goals: g at these times, m, (n, 3).
+        goal_velocities: ġ, m/s, (n, 3).
+        start: x₀, m, (3,).
+        options: of the approach; those of `config/` if left out.
+        acceleration_limit: m/s²; that of `config/` if left out.
+
+    Returns:
+        Positions, m, and velocities, m/s, (n, 3) each.
+
+    """
+    options = options or ApproachOptions()
+    limit = (
+        defaults('dmp')['acceleration_limit'] if acceleration_limit is None else acceleration_limit
+    )
+    state = model.initial_state(start.tolist())
+    states, astray = [state], -inf
+    lengths = np.diff(times).tolist()
+    hands = zip(map(tuple, goals.tolist()), map(tuple, goal_velocities.tolist()), strict=True)
+    for dt, (goal, velocity) in zip(lengths, hands, strict=False):
+        ahead, _, astray = step_towards(model, state, goal, velocity, dt, 1.0, options, astray)
+        state = bounded(state, ahead, goal, velocity, dt, limit, options)
+        states.append(state)
+    return np.array([each.position for each in states]), np.array(
+        [each.velocity for each in states]
+    )
+
+
+def _speed_bounds(
+    braking: Braking,
+    before: DmpState,
+    after: DmpState,
+    goal: Vector,
+    goal_velocity: Vector,
+    dt: float,
+) -> list[SpeedBound]:
+    """Give what holds at the end of the period, less a part of what was left at its start."""
+    moved = _plus(goal, _scaled(goal_velocity, dt))
+    kept = max(0.0, 1.0 - CLOSING_GAIN * dt)
+    bounds = []
+    for bound in (braking.along_the_way, braking.straight):
+        end = bound(after, moved, goal_velocity)
+        if end.max_speed == inf:
+            continue
+        begin = bound(before, goal, goal_velocity)
+        left = 0.0 if begin.max_speed == inf else max(0.0, -begin.excess(before.velocity))
+        bounds.append(SpeedBound(end.direction, end.max_speed - kept * left))
+    return bounds
+
+
+def _within(velocity: Vector, bounds: list[SpeedBound]) -> Vector:
+    """Give the nearest velocity that keeps all of at most two bounds; itself if it does."""
+    broken = [bound for bound in bounds if bound.excess(velocity) > 0.0]
+    if not broken:
+        return velocity
+    for bound in broken:
+        nearest = _plus(velocity, _scaled(bound.direction, -bound.excess(velocity)))
+        if all(other is bound or other.excess(nearest) <= 0.0 for other in bounds):
+            return nearest
+    first, second = bounds
+    alike = _dot(first.direction, second.direction)
+    apart = max(1.0 - alike * alike, MIN_SINE_SQUARED)
+    over_first, over_second = first.excess(velocity), second.excess(velocity)
+    less = _scaled(first.direction, -(over_first - alike * over_second) / apart)
+    lesser = _scaled(second.direction, -(over_second - alike * over_first) / apart)
+    return _plus(velocity, _plus(less, lesser))
+
+
+def _shortened(needed: Vector, wanted: Vector, max_size: float) -> Vector:
+    """Go from the change that is needed towards the one that is wanted, as far as is allowed."""
+    size = hypot(*needed)
+    if size > max_size:
+        return _scaled(needed, max_size / size)
+    further = _minus(wanted, needed)
+    a, b, c = _dot(further, further), _dot(needed, further), size * size - max_size * max_size
+    return _plus(needed, _scaled(further, (sqrt(b * b - a * c) - b) / a))
+
+
+def _dot(a: Vector, b: Vector) -> float:
+    return float(sum(map(mul, a, b)))
+
+
+def _plus(a: Vector, b: Vector) -> Vector:
+    return tuple(map(add, a, b))
+
+
+def _minus(a: Vector, b: Vector) -> Vector:
+    return tuple(map(sub, a, b))
+
+
+def _scaled(a: Vector, factor: float) -> Vector:
+    return tuple([x * factor for x in a])
