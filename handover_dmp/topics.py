@@ -111,6 +111,12 @@ JOINT_COMMAND = Topic(
     Quality.COMMAND,
     'joint velocities, rad/s, in the order of the URDF',
 )
+JOINT_POSITIONS = Topic(
+    '/velocity_to_position/positions',
+    'std_msgs/msg/Float64MultiArray',
+    Quality.COMMAND,
+    'joint positions, rad, in the order of the URDF, for an arm that takes no velocities',
+)
 STATE = Topic(
     '/handover/state',
     'std_msgs/msg/String',

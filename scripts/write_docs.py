@@ -35,13 +35,17 @@ from handover_dmp import topics
 from handover_dmp.bench.measurement import Measurement
 from handover_dmp.bench.report import cells, markdown, read_json
 from handover_dmp.common.settings import defaults
-from handover_dmp.nodes.parameters import ARM, COMMON, HAND, Parameter
+from handover_dmp.nodes.parameters import ARM, COMMON, DRIVER, HAND, Parameter
 from handover_dmp.topics import Topic, TOPICS
 
 ROOT = Path(__file__).resolve().parents[1]
-NODES = ('hand_tracker', 'dmp', 'priority_ik', 'robot_sim', 'recorder')
+NODES = (
+    'hand_tracker', 'dmp', 'priority_ik', 'robot_sim', 'recorder', 'velocity_to_position',
+)  # fmt: skip
 # Helpers of nodes that have topics of their own, and who uses them.
-HELPERS = {'markers': 'dmp', 'diagnostics': 'every node'}
+HELPERS = {
+    'markers': 'dmp', 'diagnostics': 'every node', 'hand_input': '`dmp`, `priority_ik`'
+}  # fmt: skip
 BEGIN, END = '<!-- generated: {} -->', '<!-- end -->'
 
 
@@ -160,7 +164,7 @@ def settings_table() -> str:
     """List what stands in `config/handover.yaml` without being a parameter of a running node."""
     rows = []
     comments = dict(yaml_comments())
-    everywhere = {parameter.name for parameter in (*ARM, *HAND)}
+    everywhere = {parameter.name for parameter in (*ARM, *DRIVER, *HAND)}
     for node in NODES:
         declared = {parameter.name for parameter in (*COMMON, *own_parameters(node))}
         if node == 'dmp':

@@ -34,7 +34,9 @@ import pytest
 import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
-NODES = ('robot_sim', 'hand_tracker', 'dmp', 'priority_ik', 'recorder')
+NODES = (
+    'robot_sim', 'hand_tracker', 'dmp', 'priority_ik', 'recorder', 'velocity_to_position',
+)  # fmt: skip
 # What an install is made from; the rest of a checkout (.venv, runs, caches) may be large.
 SOURCES = (
     'setup.py', 'setup.cfg', 'pyproject.toml', 'package.xml', 'LICENSE', 'README.md', 'resource',

@@ -48,7 +48,7 @@ _MAX_INPUT = 4096
 
 
 @dataclass(frozen=True)
-class Reader:
+class FuzzedReader:
     """
     A reader and the files that it reads.
 
@@ -204,22 +204,22 @@ def _parameters() -> list[bytes]:
 
 
 READERS = {
-    'trial CSV': Reader('handover_dmp.mocap', 'read_trial', 'a_give_1.csv', 0.25, _trial),
-    'data set CSV': Reader(
+    'trial CSV': FuzzedReader('handover_dmp.mocap', 'read_trial', 'a_give_1.csv', 0.25, _trial),
+    'data set CSV': FuzzedReader(
         'handover_dmp.mocap', 'read_data_set', 'trials.csv', 0.1, _index, in_folder=True,
         beside=lambda: {'a_give_1.csv': _trial()[0]},
     ),
-    'Qualisys TSV': Reader(
+    'Qualisys TSV': FuzzedReader(
         'handover_dmp.mocap.qualisys', 'read_qualisys', 'a.tsv', 0.2, _qualisys
     ),
-    'C3D': Reader('handover_dmp.mocap.c3d', 'read_c3d', 'a.c3d', 0.15, _c3d),
-    'MCAP': Reader('handover_dmp.recording', 'read_bag', 'bag_0.mcap', 0.1, _mcap),
-    'bag metadata YAML': Reader(
+    'C3D': FuzzedReader('handover_dmp.mocap.c3d', 'read_c3d', 'a.c3d', 0.15, _c3d),
+    'MCAP': FuzzedReader('handover_dmp.recording', 'read_bag', 'bag_0.mcap', 0.1, _mcap),
+    'bag metadata YAML': FuzzedReader(
         'handover_dmp.recording.bag_metadata', 'read_metadata', 'metadata.yaml', 0.02, _metadata,
         in_folder=True,
     ),
-    'model JSON': Reader('handover_dmp.dmp', 'load_model', 'model.json', 0.15, _model),
-    'parameter YAML': Reader(
+    'model JSON': FuzzedReader('handover_dmp.dmp', 'load_model', 'model.json', 0.15, _model),
+    'parameter YAML': FuzzedReader(
         'handover_dmp.dmp.parameter_file', 'read_parameters', 'parameters.yaml', 0.03, _parameters
     ),
 }  # fmt: skip

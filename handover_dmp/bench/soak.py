@@ -27,8 +27,9 @@ from handover_dmp.handover.controller import HandoverState, MOVING
 from handover_dmp.handover.lockstep import Handover, Period
 from handover_dmp.handover.scenario import make_scenario, Scenario
 from handover_dmp.robot.tasks import WristTarget
+from handover_dmp.robot.velocity_driver import ArmState, CommandOutcome
 from handover_dmp.robot.wrist_controller import WristController
-from handover_dmp.simulation.arm import ArmState, CommandOutcome, SimulatedArm
+from handover_dmp.simulation.arm import SimulatedArm
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 import psutil

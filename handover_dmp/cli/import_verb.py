@@ -28,6 +28,7 @@ from handover_dmp.common.errors import DataError, UsageError
 
 if TYPE_CHECKING:
     from handover_dmp.mocap.markers import MarkerRecording
+    from handover_dmp.mocap.review import Review
     from handover_dmp.mocap.segmentation import SegmentedMotion
     from handover_dmp.mocap.trial import HandoverTrial
     from handover_dmp.mocap.wrists import WristMotion
@@ -91,6 +92,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'it tells, else the one along which the wrists rest at a height of people',
     )
     add_low_pass(parser, default='none')
+    parser.add_argument(
+        '--dry-run', action='store_true', help='show what would be written, and write nothing'
+    )
     default = 'default: what a bag tells, else <configuration>_<exchange>_<number> of the file'
     parser.add_argument('--configuration', metavar='NAME', help=default)
     parser.add_argument('--exchange', choices=('give', 'take'), help=default)
@@ -145,6 +149,8 @@ def run(options: argparse.Namespace) -> int:
         write_data_set,
     )
     from handover_dmp.mocap.filtering import condition
+    from handover_dmp.mocap.review import review
+    from handover_dmp.mocap.review_page import review_page
     from handover_dmp.mocap.tables import save
     from rich.console import Console
     from rich.progress import track
@@ -156,6 +162,7 @@ def run(options: argparse.Namespace) -> int:
     else:
         check_no_data_set(options.output)
     new: list[HandoverTrial] = []
+    motions: list[WristMotion] = []
     segmented: list[SegmentedMotion] = []
     sources = options.sources
     console = Console(stderr=True)
@@ -168,7 +175,8 @@ def run(options: argparse.Namespace) -> int:
             new += segmented[-1].trials(options.configuration or source.stem)
         else:
             new.append(_whole(options, source, motion))
-    if options.figure:
+        motions += [motion] * (len(new) - len(motions))
+    if options.figure and not options.dry_run:
         from handover_dmp.mocap.segmentation_figure import draw_segmentation
 
         draw_segmentation(segmented[0], options.figure)
@@ -177,8 +185,12 @@ def run(options: argparse.Namespace) -> int:
     if not new:
         raise DataError(f'{", ".join(map(str, sources))}: no handover found{_why(segmented)}')
     new = _numbered(old, new)
-    write_data_set(new, options.output, append=options.append)
-    if options.json:
+    reviews = [review(trial, motion) for trial, motion in zip(new, motions, strict=True)]
+    if not options.dry_run:
+        write_data_set(new, options.output, append=options.append)
+        page = review_page(reviews, f'Imported into {options.output.name}')
+        save(options.output / 'import.html', page)
+    if options.json and not options.dry_run:
         found = {
             'data_set': str(options.output),
             'trials': [
@@ -200,7 +212,7 @@ def run(options: argparse.Namespace) -> int:
             ],
         }
         save(options.json, json.dumps(found, indent=2) + '\n')
-    _report(options.output, new, segmented)
+    _report(options, reviews, segmented)
     return 0
 
 
@@ -308,31 +320,37 @@ def _why(segmented: list[SegmentedMotion]) -> str:
     return f': at {passages[0].at_s:.2f} s, {passages[0].reason}'
 
 
-def _report(output: Path, new: list[HandoverTrial], segmented: list[SegmentedMotion]) -> None:
+def _report(
+    options: argparse.Namespace, reviews: list[Review], segmented: list[SegmentedMotion]
+) -> None:
     from handover_dmp.mocap.data_set import file_name
-    import numpy as np
     from rich.console import Console
     from rich.table import Table
 
     table = Table('file', 'from', box=None, pad_edge=False)
-    for title in ('duration / s', 'rate / Hz', "P1's way / m", "P2's way / m", 'at end / m'):
+    for title in ('s', 'Hz', 'unit', 'up', 'P1 m/s', 'P2 m/s', 'nearest m', 'gaps'):
         table.add_column(title, justify='right')
-    for trial in new:
-        path_lengths = [
-            float(np.linalg.norm(path[-1] - path[0]))
-            for path in (trial.partner, trial.demonstrator)
-        ]
-        gap = float(np.linalg.norm(trial.demonstrator[-1] - trial.partner[-1]))
-        numbers = [trial.duration_s, *path_lengths, gap]
-        cells = [f'{number:.2f}' for number in numbers]
-        table.add_row(file_name(trial), trial.source, cells[0], f'{trial.rate_hz:.4g}', *cells[1:])
+    for one in reviews:
+        trial = one.trial
+        numbers = (*one.peak_speeds, one.nearest_m)
+        table.add_row(
+            file_name(trial), trial.source, f'{trial.duration_s:.2f}', f'{trial.rate_hz:.4g}',
+            one.unit, one.up, *(f'{number:.2f}' for number in numbers), str(len(one.gaps)),
+        )  # fmt: skip
     console = Console(soft_wrap=True)
     if not console.is_terminal:
-        console = Console(soft_wrap=True, width=160)
+        console = Console(soft_wrap=True, width=200)
     console.print(table, markup=False)
+    for one in reviews:
+        for warning in one.warnings:
+            line = f'{file_name(one.trial)}: {warning}'
+            console.print(line, markup=False, highlight=False, style='yellow')
     for part in segmented:
         for at_s, reason in part.passages:
             line = f'{part.motion.source}: at {at_s:.2f} s left out: {reason}'
             console.print(line, markup=False, highlight=False)
-    count = f'{len(new)} trial' if len(new) == 1 else f'{len(new)} trials'
-    console.print(f'{output}: {count} written', markup=False, highlight=False)
+    count = f'{len(reviews)} trial' if len(reviews) == 1 else f'{len(reviews)} trials'
+    end = 'nothing written (--dry-run)' if options.dry_run else 'written'
+    console.print(f'{options.output}: {count} {end}', markup=False, highlight=False)
+    if not options.dry_run:
+        console.print(f'{options.output / "import.html"}', markup=False, highlight=False)

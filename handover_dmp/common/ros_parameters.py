@@ -34,7 +34,7 @@ _OVERRIDES = 'qos_overrides.'
 _ALIKE = 0.75
 
 
-class Section(NamedTuple):
+class ParameterSection(NamedTuple):
     """
     A section of a parameter file.
 
@@ -67,7 +67,7 @@ class Section(NamedTuple):
         return re.fullmatch(pattern, node) is not None
 
 
-def sections(tree: Any) -> list[Section]:
+def sections(tree: Any) -> list[ParameterSection]:
     """
     List the sections of a parameter file.
 
@@ -81,7 +81,7 @@ def sections(tree: Any) -> list[Section]:
     return list(_sections(tree, ''))
 
 
-def merged(found: Collection[Section], node: str) -> dict[str, Any]:
+def merged(found: Collection[ParameterSection], node: str) -> dict[str, Any]:
     """
     Merge what a parameter file says for one node.
 
@@ -127,7 +127,7 @@ def unknown_parameter(
     return ''
 
 
-def _sections(tree: Any, space: str) -> Iterator[Section]:
+def _sections(tree: Any, space: str) -> Iterator[ParameterSection]:
     if not isinstance(tree, dict):
         return
     for key, inner in tree.items():
@@ -135,7 +135,7 @@ def _sections(tree: Any, space: str) -> Iterator[Section]:
             continue
         name = f'{space}/{str(key).strip("/")}'
         if PARAMETERS in inner:
-            yield Section(name, dict(_flat(inner[PARAMETERS], '')))
+            yield ParameterSection(name, dict(_flat(inner[PARAMETERS], '')))
         yield from _sections({k: v for k, v in inner.items() if k != PARAMETERS}, name)
 
 

@@ -24,7 +24,12 @@ from typing import Any
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.files import write_text
 from handover_dmp.common.plain_yaml import load_plain
-from handover_dmp.common.ros_parameters import merged, Section, sections, unknown_parameter
+from handover_dmp.common.ros_parameters import (
+    merged,
+    ParameterSection,
+    sections,
+    unknown_parameter,
+)
 from handover_dmp.common.settings import defaults, node_names
 from handover_dmp.dmp import DmpParameters
 import yaml
@@ -105,7 +110,7 @@ def read_parameters(path: Path) -> TunedParameters:
         raise DataError(f'{path}: {error}') from error
 
 
-def _section(path: Path, found: list[Section]) -> dict[str, Any]:
+def _section(path: Path, found: list[ParameterSection]) -> dict[str, Any]:
     """Return what the file says for the node `dmp`, in whatever namespace it lives."""
     nodes = {
         section.node

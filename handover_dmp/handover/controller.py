@@ -24,6 +24,7 @@ when the hand is late, wrong or gone. It knows neither the arm nor ROS, so the l
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from math import dist, hypot, inf, isfinite, nan
@@ -234,7 +235,8 @@ class HandoverController:
         position: Vector,
         now_s: float,
         arrival_s: float,
-        orientation: Vector | None = None,
+        orientation: Sequence[float] | None = None,
+        covariance: Sequence[float] | None = None,
     ) -> str:
         """
         Take a pose of the partner's hand.
@@ -245,6 +247,7 @@ class HandoverController:
             now_s: the time, s, on the clock of the stamps.
             arrival_s: the time, s, on the clock of the arrivals.
             orientation: quaternion x, y, z, w, where there is one; of norm 0 it tells of no pose.
+            covariance: (36,), where there is one; unknown, it tells the same.
 
         Returns:
             Why it was not used, in a word; empty if it was.
@@ -254,7 +257,7 @@ class HandoverController:
         if not abs(stamp_s - now_s) <= self.options.stamp_tolerance_s:
             self.refused['other_time'] += 1
             return 'other_time'
-        reason = self._estimator.update(stamp_s, position, now_s, orientation)
+        reason = self._estimator.update(stamp_s, position, now_s, orientation, covariance)
         if reason:
             return reason
         self._hand = position

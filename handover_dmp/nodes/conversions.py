@@ -50,22 +50,24 @@ def pose_message(
     position: Iterable[float],
     orientation: Quaternion | None = None,
     *,
+    frame: str = FRAME,
     into: PoseStamped | None = None,
 ) -> PoseStamped:
     """
-    Make a pose in `world`.
+    Make a pose.
 
     Args:
         time: its stamp.
         position: (3,), m.
         orientation: x, y, z, w; none gives the unit quaternion.
+        frame: that it is told in.
         into: an older message to be filled anew, which takes a fifth of the time.
 
     Returns:
         The message.
 
     """
-    message = PoseStamped(header=Header(frame_id=FRAME)) if into is None else into
+    message = PoseStamped(header=Header(frame_id=frame)) if into is None else into
     message.header.stamp = time
     place, turn = message.pose.position, message.pose.orientation
     place.x, place.y, place.z = map(float, position)
@@ -74,21 +76,26 @@ def pose_message(
 
 
 def twist_message(
-    time: Time, velocity: Iterable[float], *, into: TwistStamped | None = None
+    time: Time,
+    velocity: Iterable[float],
+    *,
+    frame: str = FRAME,
+    into: TwistStamped | None = None,
 ) -> TwistStamped:
     """
-    Make a twist in `world` without rotation.
+    Make a twist without rotation.
 
     Args:
         time: its stamp.
         velocity: (3,), m/s.
+        frame: that it is told in.
         into: an older message to be filled anew.
 
     Returns:
         The message.
 
     """
-    message = TwistStamped(header=Header(frame_id=FRAME)) if into is None else into
+    message = TwistStamped(header=Header(frame_id=frame)) if into is None else into
     message.header.stamp = time
     linear = message.twist.linear
     linear.x, linear.y, linear.z = map(float, velocity)
@@ -99,12 +106,6 @@ def position_of(message: PoseStamped) -> tuple[float, float, float]:
     """Return the position of a pose, m."""
     place = message.pose.position
     return place.x, place.y, place.z
-
-
-def orientation_of(message: PoseStamped) -> Quaternion:
-    """Return the quaternion of a pose as it is."""
-    turn = message.pose.orientation
-    return turn.x, turn.y, turn.z, turn.w
 
 
 def quaternion_of(rotation: NDArray[np.float64]) -> Quaternion:

@@ -23,6 +23,7 @@ from pathlib import Path
 import sys
 from time import monotonic
 
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
 from handover_dmp.dmp import DecoupledDmp, relearn
 from handover_dmp.dmp.parameters import RANGES
@@ -38,7 +39,6 @@ from handover_dmp.handover.scenario import example_model, read_model
 from handover_dmp.nodes.conversions import (
     NANOSECONDS,
     nanoseconds,
-    orientation_of,
     pose_message,
     position_of,
     Quaternion,
@@ -50,6 +50,7 @@ from handover_dmp.nodes.conversions import (
     values_of,
 )
 from handover_dmp.nodes.diagnostics import Diagnostics, Periods, refusals
+from handover_dmp.nodes.hand_input import HandInput
 from handover_dmp.nodes.lockstep import Lockstep
 from handover_dmp.nodes.markers import Markers
 from handover_dmp.nodes.node import HandoverNode
@@ -63,8 +64,6 @@ from handover_dmp.nodes.parameters import (
 )
 from handover_dmp.nodes.spin import run
 from handover_dmp.topics import (
-    FRAME,
-    HAND_POSE,
     IK_STATUS,
     PHASE,
     POSE_COMMAND,
@@ -74,6 +73,7 @@ from handover_dmp.topics import (
     TWIST_COMMAND,
     WRIST_POSE,
 )
+from handover_dmp.tracking.pose_messages import SeenPose
 import numpy as np
 from std_msgs.msg import Float64MultiArray, Header, String
 
@@ -153,7 +153,7 @@ class Dmp(HandoverNode):
         period_s = 1.0 / self.values['rate_hz']
         self._period_ns = round(period_s * NANOSECONDS)
         self._periods = Periods(period_s)
-        self._hands: list[tuple[float, PoseStamped]] = []
+        self._hands: list[tuple[float, SeenPose]] = []
         self._newest_hand_ns = -1
         self._phase_rate = 1.0
         self._phase_rate_ns = -1
@@ -193,7 +193,7 @@ class Dmp(HandoverNode):
         self._state = self.advertise(STATE)
         self._pose = self._twist = self._values = None
         self._said = ''
-        self.subscribe(HAND_POSE, self._on_hand)
+        HandInput(self, self._on_hand, self._refuse_hand)
         self.subscribe(WRIST_POSE, self._on_wrist)
         self.subscribe(IK_STATUS, self._on_ik_status)
         self.subscribe(SIGNAL, self._on_stamped_signal)
@@ -205,15 +205,15 @@ class Dmp(HandoverNode):
 
     # Inputs
 
-    def _on_hand(self, message: PoseStamped) -> None:
-        if message.header.frame_id != FRAME:
-            self._controller.refused['other_frame'] += 1
-            self._fault(f'hand in frame {message.header.frame_id!r} instead of {FRAME!r}')
-            return
-        time_ns = self.hand_stamp_ns(message.header.stamp)
+    def _refuse_hand(self, reason: str, text: str) -> None:
+        self._controller.refused[reason] += 1
+        self._fault(text)
+
+    def _on_hand(self, time: Time, pose: SeenPose) -> None:
+        time_ns = self.hand_stamp_ns(time)
         # in lockstep one is told again, as it may have been lost
         if not (self.lockstep and time_ns == self._newest_hand_ns):
-            self._hands.append((time_ns / NANOSECONDS, message))
+            self._hands.append((time_ns / NANOSECONDS, pose))
         self._newest_hand_ns = time_ns
         if self.lockstep:
             self._clock_of_periods.look()
@@ -221,9 +221,9 @@ class Dmp(HandoverNode):
             self._take_hands(self.now_s(), self.arrival_s())
 
     def _take_hands(self, now_s: float, arrival_s: float) -> None:
-        for stamp_s, message in self._hands:
+        for stamp_s, pose in self._hands:
             reason = self._controller.set_hand(
-                stamp_s, position_of(message), now_s, arrival_s, orientation_of(message)
+                stamp_s, pose.position, now_s, arrival_s, pose.orientation, pose.covariance
             )
             if reason and reason != 'repeated':
                 self._fault(f'hand refused, {reason}')
@@ -321,8 +321,10 @@ class Dmp(HandoverNode):
         if command is None:
             return
         time = stamp(time_ns)
-        self._pose = pose_message(time, command.position, self._orientation, into=self._pose)
-        self._twist = twist_message(time, command.velocity, into=self._twist)
+        self._pose = pose_message(
+            time, command.position, self._orientation, frame=self.frame, into=self._pose
+        )
+        self._twist = twist_message(time, command.velocity, frame=self.frame, into=self._twist)
         known = {'hand_stamp_s': self._controller.hand_stamp_s, 'period': self._periods.count}
         self._values = to_float_array({**command.status_values(now_s), **known}, into=self._values)
         self._publish()

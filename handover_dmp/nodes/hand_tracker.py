@@ -28,7 +28,7 @@ from handover_dmp.nodes.lockstep import Lockstep
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import Parameter, Values
 from handover_dmp.nodes.spin import run
-from handover_dmp.topics import CLOCK, DEMONSTRATOR_POSE, FRAME, HAND_POSE, SIGNAL, WRIST_POSE
+from handover_dmp.topics import CLOCK, DEMONSTRATOR_POSE, HAND_POSE, SIGNAL, WRIST_POSE
 from handover_dmp.tracking.playback import HandSample, PlayedBag, PlayedTrial
 from handover_dmp.tracking.sensor_model import SensorModel
 from std_msgs.msg import Header
@@ -112,7 +112,7 @@ class HandTracker(HandoverNode):
     def _begin(self, at_s: float) -> None:
         self._played.start(at_s)
         time = stamp(round(self._played.signal_s * NANOSECONDS))
-        self._signal.publish(Header(stamp=time, frame_id=FRAME))
+        self._signal.publish(Header(stamp=time, frame_id=self.frame))
 
     def _tick(self) -> None:
         self._answer(self.now_ns(), 0.0)
@@ -120,9 +120,13 @@ class HandTracker(HandoverNode):
     def _answer(self, time_ns: int, _elapsed_s: float) -> None:
         self._periods.tick()
         now_s = time_ns / NANOSECONDS
-        self._messages = [_message(sample) for sample in self._played.hand(now_s)]
-        self._person = [_message(sample) for sample in self._played.demonstrator(now_s)]
+        self._messages = [self._message(sample) for sample in self._played.hand(now_s)]
+        self._person = [self._message(sample) for sample in self._played.demonstrator(now_s)]
         self._publish()
+
+    def _message(self, sample: HandSample) -> PoseStamped:
+        time, frame = stamp(round(sample.stamp_s * NANOSECONDS)), sample.frame or self.frame
+        return pose_message(time, sample.position, sample.orientation, frame=frame)
 
     def _publish(self) -> None:
         for message in self._messages:
@@ -132,11 +136,6 @@ class HandTracker(HandoverNode):
 
     def _condition(self) -> tuple[str, dict[str, str]]:
         return '', {'replay starts at (s)': f'{self._played.start_s:.3f}'}
-
-
-def _message(sample: HandSample) -> PoseStamped:
-    time = stamp(round(sample.stamp_s * NANOSECONDS))
-    return pose_message(time, sample.position, sample.orientation)
 
 
 def _played(values: Values) -> PlayedTrial | PlayedBag:

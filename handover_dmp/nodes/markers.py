@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point
 from handover_dmp.nodes.node import HandoverNode
-from handover_dmp.topics import FRAME, MARKERS
+from handover_dmp.topics import MARKERS
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -51,6 +51,7 @@ class Markers:
 
         """
         self._publisher = node.advertise(MARKERS)
+        self._frame = node.frame
         # kept and filled anew, since making them takes half as long as sending them
         self._path = _marker('learnt path', Marker.LINE_STRIP, GREY, LINE_M)
         self._path.points = [_point(place) for place in learnt_path]
@@ -92,6 +93,7 @@ class Markers:
             markers.append(self._exchange)
         for marker in markers:
             marker.header.stamp = time
+            marker.header.frame_id = self._frame
         self._publisher.publish(MarkerArray(markers=markers))
 
 
@@ -118,7 +120,6 @@ class _Trail:
 
 def _marker(name: str, kind: int, colour: Colour, size_m: float) -> Marker:
     marker = Marker(ns=name, type=kind, action=Marker.ADD)
-    marker.header.frame_id = FRAME
     marker.pose.orientation.w = 1.0
     marker.scale.x = marker.scale.y = marker.scale.z = size_m
     red, green, blue = colour

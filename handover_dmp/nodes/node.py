@@ -33,6 +33,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.publisher import Publisher
+from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 from std_srvs.srv import SetBool, Trigger
 
@@ -59,6 +60,7 @@ class HandoverNode(Node):  # type: ignore[misc]
         super().__init__(self.NAME)
         check_names(self, sys.argv)
         self.values = declare(self, COMMON + self.PARAMETERS)
+        self.frame: str = self.values['frame']
         self.lockstep: bool = self.values['lockstep']
         self.simulated: bool = self.get_parameter('use_sim_time').value
         if self.lockstep and not (self.simulated or self.MAKES_TIME):
@@ -85,7 +87,7 @@ class HandoverNode(Node):  # type: ignore[misc]
             message_class(topic.type_name), topic.name, qos_profile(topic.quality)
         )
 
-    def subscribe(self, topic: Topic, callback: Callable[[Any], None]) -> None:
+    def subscribe(self, topic: Topic, callback: Callable[[Any], None]) -> Subscription:
         """
         Subscribe to a topic.
 
@@ -93,8 +95,11 @@ class HandoverNode(Node):  # type: ignore[misc]
             topic: which.
             callback: gets each message.
 
+        Returns:
+            Its subscription.
+
         """
-        self.create_subscription(
+        return self.create_subscription(
             message_class(topic.type_name), topic.name, callback, qos_profile(topic.quality)
         )
 

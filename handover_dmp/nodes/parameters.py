@@ -90,6 +90,7 @@ class Parameter:
 
 
 COMMON = (
+    Parameter('frame', 'of all positions', read_only=True),
     Parameter('lockstep', 'wait for each other on simulated time', read_only=True),
     Parameter(
         'lockstep_hand_period_s', 'how often the hand comes then, s', 0.001, 1.0, read_only=True
@@ -115,6 +116,15 @@ def _filter(
 
 
 HAND = (
+    Parameter(
+        'tracker.type', 'of the messages about the hand; empty: what they have', read_only=True
+    ),
+    Parameter(
+        'tracker.body', 'name or number of the hand, where there are several', read_only=True
+    ),
+    Parameter('tracker.frame', "of the tracker's poses, if that is another", read_only=True),
+    Parameter('tracker.position', 'of that frame in ours, m', read_only=True),
+    Parameter('tracker.quaternion', 'from its axes to ours, x, y, z, w', read_only=True),
     Parameter(
         'hand_stamps',
         'time of a pose of the hand: of its header, or of its arrival',
@@ -150,6 +160,12 @@ ARM = (
     Parameter('base_roll', 'about x, the first of three turns, rad', -6.3, 6.3, read_only=True),
     Parameter('base_pitch', 'about y, the second, rad', -6.3, 6.3, read_only=True),
     Parameter('base_yaw', 'about z, the last, rad', -6.3, 6.3, read_only=True),
+)
+
+DRIVER = (
+    Parameter(
+        'joint_prefix', 'what the driver puts before the names of the joints', read_only=True
+    ),
 )
 
 

@@ -28,7 +28,6 @@ from handover_dmp.nodes.arm import limits_told, load_arm
 from handover_dmp.nodes.conversions import (
     NANOSECONDS,
     nanoseconds,
-    orientation_of,
     pose_message,
     position_of,
     quaternion_of,
@@ -38,10 +37,12 @@ from handover_dmp.nodes.conversions import (
     velocities_of,
 )
 from handover_dmp.nodes.diagnostics import Diagnostics, Periods, refusals
+from handover_dmp.nodes.hand_input import HandInput
 from handover_dmp.nodes.lockstep import HEAD_START_S, Lockstep
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import (
     ARM,
+    DRIVER,
     goal_estimator,
     HAND,
     on_change,
@@ -55,8 +56,6 @@ from handover_dmp.robot.priority_ik import PriorityIk
 from handover_dmp.robot.tasks import WristTarget
 from handover_dmp.robot.wrist_controller import WristController, WristControllerOptions
 from handover_dmp.topics import (
-    FRAME,
-    HAND_POSE,
     IK_STATUS,
     JOINT_COMMAND,
     JOINT_STATES,
@@ -64,6 +63,7 @@ from handover_dmp.topics import (
     TWIST_COMMAND,
     WRIST_POSE,
 )
+from handover_dmp.tracking.pose_messages import SeenPose
 import numpy as np
 from sensor_msgs.msg import JointState
 
@@ -107,6 +107,7 @@ class PriorityIkNode(HandoverNode):
     NAME = 'priority_ik'
     PARAMETERS = (
         *ARM,
+        *DRIVER,
         *HAND,
         *TIMEOUTS,
         *TASKS,
@@ -124,7 +125,10 @@ class PriorityIkNode(HandoverNode):
         super().__init__()
         self._model = load_arm(self)
         self._controller = WristController(
-            self._model, PriorityIk(self._model, **_tasks(self.values)), _timeouts(self.values)
+            self._model,
+            PriorityIk(self._model, **_tasks(self.values)),
+            _timeouts(self.values),
+            joint_prefix=self.values['joint_prefix'],
         )
         on_change(self, TIMEOUTS + TASKS, self._prepare)
         self._period_s = 1.0 / self.values['rate_hz']
@@ -146,7 +150,6 @@ class PriorityIkNode(HandoverNode):
         self._active: tuple[str, ...] = ()
         self._refused = 0
         self._refusal = ''
-        self._joints = frozenset(self._model.joint_names)
         self._twist_awaited = False
         self._connect()
         self._taken_ns: int | None = None
@@ -169,19 +172,18 @@ class PriorityIkNode(HandoverNode):
         self.subscribe(JOINT_STATES, self._on_joint_states)
         self.subscribe(POSE_COMMAND, self._on_pose)
         self.subscribe(TWIST_COMMAND, self._on_twist)
-        self.subscribe(HAND_POSE, self._on_hand)
+        HandInput(self, self._on_hand, self._refuse_hand)
 
     # Inputs
 
     def _on_joint_states(self, message: JointState) -> None:
-        if self._joints.isdisjoint(message.name):
-            return  # of a gripper, or of another arm
         time_ns = nanoseconds(message.header.stamp)
         arrival_s = time_ns / NANOSECONDS if self.lockstep else self.arrival_s()
         if not self._controller.set_joint_state(
             message.name, message.position, message.velocity, arrival_s
         ):
-            self._refuse('joint states')
+            if self._controller.joint_states.concerns(message.name):
+                self._refuse('joint states')
             return
         self._measured_stamp = message.header.stamp
         if self.lockstep:
@@ -194,13 +196,15 @@ class PriorityIkNode(HandoverNode):
         assert self._controller.positions is not None
         position, rotation = self._model.wrist_pose(self._controller.positions)
         stamp, orientation = self._measured_stamp, quaternion_of(rotation)
-        self._wrist = pose_message(stamp, position.tolist(), orientation, into=self._wrist)
+        self._wrist = pose_message(
+            stamp, position.tolist(), orientation, frame=self.frame, into=self._wrist
+        )
         self._wrist_pose.publish(self._wrist)
         self._measured_stamp = None
 
     def _on_pose(self, message: PoseStamped) -> None:
-        if message.header.frame_id != FRAME:
-            self._refuse(f'wrist command in frame {message.header.frame_id!r}, not {FRAME!r}')
+        if message.header.frame_id != self.frame:
+            self._refuse(f'wrist command in frame {message.header.frame_id!r}, not {self.frame!r}')
             return
         self._pose = message
         self._on_command()
@@ -220,23 +224,25 @@ class PriorityIkNode(HandoverNode):
                 self._tick()
                 self._commanded = True
 
-    def _on_hand(self, message: PoseStamped) -> None:
-        if message.header.frame_id != FRAME:
-            self._hand.rejected['other_frame'] += 1
-            self._refuse(f'hand in frame {message.header.frame_id!r}, not {FRAME!r}')
-            return
-        time_ns = self.hand_stamp_ns(message.header.stamp)
+    def _refuse_hand(self, reason: str, text: str) -> None:
+        self._hand.rejected[reason] += 1
+        self._refuse(text)
+
+    def _on_hand(self, time: Time, pose: SeenPose) -> None:
+        time_ns = self.hand_stamp_ns(time)
         stamp_s = time_ns / NANOSECONDS
         # in lockstep one is told again, as it may have been lost
         if not (self.lockstep and time_ns == self._newest_hand_ns):
-            self._take_hand(stamp_s, message)
+            self._take_hand(stamp_s, pose)
         self._newest_hand_ns = time_ns
         if self.lockstep:
             self._lockstep.look()
 
-    def _take_hand(self, stamp_s: float, message: PoseStamped) -> None:
+    def _take_hand(self, stamp_s: float, pose: SeenPose) -> None:
         now_s = None if self.lockstep else self.now_s()
-        reason = self._hand.update(stamp_s, position_of(message), now_s, orientation_of(message))
+        reason = self._hand.update(
+            stamp_s, pose.position, now_s, pose.orientation, pose.covariance
+        )
         estimate = self._hand.estimate(stamp_s)
         if reason and reason != 'repeated':
             self._refuse(f'hand, {reason}')

@@ -31,7 +31,8 @@ from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import ARM, declare, on_change, Parameter, Values
 from handover_dmp.nodes.spin import run
 from handover_dmp.robot.model import RobotModel
-from handover_dmp.simulation.arm import ArmOptions, ArmState, SimulatedArm
+from handover_dmp.robot.velocity_driver import ArmOptions, ArmState
+from handover_dmp.simulation.arm import SimulatedArm
 from handover_dmp.topics import CLOCK, JOINT_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState

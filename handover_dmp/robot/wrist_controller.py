@@ -23,10 +23,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isfinite, nan
+from math import nan
 from typing import NamedTuple
 
 from handover_dmp.common.settings import setting
+from handover_dmp.robot.joint_states import all_finite, JointStateReader
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.partner import Partner
 from handover_dmp.robot.priority_ik import IkSolution, PriorityIk
@@ -115,7 +116,12 @@ class WristController:
     """Follows wrist commands with an arm by priority inverse kinematics, as long as it is safe."""
 
     def __init__(
-        self, model: RobotModel, ik: PriorityIk, options: WristControllerOptions | None = None
+        self,
+        model: RobotModel,
+        ik: PriorityIk,
+        options: WristControllerOptions | None = None,
+        *,
+        joint_prefix: str = '',
     ) -> None:
         """
         Take the arm and its inverse kinematics.
@@ -124,9 +130,11 @@ class WristController:
             model: the arm.
             ik: its inverse kinematics.
             options: the time-outs.
+            joint_prefix: what the driver puts before the names of the joints.
 
         """
         self.model = model
+        self.joint_states = JointStateReader(model.joint_names, joint_prefix)
         self.ik = ik
         self.options = options or WristControllerOptions()
         self.reset()
@@ -142,7 +150,6 @@ class WristController:
         self._target_arrival_s = float('-inf')
         self._hand: Partner | None = None
         self._hand_arrival_s = float('-inf')
-        self._order: tuple[tuple[str, ...], list[int]] = ((), [])
 
     @property
     def positions(self) -> Array | None:
@@ -179,40 +186,25 @@ class WristController:
         Args:
             names: of the joints.
             positions: rad, one a name.
-            velocities: rad/s, one a name, or none at all.
+            velocities: rad/s, one a name or none at all; NaN stands for none.
             arrival_s: when they came, s.
 
         Returns:
             Whether they were used.
 
         """
-        measured, moving = np.asarray(positions, float), np.asarray(velocities, float)
-        self._joint_fault = self._fault(names, measured, moving)
-        if self._joint_fault:
+        found = self.joint_states.read(names, positions, velocities)
+        if isinstance(found, str):
+            # those of a gripper or another arm tell nothing, once this arm's have come
+            if self._positions is None or self.joint_states.concerns(names):
+                self._joint_fault = found
             return False
-        self._positions = measured[self._order[1]]
-        if len(moving):
-            self._measured_velocities = moving[self._order[1]]
+        self._joint_fault = ''
+        self._positions, measured_velocities = found
+        if measured_velocities is not None:
+            self._measured_velocities = measured_velocities
         self._joint_arrival_s = arrival_s
         return True
-
-    def _fault(self, names: Sequence[str], positions: Array, velocities: Array) -> str:
-        if tuple(names) != self._order[0]:
-            missing = [name for name in self.model.joint_names if name not in names]
-            if missing:
-                return f'joint states lack {", ".join(missing)}'
-            if len(set(names)) != len(names):
-                return 'joint states name a joint twice'
-            index = {name: i for i, name in enumerate(names)}
-            self._order = (tuple(names), [index[name] for name in self.model.joint_names])
-        if len(positions) != len(names) or len(velocities) not in (0, len(names)):
-            return f'joint states have {len(names)} names but {len(positions)} positions'
-        order = self._order[1]
-        if not _finite(positions[order]):
-            return 'joint positions are not finite'
-        if len(velocities) and not _finite(velocities[order]):
-            return 'joint velocities are not finite'
-        return ''
 
     def set_target(self, target: WristTarget, arrival_s: float) -> bool:
         """
@@ -227,7 +219,7 @@ class WristController:
 
         """
         parts = (target.position, target.velocity, target.rotation, target.angular_velocity)
-        if not all(_finite(part) for part in parts if part is not None):
+        if not all(all_finite(part) for part in parts if part is not None):
             return False
         self._target = target
         self._target_arrival_s = arrival_s
@@ -242,7 +234,7 @@ class WristController:
             arrival_s: when it came, s.
 
         """
-        if _finite(hand.position) and _finite(hand.velocity):
+        if all_finite(hand.position) and all_finite(hand.velocity):
             self._hand = hand
             self._hand_arrival_s = arrival_s
 
@@ -336,8 +328,3 @@ class WristController:
         self._commanded = self.ik.brake(positions, self._commanded, dt)
         singular_value = smallest_singular_value(self.model.wrist_jacobian(positions)[:3])
         return JointCommand(self._commanded, reason, smallest_singular_value=singular_value)
-
-
-def _finite(values: Array) -> bool:
-    # for so few numbers several times as fast as numpy.isfinite
-    return all(map(isfinite, values.ravel().tolist()))

@@ -23,17 +23,19 @@ for bit.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from enum import Enum
-from math import inf, isfinite, sqrt
+from math import isfinite
 from types import TracebackType
 
-from handover_dmp.common.errors import UsageError
-from handover_dmp.common.settings import setting
-from handover_dmp.robot.interpolator import JointInterpolator
+from handover_dmp.common.errors import DataError, UsageError
 from handover_dmp.robot.model import RobotModel
+from handover_dmp.robot.velocity_driver import (
+    ArmOptions,
+    ArmReport,
+    CommandOutcome,
+    VelocityDriver,
+)
 from handover_dmp.simulation.partner_figure import PartnerFigure
-from handover_dmp.simulation.self_check import check_models, ModelMismatchError
+from handover_dmp.simulation.self_check import check_models
 from handover_dmp.simulation.world import World, WorldOptions
 import numpy as np
 from numpy.typing import NDArray
@@ -42,67 +44,6 @@ Array = NDArray[np.float64]
 
 # The longest time, in steps, for which the joints are not read and the bounds not renewed.
 STEPS_AT_ONCE = 5
-# Share of the acceleration limit that braking before an end stop plans with; what is left absorbs
-# the lag of the jerk-limited interpolation.
-END_STOP_SHARE = 0.5
-# The arm comes to rest so far before the end of its range that rounding does not take it beyond.
-END_STOP_MARGIN_RAD = 1e-5
-
-
-@dataclass(frozen=True)
-class ArmOptions:
-    """
-    When the arm stops by itself.
-
-    Attributes:
-        command_timeout_s: simulated time without a good command after which it brakes, s.
-        resume_required: whether it then stays stopped, if it was in motion, until `resume`.
-
-    """
-
-    command_timeout_s: float = setting('robot_sim', 'command_timeout_s')
-    resume_required: bool = setting('robot_sim', 'resume_required')
-
-
-class CommandOutcome(str, Enum):
-    """What became of a command."""
-
-    ACCEPTED = 'accepted'
-    CLIPPED = 'clipped'
-    REFUSED = 'refused'
-    IGNORED = 'ignored'
-
-
-class ArmState(str, Enum):
-    """Whether the arm obeys commands, or waits, at rest or braking, until it is told to resume."""
-
-    READY = 'ready'
-    STOPPED = 'stopped'
-
-
-@dataclass(frozen=True)
-class ArmReport:
-    """
-    What the arm has to say about its commands since the last reset.
-
-    Attributes:
-        state: whether it obeys.
-        accepted: commands taken as they were.
-        clipped: commands over the velocity limits, taken slowed down.
-        refused: commands of a wrong length or with numbers that are not finite.
-        ignored: good commands that came while it was stopped.
-        timeouts: how often commands stayed away while it was in motion.
-        last_fault: the latest of these in words; empty before the first.
-
-    """
-
-    state: ArmState
-    accepted: int
-    clipped: int
-    refused: int
-    ignored: int
-    timeouts: int
-    last_fault: str
 
 
 class SimulatedArm:
@@ -131,23 +72,16 @@ class SimulatedArm:
 
         """
         self.model = model
-        self.options = options or ArmOptions()
         self.world = World(model, figure=figure, options=world_options)
         try:
             check_models(model, self.world)
-        except ModelMismatchError:
+        except DataError:
             self.close()
             raise
         self._time_step_s = self.world.options.time_step_s
         self._gain = self.world.options.tracking_gain
         self._figure_period_s = 1.0 / figure.options.update_rate_hz if figure is not None else 0.0
-        limits = model.limits
-        braking = END_STOP_SHARE * limits.acceleration
-        # From full acceleration one way to braking the other way.
-        lag_s = (1.0 + END_STOP_SHARE) * limits.acceleration / limits.jerk
-        low, high = limits.lower + END_STOP_MARGIN_RAD, limits.upper - END_STOP_MARGIN_RAD
-        self._end_stops = np.column_stack([braking, lag_s, low, high]).tolist()
-        self._interpolator = JointInterpolator(model.limits)
+        self._driver = VelocityDriver(model, options)
         self.reset()
 
     def reset(self, positions: Sequence[float] | Array | None = None) -> None:
@@ -168,18 +102,10 @@ class SimulatedArm:
         if np.any(home < limits.lower - 1e-9) or np.any(home > limits.upper + 1e-9):
             raise UsageError(f'the posture is beyond the joint limits of {self.model.name}')
         self.world.reset(home)
-        self._reference: Array = np.array(home)
-        self._velocity = np.zeros(self.model.dof)
-        self._target = np.zeros(self.model.dof)
-        self._interpolator.reset(self._velocity)
+        self._driver.reset(home)
         self._positions, self._velocities = np.array(home), np.zeros(self.model.dof)
         self._steps = 0
         self._until_s = 0.0
-        self._deadline_s = inf
-        self._state = ArmState.READY
-        self._count = dict.fromkeys(CommandOutcome, 0)
-        self._timeouts = 0
-        self._last_fault = ''
         self._hand: Array | None = None
         self._figure_due_s = 0.0
 
@@ -201,25 +127,17 @@ class SimulatedArm:
     @property
     def reference_positions(self) -> Array:
         """Tell what the motors follow: the integral of the interpolated commands, (n,), rad."""
-        return np.array(self._reference)
+        return self._driver.reference
 
     @property
     def moving(self) -> bool:
         """Whether the arm moves or has been told to."""
-        return bool(np.any(self._target)) or bool(np.any(np.abs(self._velocity) > 1e-6))
+        return self._driver.moving
 
     @property
     def report(self) -> ArmReport:
         """Tell what the arm has to say about its commands since the last reset."""
-        return ArmReport(
-            state=self._state,
-            accepted=self._count[CommandOutcome.ACCEPTED],
-            clipped=self._count[CommandOutcome.CLIPPED],
-            refused=self._count[CommandOutcome.REFUSED],
-            ignored=self._count[CommandOutcome.IGNORED],
-            timeouts=self._timeouts,
-            last_fault=self._last_fault,
-        )
+        return self._driver.report
 
     def command(self, velocities: Sequence[float] | Array) -> CommandOutcome:
         """
@@ -234,38 +152,7 @@ class SimulatedArm:
             What became of it; `report` says why.
 
         """
-        outcome = self._judge(velocities)
-        self._count[outcome] += 1
-        return outcome
-
-    def _judge(self, velocities: Sequence[float] | Array) -> CommandOutcome:
-        try:
-            wanted = np.array(velocities, dtype=float)
-        except (TypeError, ValueError, OverflowError):
-            return self._refuse('a command that is not a row of numbers')
-        if wanted.shape != (self.model.dof,):
-            return self._refuse(f'a command of shape {wanted.shape} for {self.model.dof} joints')
-        share = np.abs(wanted) / self.model.limits.velocity
-        worst = int(share.argmax())  # that of a number that is none, if there is one
-        if not isfinite(share[worst]):
-            return self._refuse('a command with numbers that are not finite')
-        if self._state is ArmState.STOPPED:
-            return CommandOutcome.IGNORED
-        self._deadline_s = self.time_s + self.options.command_timeout_s
-        if share[worst] <= 1.0 + 1e-9:
-            self._target = wanted
-            return CommandOutcome.ACCEPTED
-        # All joints alike, so that the wrist keeps its direction.
-        self._target = wanted / share[worst]
-        self._last_fault = (
-            f'{self.model.joint_names[worst]} told to run at {wanted[worst]:.3g} rad/s, limit '
-            f'{self.model.limits.velocity[worst]:.3g}'
-        )
-        return CommandOutcome.CLIPPED
-
-    def _refuse(self, fault: str) -> CommandOutcome:
-        self._last_fault = fault
-        return CommandOutcome.REFUSED
+        return self._driver.command(velocities, self.time_s)
 
     def stop(self, fault: str = 'stopped on request') -> None:
         """
@@ -275,14 +162,11 @@ class SimulatedArm:
             fault: why, for the report.
 
         """
-        self._state = ArmState.STOPPED
-        self._target = np.zeros(self.model.dof)
-        self._deadline_s = inf
-        self._last_fault = fault
+        self._driver.stop(fault)
 
     def resume(self) -> None:
         """Obey commands again, from the next one on."""
-        self._state = ArmState.READY
+        self._driver.resume()
 
     def show_hand(self, hand: Array) -> None:
         """
@@ -313,9 +197,8 @@ class SimulatedArm:
         self._until_s += period_s
         remaining = round(self._until_s / self._time_step_s) - self._steps
         while remaining > 0:
-            if self.time_s >= self._deadline_s - 1e-9:
-                self._miss_command()
-            to_deadline = (self._deadline_s - self.time_s) / self._time_step_s
+            self._driver.watch(self.time_s)
+            to_deadline = (self._driver.deadline_s - self.time_s) / self._time_step_s
             steps = min(remaining, STEPS_AT_ONCE, max(1, round(min(to_deadline, STEPS_AT_ONCE))))
             self._run(steps)
             remaining -= steps
@@ -323,55 +206,15 @@ class SimulatedArm:
             self.world.show_hand(self._hand)
             self._figure_due_s = self.time_s + self._figure_period_s - 0.5 * self._time_step_s
 
-    def _miss_command(self) -> None:
-        self._deadline_s = inf
-        if not self.moving:
-            return
-        self._timeouts += 1
-        fault = f'no command for {self.options.command_timeout_s:.3f} s'
-        if self.options.resume_required:
-            self.stop(fault)
-        else:
-            self._target = np.zeros(self.model.dof)
-            self._last_fault = fault
-
     def _run(self, steps: int) -> None:
         """Make a few steps towards the target, then read the joints."""
-        dt = self._time_step_s
-        target = self._clear_of_end_stops(steps * dt)
-        correction = self._gain * (self._reference - self._positions)
-        velocities = np.array(self._interpolator.steps(target, dt, steps))
-        for driven in (velocities + correction).tolist():
-            self.world.drive(driven)
+        correction = self._gain * (self._driver.reference - self._positions)
+        for velocities in self._driver.steps(self._time_step_s, steps):
+            self.world.drive((velocities + correction).tolist())
             self.world.step()
-        self._reference = self._reference + dt * velocities.sum(axis=0)
-        self._velocity = velocities[-1]
         self._steps += steps
         read, moving = self.world.read()
         self._positions, self._velocities = np.array(read), np.array(moving)
-
-    def _clear_of_end_stops(self, duration_s: float) -> Array:
-        """
-        Bound the target so that the arm can always brake before the end of its range.
-
-        The bound is that of a joint that brakes at a share of its acceleration, from where the
-        joint will be once that acceleration has been built up.
-        """
-        bounded = []
-        state = zip(
-            self._target.tolist(),
-            self._reference.tolist(),
-            self._velocity.tolist(),
-            self._end_stops,
-            strict=True,
-        )
-        for target, reference, velocity, (braking, lag_s, low, high) in state:
-            step, ahead = braking * duration_s, reference + velocity * lag_s
-            up, down = max(0.0, high - ahead), max(0.0, ahead - low)
-            fastest_up = sqrt(step * step + 2.0 * braking * up) - step
-            fastest_down = sqrt(step * step + 2.0 * braking * down) - step
-            bounded.append(min(max(target, -fastest_down), fastest_up))
-        return np.array(bounded)
 
     def close(self) -> None:
         """Let PyBullet forget the arm's world."""

@@ -205,14 +205,22 @@ class World:
         Returns:
             (n, n), kg m², in the model's order.
 
+        Raises:
+            DataError: it has none.
+
         """
         order = np.argsort(self.joints)
         in_its_order = [float(positions[i]) for i in order]
-        matrix = np.array(
-            pybullet.calculateMassMatrix(self.robot, in_its_order, physicsClientId=self.client)
-        )
+        try:
+            with silenced():
+                found = pybullet.calculateMassMatrix(
+                    self.robot, in_its_order, physicsClientId=self.client
+                )
+        except (pybullet.error, SystemError) as error:
+            path = self.model.urdf_path
+            raise DataError(f'{path}: PyBullet finds no mass matrix of this arm') from error
         back = np.argsort(order)
-        return matrix[np.ix_(back, back)]
+        return np.array(found)[np.ix_(back, back)]
 
     def close(self) -> None:
         """Let PyBullet forget this world; a second call does nothing."""

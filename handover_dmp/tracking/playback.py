@@ -30,7 +30,7 @@ from typing import NamedTuple
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.filtering import interpolate
 from handover_dmp.mocap.trial import HandoverTrial
-from handover_dmp.topics import DEMONSTRATOR_POSE, FRAME, HAND_POSE, SIGNAL
+from handover_dmp.topics import DEMONSTRATOR_POSE, HAND_POSE, SIGNAL
 from handover_dmp.tracking.sensor_model import SensorModel
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -51,12 +51,14 @@ class HandSample(NamedTuple):
         stamp_s: when it was measured, s on the clock of the replay.
         position: (3,) m.
         orientation: quaternion x, y, z, w, where one was recorded.
+        frame: that it was recorded in; empty for ours.
 
     """
 
     stamp_s: float
     position: NDArray[np.float64]
     orientation: tuple[float, float, float, float] | None = None
+    frame: str = ''
 
 
 class Replay:
@@ -344,8 +346,7 @@ class PlayedBag:
                 count or, where these are zero, when they were recorded.
 
         Raises:
-            DataError: there is no such bag, it is damaged, or no poses of a hand in the frame
-                `world` are in it.
+            DataError: there is no such bag, it is damaged, or no poses of a hand are in it.
 
         """
         seen, signals = _read(path)
@@ -416,11 +417,10 @@ def _read(path: Path | str) -> tuple[dict[str, list[HandSample]], list[float]]:
             else:
                 place, turn = message.pose.position, message.pose.orientation
                 position = np.array([place.x, place.y, place.z])
-                seen[topic].append(HandSample(time_s, position, (turn.x, turn.y, turn.z, turn.w)))
+                rotation = (turn.x, turn.y, turn.z, turn.w)
+                seen[topic].append(HandSample(time_s, position, rotation, header.frame_id))
         except AttributeError as error:
             raise DataError(f'{path}: messages of another type on {topic}') from error
-        if topic != SIGNAL.name and header.frame_id != FRAME:
-            raise DataError(f'{path}: {topic} is in frame {header.frame_id!r}, not {FRAME!r}')
         if len(seen.get(topic, signals)) > MAX_POSES:
             raise DataError(f'{path}: more than {MAX_POSES} messages on {topic}')
     return seen, signals

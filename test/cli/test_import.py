@@ -130,7 +130,7 @@ def test_append_keeps_what_the_index_tells(tmp_path, trials):
     assert main([*words, '--append']) == 0
     assert index.read_text() == before + 'bay_give_2.csv,bay,give,2,bay_give_1.tsv,\n'
     names = {path.name for path in index.parent.iterdir()}
-    assert names == {'trials.csv', 'monday.csv', 'bay_give_2.csv'}
+    assert names == {'trials.csv', 'monday.csv', 'bay_give_2.csv', 'import.html'}
 
 
 def test_c3d_with_y_up(tmp_path, trials):
@@ -198,3 +198,33 @@ def test_a_bag_of_this_package(tmp_path, trials):
     assert made.label == trials[2].label
     np.testing.assert_allclose(made.partner[0], trials[2].partner[0], atol=5e-3)
     np.testing.assert_allclose(made.partner[-1], trials[2].partner[-1], atol=5e-3)
+
+
+def test_a_dry_run_shows_it_all_and_writes_nothing(tmp_path, trials, capsys):
+    source = str(tsv(tmp_path / 'bay_give_1.tsv', trials[:1]))
+    words = ['import', 'qualisys', source, '-o', str(tmp_path / 'set'), *MARKERS]
+    assert main([*words, '--dry-run', '--json', str(tmp_path / 'x.json')]) == 0
+    shown = capsys.readouterr().out
+    assert 'bay_give_1.csv' in shown
+    assert 'mm (assumed)' in shown
+    assert 'nothing written' in shown
+    assert not (tmp_path / 'set').exists()
+    assert not (tmp_path / 'x.json').exists()
+    assert main(words) == 0
+    page = (tmp_path / 'set' / 'import.html').read_text()
+    assert page.count('<svg') == 1
+    assert 'bay give 1' in page
+
+
+def test_what_is_unusual_is_told(tmp_path, trials, capsys):
+    from dataclasses import replace
+
+    trial = trials[0]
+    far, way = trial.demonstrator[0] + [1.5, 0.0, 0.0], trial.demonstrator - trial.demonstrator[0]
+    away = replace(trial, partner=trial.demonstrator, demonstrator=far + 0.2 * way)
+    source = str(tsv(tmp_path / 'bay_give_1.tsv', [away]))
+    words = ['import', 'qualisys', source, '-o', str(tmp_path / 'set'), '--up', 'z']
+    assert main([*words, *MARKERS, '--unit', 'mm']) == 0
+    shown = capsys.readouterr().out
+    assert 'the wrists come no nearer than' in shown
+    assert 'are they swapped?' in shown

@@ -84,7 +84,7 @@ def test_a_topic_goes_where_it_is_remapped_to(tmp_path: Path) -> None:
     assert process.wait(30) == 0
 
 
-@pytest.mark.parametrize('node', NODES)
+@pytest.mark.parametrize('node', [*NODES, 'velocity_to_position'])
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_starts_alone_and_ends_cleanly(node: str, number: signal.Signals, tmp_path: Path) -> None:
     process = start(node, tmp_path)

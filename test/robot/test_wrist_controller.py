@@ -68,10 +68,9 @@ def test_joint_states_may_come_in_any_order_and_with_others(
         (lambda names, q, v: (names[:-1] + ['unknown'], q, v), 'lack'),
         (lambda names, q, v: ([names[1], *names], [0.0, *q], [0.0, *v]), 'twice'),
         (lambda names, q, v: (names, q[1:], v), 'positions'),
-        (lambda names, q, v: (names, q, v[1:]), 'names'),
+        (lambda names, q, v: (names, q, v[1:]), 'velocity has'),
         (lambda names, q, v: (names, [float('nan'), *q[1:]], v), 'not finite'),
         (lambda names, q, v: (names, q, [float('inf'), *v[1:]]), 'not finite'),
-        (lambda names, q, v: ([], [], []), 'lack'),
     ],
 )
 def test_wrong_joint_states_stop_the_commands_and_say_why(
@@ -87,6 +86,18 @@ def test_wrong_joint_states_stop_the_commands_and_say_why(
     assert_comes_to_rest(controller, moving, 0.005, reason)
     assert controller.set_joint_state(names, home, still, 0.01)
     assert controller.update(0.01, PERIOD_S).velocities is not None
+
+
+def test_joint_states_of_others_are_named_until_those_of_the_arm_have_come(
+    robot: RobotModel, controller: WristController
+) -> None:
+    names, home = list(robot.joint_names), list(robot.home)
+    controller.set_target(target_beside(robot), 0.0)
+    assert not controller.set_joint_state(['finger'], [0.1], [], 0.0)
+    assert 'name finger; expected' in controller.update(0.0, PERIOD_S).reason
+    assert controller.set_joint_state(names, home, [float('nan')] * robot.dof, 0.0)
+    assert not controller.set_joint_state(['finger'], [0.1], [], 0.0)
+    assert controller.update(0.0, PERIOD_S).reason == ''
 
 
 def test_stale_joint_states_stop_the_commands(

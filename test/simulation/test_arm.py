@@ -18,7 +18,8 @@ from __future__ import annotations
 
 from handover_dmp.common.errors import UsageError
 from handover_dmp.robot.model import RobotModel
-from handover_dmp.simulation.arm import ArmOptions, ArmState, CommandOutcome, SimulatedArm
+from handover_dmp.robot.velocity_driver import ArmOptions, ArmState, CommandOutcome
+from handover_dmp.simulation.arm import SimulatedArm
 from handover_dmp.simulation.partner_figure import FigureBodies, PartnerFigure
 from hypothesis import given, settings
 from hypothesis import strategies as st

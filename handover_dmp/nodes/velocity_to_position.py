@@ -1,0 +1,139 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Node `velocity_to_position`: joint velocities in, joint positions out, for arms of that kind."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+import sys
+from time import sleep
+
+from handover_dmp.common.errors import UsageError
+from handover_dmp.nodes.arm import limits_told, load_arm
+from handover_dmp.nodes.conversions import to_joint_command
+from handover_dmp.nodes.diagnostics import Diagnostics, Periods
+from handover_dmp.nodes.node import HandoverNode
+from handover_dmp.nodes.parameters import ARM, DRIVER, Parameter
+from handover_dmp.nodes.spin import run
+from handover_dmp.robot.position_commander import PositionCommander, PositionCommanderOptions
+from handover_dmp.robot.velocity_driver import ArmOptions, CommandOutcome
+from handover_dmp.topics import JOINT_COMMAND, JOINT_POSITIONS, JOINT_STATES
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+MAX_STEP = 4.0
+"""Longest time, in periods, that is made up for after a late one."""
+
+
+class VelocityToPosition(HandoverNode):
+    """The integrator of joint velocities as a node."""
+
+    NAME = 'velocity_to_position'
+    PARAMETERS = (
+        *ARM,
+        *DRIVER,
+        Parameter('rate_hz', 'of the joint positions, Hz', 10.0, 1000.0, read_only=True),
+        Parameter(
+            'command_timeout_s', 'the arm brakes without a command for so long, s', 0.005, 10.0,
+            read_only=True,
+        ),
+        Parameter(
+            'resume_required', 'whether it must be told to move again after that', read_only=True
+        ),
+        Parameter(
+            'joint_state_timeout_s', 'older: the arm brakes, s', 0.005, 10.0, read_only=True
+        ),
+        Parameter(
+            'lead_limit_rad', 'of the positions before the measured ones: beyond, the arm stops',
+            0.001, 1.0, read_only=True,
+        ),
+    )  # fmt: skip
+
+    def __init__(self) -> None:
+        """Load the arm, connect the topics, wait for joint states and commands."""
+        super().__init__()
+        if self.lockstep:
+            raise UsageError(f'{self.NAME}: a real arm knows no lockstep')
+        values = self.values
+        model = load_arm(self)
+        self._limits_told = limits_told(model)
+        self._commander = PositionCommander(
+            model,
+            ArmOptions(values['command_timeout_s'], values['resume_required']),
+            PositionCommanderOptions(values['joint_state_timeout_s'], values['lead_limit_rad']),
+            joint_prefix=values['joint_prefix'],
+        )
+        self._period_s = 1.0 / values['rate_hz']
+        self._periods = Periods(self._period_s)
+        self._answered_s = self.arrival_s()
+        self._fault = ''
+        self._message: Float64MultiArray | None = None
+        self._positions = self.advertise(JOINT_POSITIONS)
+        self.subscribe(JOINT_STATES, self._on_joint_states)
+        self.subscribe(JOINT_COMMAND, self._on_command)
+        self.serve('resume', self._resume)
+        self.every(self._period_s, self._answer)
+        Diagnostics(self, self._periods, self._condition)
+
+    def _on_joint_states(self, message: JointState) -> None:
+        self._commander.set_joint_state(
+            message.name, message.position, message.velocity, self.arrival_s()
+        )
+
+    def _on_command(self, message: Float64MultiArray) -> None:
+        outcome = self._commander.command(message.data, self.arrival_s())
+        if outcome is CommandOutcome.REFUSED:
+            fault = self._commander.report.last_fault
+            self.get_logger().warning(f'refused: {fault}', throttle_duration_sec=1.0)
+
+    def _answer(self) -> None:
+        self._periods.tick()
+        now_s = self.arrival_s()
+        elapsed_s = min(max(now_s - self._answered_s, 0.0), MAX_STEP * self._period_s)
+        self._answered_s = now_s
+        self._publish(elapsed_s)
+
+    def _publish(self, elapsed_s: float) -> bool:
+        command = self._commander.update(self.arrival_s(), elapsed_s)
+        self._fault = command.reason
+        if command.positions is None:
+            return False
+        positions = command.positions.tolist()
+        self._message = to_joint_command(self.now_ns(), positions, into=self._message)
+        self._positions.publish(self._message)
+        return True
+
+    def finish(self) -> None:
+        """Bring the arm to rest within its limits, then end."""
+        self._commander.stop('told to end')
+        while self._publish(self._period_s):
+            sleep(self._period_s)
+
+    def _resume(self) -> str:
+        self._commander.resume()
+        return ''
+
+    def _condition(self) -> tuple[str, dict[str, str]]:
+        report = asdict(self._commander.report)
+        return self._fault, {key: str(value) for key, value in report.items()} | self._limits_told
+
+
+def main() -> int:
+    """Run the node."""
+    return run(VelocityToPosition)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,225 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+From joint velocity commands to joint positions, for an arm whose driver takes positions alone.
+
+The positions are the integral of the velocities after checks, watchdog and jerk-limited
+interpolation; they begin where the arm is measured, and never run far ahead of it. No ROS in here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil
+from typing import NamedTuple
+
+from handover_dmp.common.settings import setting
+from handover_dmp.robot.joint_states import JointStateReader
+from handover_dmp.robot.model import RobotModel
+from handover_dmp.robot.velocity_driver import (
+    ArmOptions,
+    ArmReport,
+    ArmState,
+    CommandOutcome,
+    VelocityDriver,
+)
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+BOUNDS_EVERY_S = 0.005
+STEPS = 5
+"""In between, each of at most 1 ms."""
+
+
+@dataclass(frozen=True)
+class PositionCommanderOptions:
+    """
+    When the arm stops by itself.
+
+    Attributes:
+        joint_state_timeout_s: age of the joint states beyond which the arm brakes, s.
+        lead_limit_rad: how far a position may be ahead of the measured one, rad; an arm that does
+            not follow, since its brakes are on for example, is not to leap after them later.
+
+    """
+
+    joint_state_timeout_s: float = setting('velocity_to_position', 'joint_state_timeout_s')
+    lead_limit_rad: float = setting('velocity_to_position', 'lead_limit_rad')
+
+
+class PositionCommand(NamedTuple):
+    """
+    The answer of one period.
+
+    Attributes:
+        positions: (n,), rad, in the model's order; None if there is nothing to be commanded.
+        reason: why not, or why the arm brakes; empty while all is well.
+
+    """
+
+    positions: Array | None
+    reason: str
+
+
+class PositionCommander:
+    """Integrates joint velocities, as long as it is safe."""
+
+    def __init__(
+        self,
+        model: RobotModel,
+        arm_options: ArmOptions | None = None,
+        options: PositionCommanderOptions | None = None,
+        *,
+        joint_prefix: str = '',
+    ) -> None:
+        """
+        Take the arm; nothing is commanded before its joint states and a command have come.
+
+        Args:
+            model: the arm.
+            arm_options: when it stops for want of commands.
+            options: when it stops for other reasons.
+            joint_prefix: what the driver puts before the names of the joints.
+
+        """
+        self.model = model
+        self.options = options or PositionCommanderOptions()
+        self.joint_states = JointStateReader(model.joint_names, joint_prefix)
+        self._driver = VelocityDriver(model, arm_options)
+        self._measured: Array | None = None
+        self._joint_fault = 'no joint states yet'
+        self._joint_arrival_s = float('-inf')
+        self._engaged = False
+
+    @property
+    def report(self) -> ArmReport:
+        """What there is to say about the commands."""
+        return self._driver.report
+
+    def set_joint_state(
+        self,
+        names: Sequence[str],
+        positions: ArrayLike,
+        velocities: ArrayLike,
+        arrival_s: float,
+    ) -> bool:
+        """
+        Take measured joint states, in any order, among those of other joints.
+
+        Args:
+            names: of the joints.
+            positions: rad, one a name.
+            velocities: rad/s, one a name or none at all.
+            arrival_s: when they came, s.
+
+        Returns:
+            Whether they were used.
+
+        """
+        found = self.joint_states.read(names, positions, velocities)
+        if isinstance(found, str):
+            if self._measured is None or self.joint_states.concerns(names):
+                self._joint_fault = found
+            return False
+        self._joint_fault = ''
+        self._measured, _ = found
+        self._joint_arrival_s = arrival_s
+        return True
+
+    def command(self, velocities: Sequence[float] | Array, arrival_s: float) -> CommandOutcome:
+        """
+        Take a joint velocity command.
+
+        Args:
+            velocities: (n,), rad/s, in the model's order.
+            arrival_s: when it came, s.
+
+        Returns:
+            What became of it.
+
+        """
+        if not self._engaged and self._measured is not None and not self._fault(arrival_s):
+            self._driver.start_from(self._measured)
+            self._engaged = self._driver.report.state is ArmState.READY
+        return self._driver.command(velocities, arrival_s)
+
+    def resume(self) -> None:
+        """Obey commands again, from the next one on."""
+        self._driver.resume()
+
+    def stop(self, reason: str) -> None:
+        """
+        Brake within the limits and stay so until `resume`.
+
+        Args:
+            reason: why.
+
+        """
+        self._driver.stop(reason)
+
+    def update(self, now_s: float, dt: float) -> PositionCommand:
+        """
+        Answer one period.
+
+        Args:
+            now_s: the time, s, on the clock of the arrivals.
+            dt: since the last answer, s.
+
+        Returns:
+            Joint positions, or the reason for none.
+
+        """
+        fault = self._fault(now_s)
+        if not self._engaged:
+            return PositionCommand(None, fault or self._stopped() or 'no joint command')
+        self._driver.watch(now_s)
+        if fault and self._driver.moving:
+            self._driver.halt(fault)
+        elif ahead := self._ahead():
+            self._driver.stop(ahead)
+        self._go_on(dt)
+        at_rest = not self._driver.moving
+        # a position controller keeps its last command; whoever moves the arm meanwhile is left in
+        # peace, and the next motion begins where the arm is then
+        self._engaged = not at_rest or self._driver.deadline_s < float('inf')
+        return PositionCommand(self._driver.reference, fault or self._stopped())
+
+    def _go_on(self, dt: float) -> None:
+        """Integrate in steps so short, and look at the end stops so often, as their bounds ask."""
+        bounds = max(1, ceil(dt / BOUNDS_EVERY_S - 1e-9))
+        for _ in range(bounds):
+            self._driver.steps(dt / bounds / STEPS, STEPS)
+
+    def _fault(self, now_s: float) -> str:
+        """Say what is wrong with the joint states, if anything."""
+        age_s = now_s - self._joint_arrival_s
+        if not self._joint_fault and age_s > self.options.joint_state_timeout_s:
+            return f'joint states are {age_s:.3f} s old'
+        return self._joint_fault
+
+    def _ahead(self) -> str:
+        assert self._measured is not None
+        ahead = np.abs(self._driver.reference - self._measured)
+        worst = int(ahead.argmax())
+        if ahead[worst] <= self.options.lead_limit_rad:
+            return ''
+        return f'{self.model.joint_names[worst]} does not follow: {ahead[worst]:.3f} rad behind'
+
+    def _stopped(self) -> str:
+        report = self._driver.report
+        return '' if report.state is ArmState.READY else f'stopped: {report.last_fault}'

@@ -1,0 +1,245 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The hand in every type of message, in other frames, among others; over DDS where it can be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from math import nan
+import time
+from types import SimpleNamespace
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import (
+    PointStamped,
+    Pose,
+    PoseArray,
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    TransformStamped,
+)
+from handover_dmp.common.errors import UsageError
+from handover_dmp.nodes.hand_input import HandInput
+from handover_dmp.nodes.node import HandoverNode
+from handover_dmp.nodes.parameters import HAND
+from handover_dmp.topics import HAND_POSE
+from handover_dmp.tracking.frames import FixedTransform
+from handover_dmp.tracking.pose_messages import BodyChooser, READERS, SeenPose
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import qos_profile_sensor_data
+from scipy.spatial.transform import Rotation
+from std_msgs.msg import String
+
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
+
+WAIT_S = 30.0
+PLACE = (0.3, -0.2, 1.1)
+numbers = st.floats(-10.0, 10.0)
+
+
+class Listener(HandoverNode):
+    """A node that does nothing but hear the hand."""
+
+    NAME = 'dmp'
+    PARAMETERS = HAND
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.taken: list[tuple[Time, SeenPose]] = []
+        self.refused: list[tuple[str, str]] = []
+        HandInput(
+            self,
+            lambda stamp, pose: self.taken.append((stamp, pose)),
+            lambda reason, text: self.refused.append((reason, text)),
+        )
+
+
+@pytest.fixture
+def listener() -> Iterator[Callable[..., Any]]:
+    """Make a listener with parameters, which hears a message until it has dealt with it."""
+    opened: list[Callable[[], object]] = []
+
+    def make(**parameters: str) -> Callable[[Any], Listener]:
+        words = [word for item in parameters.items() for word in ('-p', '{}:={}'.format(*item))]
+        words = [word.replace('tracker_', 'tracker.') for word in words]
+        rclpy.init(args=['--ros-args', *words])
+        opened.append(rclpy.try_shutdown)
+        # a participant of its own, since one has one type a topic
+        other = rclpy.Context()
+        other.init()
+        opened.append(other.try_shutdown)
+        node, speaker = Listener(), rclpy.create_node('speaker', context=other)
+        executor = SingleThreadedExecutor()
+        opened.extend((speaker.destroy_node, node.destroy_node, executor.shutdown))
+        executor.add_node(node)
+        publishers: dict[type, Any] = {}
+
+        def hear(message: Any) -> Listener:
+            kind = type(message)
+            if kind not in publishers:
+                for publisher in publishers.values():
+                    speaker.destroy_publisher(publisher)
+                publishers.clear()
+                publishers[kind] = speaker.create_publisher(
+                    kind, HAND_POSE.name, qos_profile_sensor_data
+                )
+            # what is still on its way from the last time
+            for _ in range(5):
+                executor.spin_once(timeout_sec=0.02)
+            node.taken.clear()
+            node.refused.clear()
+            end_s = time.monotonic() + WAIT_S
+            while not (node.taken or node.refused) and time.monotonic() < end_s:
+                publishers[kind].publish(message)
+                executor.spin_once(timeout_sec=0.02)
+            return node
+
+        return hear
+
+    yield make
+    for close in reversed(opened):
+        close()
+
+
+def filled(kind: type, body: str = '', frame: str = 'world', place: Any = PLACE) -> Any:
+    """Make a message of a type that shows the hand, beside others where it can."""
+    message = kind()
+    message.header.frame_id = frame
+    message.header.stamp.sec = 7
+    spot: Any
+    if kind is PoseArray:
+        message.poses = [Pose(), Pose()]
+        spot = message.poses[1].position
+    elif kind is TransformStamped:
+        message.child_frame_id = body
+        spot = message.transform.translation
+    elif kind is PointStamped:
+        spot = message.point
+    else:
+        spot = message.pose.pose.position if hasattr(message.pose, 'pose') else None
+        spot = message.pose.position if spot is None else spot
+    spot.x, spot.y, spot.z = place
+    return message
+
+
+@pytest.mark.parametrize(
+    ('kind', 'body'),
+    [
+        (PoseStamped, ''),
+        (PoseWithCovarianceStamped, ''),
+        (PointStamped, ''),
+        (TransformStamped, 'wrist'),
+        (PoseArray, '1'),
+    ],
+)
+def test_every_type_is_heard_when_it_is_told(listener: Any, kind: type, body: str) -> None:
+    name = f'geometry_msgs/msg/{kind.__name__}'
+    # a number alone would be an integer to ROS
+    hear = listener(tracker_type=name, **({'tracker_body': f'"{body}"'} if body else {}))
+    heard = hear(filled(kind, body))
+    assert heard.refused == []
+    stamp, pose = heard.taken[0]
+    assert (stamp.sec, pose.position) == (7, PLACE)
+
+
+def test_the_type_is_looked_up_where_it_is_not_told(listener: Any) -> None:
+    hear = listener()
+    assert hear(filled(PointStamped)).taken[0][1].position == PLACE
+    assert hear(filled(TransformStamped, 'wrist')).taken[0][1].name == 'wrist'
+    reason, text = hear(String()).refused[0]
+    assert reason == 'other_type'
+    assert 'std_msgs/msg/String' in text
+
+
+def test_a_frame_is_transformed_or_named_with_its_remedies(listener: Any) -> None:
+    turn = Rotation.from_euler('xyz', [0.3, -0.5, 2.0])
+    quaternion = str(turn.as_quat().tolist())
+    hear = listener(
+        frame='room',
+        tracker_frame='camera',
+        tracker_position='[1.0, 2.0, 3.0]',
+        tracker_quaternion=quaternion,
+    )
+    assert hear(filled(PoseStamped, frame='room')).taken[0][1].position == PLACE
+    seen = hear(filled(PoseStamped, frame='camera')).taken[0][1]
+    np.testing.assert_allclose(seen.position, turn.apply(PLACE) + [1.0, 2.0, 3.0], atol=1e-12)
+    reason, text = hear(filled(PoseStamped, frame='world')).refused[0]
+    assert reason == 'other_frame'
+    assert all(word in text for word in ("'world'", "'room'", 'tracker.frame', 'tf2'))
+    # what is none stays none
+    for lost in ((0.0, 0.0, 0.0), (nan, 0.0, 1.0)):
+        seen = hear(filled(PoseStamped, frame='camera', place=lost)).taken[0][1]
+        np.testing.assert_array_equal(seen.position, lost)
+
+
+def test_of_several_bodies_none_is_guessed(listener: Any) -> None:
+    hear = listener()
+    assert hear(filled(TransformStamped, 'wrist')).taken
+    reason, text = hear(filled(TransformStamped, 'object')).refused[0]
+    assert reason == 'ambiguous'
+    assert 'object, wrist' in text
+    assert hear(filled(TransformStamped, 'wrist')).refused
+
+
+def named(name: str, x: float) -> SimpleNamespace:
+    """Make a body as the lists of motion capture have them."""
+    place, turn = SimpleNamespace(x=x, y=0.0, z=1.0), SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
+    pose = SimpleNamespace(position=place, orientation=turn)
+    return SimpleNamespace(name=name, rigid_body_name=name, pose=pose)
+
+
+@pytest.mark.parametrize(
+    ('type_name', 'field'),
+    [
+        ('mocap4r2_msgs/msg/RigidBodies', 'rigidbodies'),
+        ('motion_capture_tracking_interfaces/msg/NamedPoseArray', 'poses'),
+    ],
+)
+def test_lists_of_named_bodies(type_name: str, field: str) -> None:
+    """By the fields that their packages define, since these are not installed here."""
+    message = SimpleNamespace(**{field: [named('object', 1.0), named('wrist', 2.0)]})
+    found = BodyChooser('wrist').choose(READERS[type_name](message))
+    assert isinstance(found, SeenPose)
+    assert found.position == (2.0, 0.0, 1.0)
+    assert BodyChooser('hand').choose(READERS[type_name](message)) == 'other_body'
+    assert BodyChooser('').choose(READERS[type_name](message)) == 'ambiguous'
+    assert BodyChooser('wrist').choose([]) == 'absent'
+
+
+@given(st.tuples(*[numbers] * 3), st.tuples(*[numbers] * 4), st.tuples(*[numbers] * 3))
+def test_a_fixed_transform_is_that_of_scipy(place: Any, quaternion: Any, point: Any) -> None:
+    if np.linalg.norm(quaternion) < 1e-3:
+        return
+    expected = Rotation.from_quat(quaternion).apply(point) + place
+    np.testing.assert_allclose(FixedTransform(place, quaternion)(point), expected, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ('place', 'quaternion', 'fault'),
+    [
+        ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0), 'norm 0'),
+        ((0.0, nan, 0.0), (0.0, 0.0, 0.0, 1.0), 'finite'),
+        ((0.0, 0.0), (0.0, 0.0, 0.0, 1.0), 'x, y, z'),
+    ],
+)
+def test_what_is_no_transform(place: Any, quaternion: Any, fault: str) -> None:
+    with pytest.raises(UsageError, match=fault):
+        FixedTransform(place, quaternion)
