@@ -223,6 +223,10 @@ def goal_estimator(values: Values) -> GoalEstimator:
     return GoalEstimator(HandFilter(**named))
 
 
+WITHOUT_DEFAULT = ('initial_positions',)
+"""Parameters whose default the arm has, and not `config/handover.yaml`."""
+
+
 def check_names(node: Node, arguments: Sequence[str]) -> None:
     """
     Refuse a parameter file that gives the node a parameter which it does not have.
@@ -236,7 +240,7 @@ def check_names(node: Node, arguments: Sequence[str]) -> None:
             nearly the one of a parameter, for others may have those that are not.
 
     """
-    own = {*defaults(node.NAME), DURATION_SCALE}
+    own = {*defaults(node.NAME), DURATION_SCALE, *WITHOUT_DEFAULT}
     everybody = own.union(*(defaults(name) for name in node_names()))
     for option, file in pairwise(arguments):
         if option != '--params-file':

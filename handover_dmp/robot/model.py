@@ -270,13 +270,15 @@ class RobotModel:
             The same arm, standing there.
 
         """
-        return RobotModel.load(
+        moved = RobotModel.load(
             self.description,
             base=base,
             wrist_frame=self.wrist_frame,
             base_frame=self.base_frame,
             tool=self.tool,
         )
+        # that the wrist was chosen, and why, is still to be said
+        return replace(moved, remarks=self.remarks)
 
     def wrist_pose(self, joint_positions: Array) -> tuple[Array, Array]:
         """

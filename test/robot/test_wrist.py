@@ -71,6 +71,7 @@ def test_the_wrist_of_an_arm_that_shows_it(load, more, wrist):
     found = load(arm() + more)
     assert found.wrist_frame == wrist
     assert found.joint_names == ('j1', 'j2', 'j3', 'j4', 'j5')
+    assert found.placed(found.base).remarks == found.remarks
     several = 'force_sensor' in more or 'finger' in more
     assert any(f'taken for the wrist: {wrist}' in remark for remark in found.remarks) == several
 
