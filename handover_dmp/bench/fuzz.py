@@ -198,8 +198,8 @@ def _model() -> list[bytes]:
 def _parameters() -> list[bytes]:
     return [
         b'dmp:\n  ros__parameters:\n    stiffness: 200.0\n    mu: 0.75\n    formulation: stiff\n'
-        b'    duration_scale: 1.1\n    other: [1, 2.5, {a: b}]\n',
-        b'dmp: {ros__parameters: {sigma: 1e-2, damping: &a 3, phase_at_end: *a, x: 2001-09-09}}\n',
+        b'    duration_scale: 1.1\nother: {ros__parameters: {a: [1, 2.5, {a: b}]}}\n',
+        b'dmp: {ros__parameters: {sigma: 1e-2, damping: &a 3, mu: *a}, x: 2001-09-09}\n',
     ]
 
 

@@ -18,9 +18,11 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
+from dataclasses import replace
 from importlib import import_module
 import json
 from pathlib import Path
+import re
 from typing import TYPE_CHECKING
 
 from handover_dmp.cli.low_pass import add_low_pass
@@ -186,6 +188,11 @@ def run(options: argparse.Namespace) -> int:
         raise DataError(f'{", ".join(map(str, sources))}: no handover found{_why(segmented)}')
     new = _numbered(old, new)
     reviews = [review(trial, motion) for trial, motion in zip(new, motions, strict=True)]
+    if not options.segment:
+        reviews = [
+            _with_direction(options, source, one)
+            for source, one in zip(sources, reviews, strict=True)
+        ]
     if not options.dry_run:
         write_data_set(new, options.output, append=options.append)
         page = review_page(reviews, f'Imported into {options.output.name}')
@@ -274,30 +281,39 @@ def _segment(options: argparse.Namespace, source: Path, motion: WristMotion) -> 
 
 
 def _whole(options: argparse.Namespace, source: Path, motion: WristMotion) -> HandoverTrial:
-    from handover_dmp.mocap.bag import describe_bag
-    from handover_dmp.mocap.trial import describe
-
-    told = describe_bag(source) if options.format == 'bag' else describe(source)
-    configuration, direction, number = told
+    configuration, direction, number = _told(options, source)
     direction = options.exchange or direction
-    if direction is None:
+    if direction is None and re.search('give|take', source.stem, re.IGNORECASE):
         raise UsageError(
-            f'{source}: its name does not tell whether P2 gives or takes; say --exchange give or '
-            'take, or name it <configuration>_give_<number> or <configuration>_take_<number>'
+            f'{source}: does its name tell whether P2 gives or takes? Say --exchange give '
+            'or take, or name it <configuration>_give_<number> or <configuration>_take_<number>'
         )
     return motion.trial(
         0,
         len(motion.times),
         configuration=options.configuration or configuration,
-        direction=direction,
+        direction=direction or 'give',
         number=number,
     )
 
 
+def _told(options: argparse.Namespace, source: Path) -> tuple[str, str | None, int]:
+    from handover_dmp.mocap.bag import describe_bag
+    from handover_dmp.mocap.trial import describe
+
+    return describe_bag(source) if options.format == 'bag' else describe(source)
+
+
+def _with_direction(options: argparse.Namespace, source: Path, one: Review) -> Review:
+    """Say of a recording that told nothing of its direction what was taken for it."""
+    if options.exchange or _told(options, source)[1]:
+        return one
+    line = 'nothing tells whether P2 gives or takes: taken for give; else --exchange take'
+    return replace(one, warnings=(line, *one.warnings))
+
+
 def _numbered(old: list[HandoverTrial], new: list[HandoverTrial]) -> list[HandoverTrial]:
     """Keep the numbers of trials where they are free, else take the next ones."""
-    from dataclasses import replace
-
     taken = {(trial.configuration, trial.direction, trial.number) for trial in old}
     highest: Counter[tuple[str, str]] = Counter()
     for trial in old:

@@ -153,6 +153,24 @@ def test_c3d_with_y_up(tmp_path, trials):
     np.testing.assert_allclose(made.demonstrator, trial.demonstrator, atol=1e-6)
 
 
+@pytest.mark.parametrize('name', ['Take 2023-05-01 10.12.13 AM', 'givers', 'lab_TAKE'])
+def test_a_name_that_may_tell_the_direction_is_asked_for(name, tmp_path, trials, capsys):
+    source = str(tsv(tmp_path / f'{name}.tsv', trials[:1]))
+    words = ['import', 'qualisys', source, '-o', str(tmp_path / 'set'), *MARKERS]
+    assert main(words) == 2
+    assert 'Say --exchange give or take' in capsys.readouterr().err
+    assert main([*words, '--exchange', 'give']) == 0
+    assert 'taken for give' not in capsys.readouterr().out
+
+
+def test_a_name_that_tells_nothing_is_taken_for_give_and_said(tmp_path, trials, capsys):
+    source = str(tsv(tmp_path / 'session.tsv', trials[:1]))
+    assert main(['import', 'qualisys', source, '-o', str(tmp_path / 'set'), *MARKERS]) == 0
+    assert 'taken for give' in capsys.readouterr().out
+    (trial,) = read_data_set(tmp_path / 'set')
+    assert trial.direction == 'give'
+
+
 def test_wrong_usage_is_one_line(tmp_path, trials, capsys):
     source = str(tsv(tmp_path / 'session.tsv', trials[:1]))
     cases = [
@@ -167,7 +185,6 @@ def test_wrong_usage_is_one_line(tmp_path, trials, capsys):
         ([*MARKERS, '--append'], 1, 'no such folder'),
         ([*MARKERS, '--part', '2'], 2, 'are for bags'),
         ([*MARKERS, '--unit', 'furlong'], 2, "'furlong' is not one of m, cm"),
-        (MARKERS, 2, 'say --exchange give or take'),
     ]
     output = tmp_path / 'set'
     for words, code, message in cases:
