@@ -164,7 +164,7 @@ def test_conditioning_twice_changes_little():
     [(200.0, 100.0), (200.0, 0.0), (0.0, 6.0), (float('nan'), 6.0), (200.0, float('nan'))],
 )
 def test_rates_that_make_no_sense(rate_hz, cutoff_hz):
-    with pytest.raises(DataError, match='cannot (low-pass|sample)'):
+    with pytest.raises(DataError, match=r'cannot (low-pass|sample)'):
         condition(trial(np.arange(60) / 60.0), rate_hz, cutoff_hz)
 
 
