@@ -154,7 +154,7 @@ def test_the_arm_never_touches_itself(robot):
     minimum = np.inf
     for _ in range(8):
         goal = arm.shoulder + rng.normal(size=3) * [0.12, 0.12, 0.2] - [0.0, 0.0, 0.15]
-        minimum = min(minimum, _least_distance(arm, ik, bodies, goal))
+        minimum = min(minimum, _min_distance(arm, ik, bodies, goal))
     assert minimum > 0.005
 
 
@@ -162,17 +162,17 @@ def test_without_the_rows_it_would_touch():
     arm = RobotModel.load('ur5')
     blind = PriorityIk(arm, forearm_collision=False, self_collision=False)
     goal = arm.shoulder + [0.05, 0.0, -0.1]
-    assert _least_distance(arm, blind, CollisionModel(arm), goal) < -0.01
+    assert _min_distance(arm, blind, CollisionModel(arm), goal) < -0.01
 
 
-def _least_distance(arm, ik, bodies, goal):
+def _min_distance(arm, ik, bodies, goal):
     posture, velocity, minimum = arm.home.copy(), np.zeros(arm.dof), np.inf
     for _ in range(200):
         solution = ik.solve(posture, velocity, WristTarget(goal), DT)
         assert solution.solved and solution.residuals['limits'] < 2e-6
         velocity = solution.joint_velocity
         posture = posture + velocity * DT
-        minimum = min(minimum, bodies.least_distance(posture))
+        minimum = min(minimum, bodies.min_distance(posture))
     return minimum
 
 

@@ -98,7 +98,7 @@ def test_inertias_are_those_of_the_solid_capsules(tree):
 
 
 def test_does_not_touch_itself_at_home(arm):
-    assert CollisionModel(arm).least_distance(arm.home) > 0.05
+    assert CollisionModel(arm).min_distance(arm.home) > 0.05
 
 
 def _placements(arm, posture):
