@@ -152,7 +152,7 @@ def prepare(chosen: dict[str, str]) -> tuple[Any, Path]:
 
     """
     from handover_dmp.handover.lockstep import REPLAY_AT_S
-    from handover_dmp.nodes.graph import write_parameters
+    from handover_dmp.nodes.graph import write_node_parameters
     from handover_dmp.nodes.run_graph import graph_parameters
     from handover_dmp.runs.folder import keep_inputs, new_run_folder, run_info
 
@@ -173,7 +173,7 @@ def prepare(chosen: dict[str, str]) -> tuple[Any, Path]:
     parameters['hand_tracker']['replay_at_s'] = REPLAY_AT_S if by_itself else -1.0
     parameters['dmp']['exit_when_done'] = _is_true(chosen['exit_when_done'])
     file = folder / 'parameters.yaml'
-    write_parameters(file, parameters)
+    write_node_parameters(file, parameters)
     return scenario.robot, file
 
 
