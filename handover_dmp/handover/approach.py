@@ -47,7 +47,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from math import dist, exp, hypot, inf, log, sqrt
+from math import copysign, dist, exp, hypot, inf, log, sqrt
 from operator import add, mul, sub
 from typing import NamedTuple
 
@@ -276,14 +276,15 @@ class Braking(NamedTuple):
             left_m: distance to the place, m.
 
         Returns:
-            The speed, m/s.
+            The speed, m/s; negative from beyond the margin, so that it comes back.
 
         """
-        distance = max(0.0, left_m + self.margin_m)
+        distance = abs(left_m + self.margin_m)
         linear = self.deceleration / self.gain**2
         if distance <= linear:
-            return self.gain * distance
-        return sqrt(2.0 * self.deceleration * (distance - 0.5 * linear))
+            return self.gain * (left_m + self.margin_m)
+        speed = sqrt(2.0 * self.deceleration * (distance - 0.5 * linear))
+        return copysign(speed, left_m + self.margin_m)
 
     def along_the_way(self, state: DmpState, goal: Vector, goal_velocity: Vector) -> SpeedBound:
         """
