@@ -108,7 +108,7 @@ class PositionCommander:
 
     @property
     def report(self) -> ArmReport:
-        """What there is to say about the commands."""
+        """Tell what became of the commands since the last reset."""
         return self._driver.report
 
     def set_joint_state(

@@ -165,7 +165,7 @@ class VelocityDriver:
 
     @property
     def report(self) -> ArmReport:
-        """What there is to say about the commands since the last reset."""
+        """Tell what became of the commands since the last reset."""
         return ArmReport(
             state=self._state,
             accepted=self._count[CommandOutcome.ACCEPTED],

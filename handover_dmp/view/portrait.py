@@ -87,10 +87,9 @@ def _framed(picture: Pixels, arm: NDArray[np.bool_]) -> Pixels:
     if not len(rows):
         return picture
     half = round((0.5 + FRAME) * max(np.ptp(rows), np.ptp(columns)))
-    wide = np.full((len(arm) + 2 * half, len(arm) + 2 * half, 3), BACKGROUND, np.uint8)
-    wide[half : half + len(arm), half : half + len(arm)] = picture
-    top, left = (int(ends[0] + ends[-1]) // 2 for ends in (rows, columns))
-    return wide[top : top + 2 * half, left : left + 2 * half]
+    wide = np.pad(picture, ((half, half), (half, half), (0, 0)), constant_values=BACKGROUND)
+    first = [int(ends[0] + ends[-1]) // 2 for ends in (rows, columns)]
+    return wide[tuple(slice(start, start + 2 * half) for start in first)]
 
 
 def _camera(robot: int, client: int) -> Camera:
