@@ -38,6 +38,8 @@ class Quality(Enum):
     COMMAND = ('reliable', 'volatile', 1)
     LATCHED = ('reliable', 'transient_local', 1)
     REPORT = ('reliable', 'volatile', 10)
+    # also for who listens late, where the first message matters beside the last
+    LATCHED_REPORT = ('reliable', 'transient_local', 10)
 
 
 @dataclass(frozen=True)
@@ -147,7 +149,7 @@ ROBOT_DESCRIPTION = Topic(
 DIAGNOSTICS = Topic(
     '/diagnostics',
     'diagnostic_msgs/msg/DiagnosticArray',
-    Quality.LATCHED,
+    Quality.LATCHED_REPORT,
     'rate, jitter, overruns, age of inputs, faults; at the start, once a second, at the end',
 )
 

@@ -33,7 +33,8 @@ settings.load_profile('same')
 
 KTH = Path(__file__).resolve().parents[2] / 'shared' / 'data' / 'kth_handovers'
 DOMAINS = 100
-GRAPH = ('test/nodes/', 'test/cli/test_demo.py')
+# Each of these starts all five nodes, which want both processors.
+WHOLE_GRAPH = ('test_graph', 'test_faults_graph', 'test_interfaces', 'test_lost_hand', 'test_demo')
 
 
 def pytest_configure() -> None:
@@ -55,7 +56,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     class ByFile(LoadScopeScheduling):  # type: ignore[misc]
         def _split_scope(self, nodeid: str) -> str:
             file = nodeid.partition('::')[0]
-            return 'graph' if file.startswith(GRAPH) else file
+            return 'graph' if Path(file).stem in WHOLE_GRAPH else file
 
     return ByFile(config, log)
 

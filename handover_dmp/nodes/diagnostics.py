@@ -101,8 +101,8 @@ class Diagnostics:
     """
     Publishes the condition of a node with what else it does once a second on the wall clock.
 
-    The newest report is kept for whoever listens later, so that also a node that ends within a
-    second has been heard of.
+    The last reports are kept for whoever listens later, so that a node that ends within a second
+    has been heard of from its start to its end.
     """
 
     def __init__(
