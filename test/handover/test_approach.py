@@ -330,26 +330,47 @@ def test_moves_as_before_against_recorded_people(kth_folder: Path, every: int) -
     assert np.sqrt(np.max(squares)) < 2.5e-3
 
 
+def table(sigmas: Array) -> Array:
+    """Give the shares within 1, 2 and 3 standard deviations, in per cent, as Table I has them."""
+    return np.array([100.0 * float((sigmas <= k).mean()) for k in (1, 2, 3)])
+
+
+def beyond_goal(positions: Array, goals: Array, start: Array) -> float:
+    from_start = np.linalg.norm(positions - start, axis=1)
+    return float((from_start - np.linalg.norm(goals - start, axis=1)).max())
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize('learn_from', ['single', 'mean'])
-def test_table_i_stays_as_it_was(kth_folder: Path, learn_from: str) -> None:
-    shares = []
-    for options in (OFF, ApproachOptions()):
-        within = []
-        for case in make_cases(read_data_set(kth_folder)):
-            band = Envelope.of(case.curves)
-            for task in plan(case, learn_from):
-                model, tested = model_of(case, task.sources), list(task.tested)
+def test_table_i_stays_as_it_was_but_for_those_that_ran_through_the_hand(
+    kth_folder: Path, learn_from: str
+) -> None:
+    """A rollout that without the rule is beyond the hand has to change; no other one does."""
+    sigmas: dict[bool, list[Array]] = {True: [], False: []}
+    passed = []
+    for case in make_cases(read_data_set(kth_folder)):
+        band = Envelope.of(case.curves)
+        for task in plan(case, learn_from):
+            model, tested = model_of(case, task.sources), list(task.tested)
+            for enabled, options in ((False, OFF), (True, ApproachOptions())):
                 rollouts = np.zeros((len(tested), int(case.hands.samples.max()), 3))
                 for row, index in zip(rollouts, tested, strict=True):
                     positions = as_commanded(case, model, index, options)
                     row[: len(positions)] = positions
+                    goals = case.hands.positions[index, : len(positions)] + model.goal_offset
+                    beyond_m = beyond_goal(positions, goals, case.starts[index])
+                    if enabled:
+                        assert beyond_m <= MAX_BEYOND_M
+                    else:
+                        passed.append(beyond_m > MAX_BEYOND_M)
                 curves = case.hands.time_normalise(rollouts, tested)
                 scores = judge(curves[None], case.curves[tested], band)
-                within.append(scores.sigmas.reshape(-1))
-        sigmas = np.concatenate(within)
-        shares.append([100.0 * float((sigmas <= k).mean()) for k in (1, 2, 3)])
-    assert np.abs(np.diff(shares, axis=0)).max() <= 0.5, shares
+                sigmas[enabled].append(scores.sigmas.reshape(len(tested), -1))
+    before, after = (np.concatenate(sigmas[enabled]) for enabled in (False, True))
+    assert (table(after) >= table(before) - 0.5).all()
+    kept = np.where(np.array(passed)[:, None], before, after)
+    assert np.abs(table(kept) - table(before)).max() <= 0.5
+    assert 0.05 < np.mean(passed) < 0.2, 'the two parts of the table are both there'
 
 
 def trial_of(meeting: Meeting, model: DecoupledDmp, duration_s: float) -> HandoverTrial:
