@@ -304,10 +304,13 @@ def load_robot(model: RobotModel, description: str, client: int) -> int:
         DataError: PyBullet cannot read the URDF.
 
     """
+    robot = ElementTree.fromstring(description)
+    # PyBullet breaks lines of more than 8,191 characters wherever that may be
+    ElementTree.indent(robot)
     try:
         with silenced(), TemporaryDirectory() as folder:
             file = Path(folder) / 'robot.urdf'
-            file.write_text(description, encoding='utf-8')
+            file.write_text(ElementTree.tostring(robot, encoding='unicode'), encoding='utf-8')
             return int(
                 pybullet.loadURDF(
                     str(file),

@@ -21,9 +21,11 @@ import subprocess
 import sys
 
 from handover_dmp.common.errors import DataError
+from handover_dmp.common.resources import share_path
 from handover_dmp.robot.model import BasePlacement, RobotModel
 from handover_dmp.simulation.partner_figure import PartnerFigure
-from handover_dmp.simulation.world import World
+from handover_dmp.simulation.self_check import check_models
+from handover_dmp.simulation.world import moving_masses, World
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -89,6 +91,26 @@ def test_worlds_side_by_side_do_not_know_of_each_other():
         one.close()
     with pytest.raises(Exception, match='physics server'):
         one.read()
+
+
+@pytest.mark.parametrize('filler', range(0, 50, 11))
+def test_a_description_in_one_long_line_is_read_as_it_is(tmp_path, filler):
+    """PyBullet breaks such lines, and what stands there; a xacro is often expanded to one."""
+    text = share_path('urdf/lwr4.urdf').read_text(encoding='utf-8')
+    weights = [
+        f'<link name="weight_{i:03d}"><inertial><mass value="0.0{i + 11}"/><inertia ixx="0.001" '
+        'ixy="0" ixz="0" iyy="0.001" iyz="0" izz="0.001"/></inertial></link>'
+        f'<joint name="fixed_{i:03d}" type="fixed"><parent link="wrist"/><child '
+        f'link="weight_{i:03d}"/><origin xyz="0.0{i + 11} 0.0{i + 12} 0.0{i + 13}"/></joint>'
+        for i in range(40)
+    ]
+    text = text.replace('</robot>', ''.join(weights) + '</robot>')
+    text = text.replace('name="lwr4"', f'name="{"m" * (1 + filler)}"', 1)
+    path = tmp_path / 'line.urdf'
+    path.write_text(' '.join(text.split()).replace('> <', '><'))
+    model = RobotModel.load(path, wrist_frame='wrist')
+    assert len(moving_masses(model)) > 2 * 8192
+    check_models(model)
 
 
 def run(world, seed):
