@@ -23,11 +23,13 @@ from importlib.util import find_spec
 from pathlib import Path
 import sys
 from typing import Any
+from unittest.mock import patch
 
 from handover_dmp.common.quiet_pybullet import silenced
 from handover_dmp.common.resources import share_path
 from handover_dmp.robot.effective_limits import DefaultLimits, KnownLimits, QUANTITIES
 from handover_dmp.robot.errors import RobotDescriptionError
+from handover_dmp.robot.mesh_files import find_package, LOOKED_IN
 import yaml
 
 
@@ -219,16 +221,40 @@ def expanded(path: Path, arguments: Sequence[str] = ()) -> str:
         raise RobotDescriptionError(f'{path}: {wrong[0]!r} is not an argument name:=value')
     # takes a tenth of a second, which only a xacro is worth
     import xacro
+    from xacro import substitution_args
+
+    def find(package: str) -> str:
+        """Find a package as its meshes are found; xacro itself knows installed ones alone."""
+        found = find_package(package, path.parent)
+        if found is None:
+            raise ValueError(f'package {package!r} not found ({LOOKED_IN})')
+        return str(found)
 
     mappings = dict(word.split(':=', 1) for word in arguments)
     try:
-        with silenced():
+        with (
+            silenced(),
+            patch.object(substitution_args, '_eval_find', find),
+            patch.dict(substitution_args._eval_dict, find=find),
+        ):
             text = xacro.process_file(str(path), mappings=mappings).toxml()
     # it evaluates expressions, which may raise anything
     except Exception as error:
-        fault = ' '.join(str(error).split()) or type(error).__name__
-        raise RobotDescriptionError(f'{path}: xacro cannot expand it: {fault}') from error
+        raise RobotDescriptionError(f'{path}: xacro cannot expand it: {_fault(error)}') from error
     return str(text)
+
+
+def _fault(error: Exception) -> str:
+    """Say in one line why a xacro cannot be expanded; its errors wrap each other."""
+    from xacro.substitution_args import ArgException
+
+    cause, places = error, []
+    while isinstance(inner := getattr(cause, 'exc', None), Exception):
+        places.append(str(getattr(cause, 'suffix', None) or ''))
+        cause = inner
+    if isinstance(cause, ArgException):
+        return f'its argument {cause} is missing: say {cause}:=value after the file'
+    return ' '.join(' '.join([str(cause) or type(cause).__name__, *places]).split())
 
 
 def _read(path: Path) -> str:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where the meshes of a robot description lie: `package://`, relative, `file://`."""
+"""Where the packages and meshes of a robot description lie: `package://`, relative, `file://`."""
 
 from __future__ import annotations
 
@@ -22,8 +22,27 @@ from pathlib import Path
 from urllib.parse import unquote
 from xml.etree import ElementTree
 
+LOOKED_IN = 'looked in AMENT_PREFIX_PATH, ROS_PACKAGE_PATH and beside the file'
 LFS_POINTER = b'version https://git-lfs'
 """Begins a file that Git LFS has not fetched yet."""
+
+
+def find_package(name: str, folder: Path | None) -> Path | None:
+    """
+    Find the folder of a ROS package, in the same places as its meshes.
+
+    Args:
+        name: of the package.
+        folder: of the description; None where it came without a file.
+
+    Returns:
+        The absolute path; None if there is no such package.
+
+    """
+    for candidate in _package_folders(name, folder):
+        if candidate.is_dir():
+            return candidate.resolve()
+    return None
 
 
 def find_mesh(name: str, folder: Path | None) -> Path | None:
@@ -67,17 +86,21 @@ def _by_path(path: str, folder: Path | None) -> Iterator[Path]:
 
 
 def _in_package(package: str, inner: str, folder: Path | None) -> Iterator[Path]:
+    yield from (place / inner for place in _package_folders(package, folder))
+
+
+def _package_folders(package: str, folder: Path | None) -> Iterator[Path]:
     for prefix in _listed('AMENT_PREFIX_PATH'):
-        yield prefix / 'share' / package / inner
+        yield prefix / 'share' / package
     for root in _listed('ROS_PACKAGE_PATH'):
-        yield root / package / inner
+        yield root / package
         if package in (root.name, _package_name(root)):
-            yield root / inner
+            yield root
     for above in _folders(folder) if folder is not None else ():
         if package in (above.name, _package_name(above)):
-            yield above / inner
-        yield above / package / inner
-        yield above / 'share' / package / inner
+            yield above
+        yield above / package
+        yield above / 'share' / package
 
 
 def _folders(folder: Path) -> tuple[Path, ...]:

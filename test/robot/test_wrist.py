@@ -201,6 +201,66 @@ def test_a_xacro_is_expanded_with_its_arguments(tmp_path):
     assert '\n' not in str(caught.value)
 
 
+def write_package(folder, name):
+    """Write a package whose macro another package's xacro includes."""
+    (folder / 'urdf').mkdir(parents=True)
+    (folder / 'package.xml').write_text(f'<package><name>{name}</name></package>')
+    macro = f'<robot xmlns:xacro="x"><xacro:macro name="five">{arm()}</xacro:macro></robot>'
+    (folder / 'urdf' / 'five.xacro').write_text(macro)
+
+
+@pytest.mark.parametrize(
+    ('place', 'variable'),
+    [
+        ('some_arm', None),
+        ('repository/some_arm', None),
+        ('repository/../macros', None),
+        ('elsewhere/share/some_arm', 'AMENT_PREFIX_PATH'),
+        ('elsewhere/some_arm', 'ROS_PACKAGE_PATH'),
+    ],
+)
+def test_a_xacro_finds_packages_as_meshes_are_found(tmp_path, monkeypatch, place, variable):
+    for name in ('AMENT_PREFIX_PATH', 'ROS_PACKAGE_PATH'):
+        monkeypatch.delenv(name, raising=False)
+    if variable:
+        monkeypatch.setenv(variable, str(tmp_path / 'elsewhere'))
+    own = tmp_path / 'repository' / 'my_cell'
+    (own / 'urdf').mkdir(parents=True)
+    path = own / 'urdf' / 'cell.xacro'
+    path.write_text(
+        '<robot name="cell" xmlns:xacro="x"><xacro:include filename="$(find some_arm)/urdf/'
+        'five.xacro"/><xacro:property name="where" value="$(eval find(\'some_arm\'))"/>'
+        '<link name="base"/><xacro:five/></robot>'
+    )
+    folder = tmp_path / place
+    if folder.name == 'macros':  # a package in a folder of another name, and the file in it
+        write_package(folder.resolve(), 'some_arm')
+        path = path.rename(folder.resolve() / 'urdf' / 'cell.xacro')
+    else:
+        write_package(folder, 'some_arm')
+    assert RobotModel.load(path).joint_names == ('j1', 'j2', 'j3', 'j4', 'j5')
+
+
+@pytest.mark.parametrize(
+    ('part', 'fault'),
+    [
+        ('<xacro:include filename="$(find not_there)/a.xacro"/>', "package 'not_there' not found"),
+        ('<link name="$(arg p)"/>', 'argument p is missing: say p:=value'),
+        ('<xacro:include filename="none.xacro"/>', "No such file or directory: '.*none.xacro'"),
+        ('<link name="${1/0}"/>', "division by zero when evaluating expression '1/0'"),
+        ('<xacro:unknown/>', 'unknown'),
+        ('<link name="a">', 'mismatched tag'),
+    ],
+)
+def test_why_a_xacro_cannot_be_expanded_is_said_in_one_line(tmp_path, part, fault):
+    path = tmp_path / 'odd.xacro'
+    path.write_text(f'<robot name="odd" xmlns:xacro="x">{part}</robot>')
+    with pytest.raises(RobotDescriptionError, match=f'cannot expand it: .*{fault}') as caught:
+        RobotModel.load(path)
+    said = str(caught.value)
+    assert '\n' not in said and '<class' not in said and str(path) in said
+
+
 def test_what_an_expanded_xacro_leaves_behind_is_no_xacro(load):
     leftover = (
         '<gazebo><plugin file="$(find x)/y.yaml" k="${z}"/></gazebo><!-- <xacro:x/> ${y} -->'
