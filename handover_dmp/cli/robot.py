@@ -95,6 +95,7 @@ def _facts(model: RobotModel) -> dict[str, Any]:
         joints.append(
             {
                 'name': name,
+                'unit': 'm' if model.slides(i) else 'rad',
                 **{key: value if isfinite(value) else None for key, value in numbers.items()},
                 'home': float(model.home[i]),
                 'moved_mass_kg': float(inertias[i + 1].mass),
@@ -110,6 +111,7 @@ def _facts(model: RobotModel) -> dict[str, Any]:
         'reach_m': model.reach_m,
         'meshes_found': len(model.meshes.found),
         'meshes_missing': list(model.meshes.missing),
+        'meshes_unreadable': list(model.meshes.unreadable),
         'engines_apart_m': agreement.position_m,
         'engines_apart_mass': agreement.mass,
         'collision_pairs': len(collision.pairs),
@@ -123,24 +125,30 @@ def _show(facts: dict[str, Any]) -> None:
     from rich.table import Table
 
     console = Console(soft_wrap=True, highlight=False)
-    head = ('joint', 'position', 'velocity', 'acceleration', 'effort', 'home', 'mass, kg')
-    table = Table(*head, box=box.SIMPLE)
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column('joint', overflow='fold')
+    for head in ('position', 'velocity', 'acceleration', 'effort', 'home', 'mass'):
+        table.add_column(head, no_wrap=True)
+    table.add_row('', 'rad', 'rad/s', 'rad/s²', 'Nm', 'rad', 'kg')
     for joint in facts['joints']:
         endless = joint['lower'] is None or joint['upper'] is None
         table.add_row(
             joint['name'],
-            'turns for ever' if endless else f'{joint["lower"]:.3g} … {joint["upper"]:.3g}',
-            *(f'{joint[key]:.3g}' for key in ('velocity', 'acceleration', 'effort', 'home')),
-            f'{joint["moved_mass_kg"]:.3g}',
+            'turns for ever'
+            if endless
+            else f'{joint["lower"]:.3g} … {joint["upper"]:.3g}{" m" * (joint["unit"] == "m")}',
+            *(f'{joint[key]:.4g}' for key in ('velocity', 'acceleration', 'effort')),
+            *(f'{joint[key]:.3g}' for key in ('home', 'moved_mass_kg')),
         )
     console.print(table)
-    missing = facts['meshes_missing']
+    missing, unreadable = facts['meshes_missing'], facts['meshes_unreadable']
     lines = {
         'limits from': '; '.join(f'{k}: {v}' for k, v in facts['limit_sources'].items()),
         'wrist': facts['wrist_frame'],
         'begins at': facts['base_frame'] or 'the root',
         'reach': f'{facts["reach_m"]:.3f} m from the shoulder',
-        'meshes': f'{facts["meshes_found"]} found, {len(missing)} missing',
+        'meshes': f'{facts["meshes_found"]} found, {len(missing)} missing, '
+        f'{len(unreadable)} unreadable',
         'self-check': f'Pinocchio and PyBullet agree to {facts["engines_apart_m"]:.1e} m and '
         f'{facts["engines_apart_mass"]:.1e} of the mass matrix',
         'pairs of links kept apart': str(facts['collision_pairs']),

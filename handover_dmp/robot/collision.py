@@ -23,6 +23,7 @@ from weakref import WeakKeyDictionary
 
 import coal
 from handover_dmp.robot.errors import RobotDescriptionError
+from handover_dmp.robot.mesh_reading import LOADER
 from handover_dmp.robot.model import RobotModel
 import numpy as np
 from numpy.typing import NDArray
@@ -107,9 +108,11 @@ def link_capsules(model: RobotModel) -> tuple[LinkCapsule, ...]:
             model.pinocchio_model,
             model.chain_text,
             pin.GeometryType.COLLISION,
+            mesh_loader=LOADER,
         )
     except (ValueError, RuntimeError) as error:
-        raise RobotDescriptionError(f'{model.urdf_path}: {error}') from error
+        fault = ' '.join(str(error).split())
+        raise RobotDescriptionError(f'{model.urdf_path}: {fault}') from error
     capsules: list[LinkCapsule] = []
     for item in geometry.geometryObjects:
         start, end, radius = _capsule(item.geometry, np.asarray(item.meshScale).ravel())
@@ -167,6 +170,7 @@ class CollisionModel:
         self._model = model.pinocchio_model
         self._data = model.pinocchio_data
         self._dof = model.dof
+        self._slides = [model.slides(i) for i in range(model.dof)]
         self.capsules = link_capsules(model)
         self._geometry = pin.GeometryModel()
         for i, capsule in enumerate(self.capsules):
@@ -300,7 +304,7 @@ class CollisionModel:
         offsets: tuple[Array, ...] = (far.start, far.end)
         while joint > near.joint:
             axis = self._axes[joint - 1]
-            prismatic = self._model.joints[joint].shortname().startswith('JointModelP')
+            prismatic = self._slides[joint - 1]
             lever = beyond + max(_across(offset, axis) for offset in offsets)
             levers[joint - 1] = 1.0 if prismatic else lever
             beyond += max(float(np.linalg.norm(offset)) for offset in offsets)

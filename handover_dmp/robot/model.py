@@ -259,6 +259,20 @@ class RobotModel:
         """Return the number of joints."""
         return len(self.joint_names)
 
+    def slides(self, joint: int) -> bool:
+        """
+        Tell whether a joint slides, so that its numbers are of metres and not of radians.
+
+        Args:
+            joint: its index along the chain.
+
+        Returns:
+            Whether it is prismatic.
+
+        """
+        kind: str = self.pinocchio_model.joints[joint + 1].shortname()
+        return kind.startswith('JointModelP')
+
     def placed(self, base: BasePlacement) -> RobotModel:
         """
         Put the arm elsewhere.

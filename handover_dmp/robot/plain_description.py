@@ -18,8 +18,8 @@ One description that every engine reads alike.
 Pinocchio and PyBullet differ in what they make of a URDF: PyBullet gives links without inertia
 1 kg, and sets inertia that is not physical to zero; Pinocchio leaves the inertia and all shapes
 of a link out where it does not know one of them, without a word; both give up on a mesh that is
-missing. What both are to read holds nothing that they read differently, and says what had to be
-changed.
+missing or broken. What both are to read holds nothing that they read differently, and says what
+had to be changed.
 """
 
 from __future__ import annotations
@@ -34,7 +34,8 @@ from xml.etree import ElementTree
 from xml.parsers import expat
 
 from handover_dmp.robot.limits import JointLimits
-from handover_dmp.robot.mesh_files import find_mesh
+from handover_dmp.robot.mesh_files import find_mesh, LOOKED_IN
+from handover_dmp.robot.mesh_reading import why_not_collided, why_not_drawn
 import numpy as np
 from numpy.typing import NDArray
 import pinocchio as pin
@@ -50,6 +51,7 @@ SIZES = {
 }
 """The shapes of a URDF beside the mesh, and what each must say of itself."""
 MISSING = 'a mesh that is not there'
+UNREADABLE = 'a mesh that cannot be read'
 MOMENTS = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
 ROUNDING = 1e-6
 """What is off by less, relative to the inertia, is not worth a word."""
@@ -72,11 +74,13 @@ class Meshes:
     Attributes:
         found: the files.
         missing: names, as the description has them, of those that are not there.
+        unreadable: names of those that are there and cannot be read.
 
     """
 
     found: tuple[Path, ...]
     missing: tuple[str, ...]
+    unreadable: tuple[str, ...] = ()
 
 
 def parse_xml(text: str) -> Element:
@@ -124,12 +128,15 @@ def make_plain(
         inertia of a link that does not move with the chain changes nothing.
 
     """
+    # Pinocchio's parser refuses every version but 1.0
+    robot.attrib = {key: value for key, value in robot.attrib.items() if key == 'name'}
     for material in robot.iter('material'):
         for texture in material.findall('texture'):
             material.remove(texture)
     materials = {m.get('name') for m in robot.iter('material') if m.find('color') is not None}
     moved = moved_links(robot, chain)
     found: dict[str, Path | None] = {}
+    unreadable: dict[str, str] = {}
     faults: dict[str, list[str]] = {}
     for link in robot.findall('link'):
         name = link.get('name', '')
@@ -137,7 +144,7 @@ def make_plain(
             if part.tag not in ('visual', 'collision', 'inertial'):
                 link.remove(part)
         for part in [p for p in link if p.tag != 'inertial']:
-            if fault := _plain_shape(part, folder, found):
+            if fault := _plain_shape(part, folder, found, unreadable):
                 faults.setdefault(fault, []).append(name)
                 link.remove(part)
             for material in part.findall('material'):
@@ -150,19 +157,26 @@ def make_plain(
         colourless = element.tag == 'material' and element.find('color') is None
         if colourless or element.tag not in ('link', 'joint', 'material'):
             robot.remove(element)
-    without_mesh = faults.pop(MISSING, [])
+    lost, broken = faults.pop(MISSING, []), faults.pop(UNREADABLE, [])
     remarks = [f'{_listed(names)}: {fault}' for fault, names in faults.items()]
     missing = tuple(name for name, path in found.items() if path is None)
-    if missing:
-        solid = [link for link in robot.findall('link') if link.find('collision') is not None]
-        left = len(moved.intersection(link.get('name', '') for link in solid))
+    solid = [link for link in robot.findall('link') if link.find('collision') is not None]
+    left = len(moved.intersection(link.get('name', '') for link in solid))
+    instead = f'drawn as capsules; {left} of {len(moved)} moving links are kept off the rest'
+    for name, why in list(unreadable.items())[:1]:
         remarks.insert(
             0,
-            f'{_listed(without_mesh)}: {len(missing)} of {len(found)} meshes not found, '
-            f'{missing[0]} for one (looked in AMENT_PREFIX_PATH, ROS_PACKAGE_PATH and beside the '
-            f'file): drawn as capsules; {left} of {len(moved)} moving links are kept off the rest',
+            f'{_listed(broken)}: {len(unreadable)} of {len(found)} meshes cannot be read, '
+            f'{found[name]} for one ({why}): {instead}',
         )
-    return Meshes(tuple(path for path in found.values() if path), missing), remarks
+    if missing:
+        remarks.insert(
+            0,
+            f'{_listed(lost)}: {len(missing)} of {len(found)} meshes not found, {missing[0]} for '
+            f'one ({LOOKED_IN}): {instead}',
+        )
+    read = tuple(path for name, path in found.items() if path and name not in unreadable)
+    return Meshes(read, missing, tuple(unreadable)), remarks
 
 
 def moved_links(robot: Element, chain: Sequence[Element]) -> set[str]:
@@ -198,7 +212,9 @@ def _listed(names: Sequence[str]) -> str:
     return ', '.join(unique[:4]) + (f' and {len(unique) - 4} more' if len(unique) > 4 else '')
 
 
-def _plain_shape(part: Element, folder: Path | None, found: dict[str, Path | None]) -> str:
+def _plain_shape(
+    part: Element, folder: Path | None, found: dict[str, Path | None], unreadable: dict[str, str]
+) -> str:
     """Put the geometry of a part plainly; return what is wrong with it if that cannot be."""
     geometry = part.find('geometry')
     shape = geometry[0] if geometry is not None and len(geometry) else None
@@ -210,13 +226,19 @@ def _plain_shape(part: Element, folder: Path | None, found: dict[str, Path | Non
         name = shape.get('filename', '')
         if name not in found:
             found[name] = find_mesh(name, folder)
-        if found[name] is None:
+        path = found[name]
+        if path is None:
             return MISSING
-        shape.set('filename', str(found[name]))
         scale = _numbers(shape.get('scale', '1'))
         if len(scale) not in (1, 3):
             return f'a mesh of scale {shape.get("scale")!r}, left out'
-        shape.set('scale', _written(scale * 3 if len(scale) == 1 else scale))
+        scale = scale * 3 if len(scale) == 1 else scale
+        why = why_not_drawn(path) if part.tag == 'visual' else why_not_collided(path, scale)
+        if why:
+            unreadable.setdefault(name, why)
+            return UNREADABLE
+        shape.set('filename', str(path))
+        shape.set('scale', _written(scale))
         return ''
     if shape.tag not in SIZES:
         return f'a shape <{shape.tag}> that the engines do not know, left out'

@@ -70,7 +70,7 @@ def choose_wrist(tree: Element, base_frame: str | None, origin: str) -> tuple[st
     named = [link for link in moved if TOOL_FRAME.fullmatch(link)]
     for tools in ([link for link in named if link in ends], named):
         if len(tools) == 1:
-            others = ', '.join(_short([end for end in ends if end != tools[0]]))
+            others = ', '.join(_short([end for end in ends if end != tools[0]], 3))
             return tools[0], (
                 f'taken for the wrist: {tools[0]}, by its name (the arm also ends in {others}; '
                 '--wrist-frame or the node parameter wrist_frame says otherwise)'
@@ -85,7 +85,7 @@ def choose_wrist(tree: Element, base_frame: str | None, origin: str) -> tuple[st
         why = f' ({ends[0]!r}, which joint {joint!r} moves, may be the jaw of a gripper)'
     raise RobotDescriptionError(
         f'{origin}: say which link is the wrist{why}, with --wrist-frame or the node parameter '
-        f'wrist_frame: {", ".join(_short(candidates))}'
+        f'wrist_frame: {", ".join(_short(candidates, MAX_NAMED))}'
     )
 
 
@@ -125,6 +125,6 @@ def _limit(joint: Element, key: str) -> float:
     return 0.0 if limit is None else float(limit.get(key, 0.0))
 
 
-def _short(names: list[str]) -> list[str]:
-    more = len(names) - MAX_NAMED
-    return names if more <= 0 else [*names[:MAX_NAMED], f'and {more} more']
+def _short(names: list[str], most: int) -> list[str]:
+    more = len(names) - most
+    return names if more <= 0 else [*names[:most], f'and {more} more']

@@ -18,10 +18,13 @@ from __future__ import annotations
 
 from xml.etree import ElementTree
 
+from handover_dmp.common.resources import share_path
 from handover_dmp.robot.collision import link_capsules
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.plain_description import make_plain, parse_xml
 from handover_dmp.simulation.self_check import check_models
+from handover_dmp.view.drawn_robot import drawn_description
+from handover_dmp.view.portrait import draw_portrait
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -185,6 +188,15 @@ def test_undeclared_prefixes_and_a_late_declaration_are_read_past(arm):
     assert 'sensor' not in model.chain_text
 
 
+@pytest.mark.parametrize('version', ['1.0', '1.2', '2.0'])
+def test_a_version_is_no_reason_to_refuse(tmp_path, version):
+    path = tmp_path / 'arm.urdf'
+    path.write_text(
+        share_path('urdf/lwr4.urdf').read_text().replace('<robot ', f'<robot version="{version}" ')
+    )
+    assert agree(RobotModel.load(path))
+
+
 def shape(text, kind='collision'):
     return f'{BALL}<{kind}><geometry>{text}</geometry></{kind}>'
 
@@ -231,6 +243,86 @@ def test_a_mesh_beside_the_file_with_one_number_for_scale(arm, tmp_path):
     (found,) = link_capsules(model)
     reach = max(np.linalg.norm(found.start), np.linalg.norm(found.end)) + found.radius
     assert 0.25 < reach < 0.45
+
+
+TETRAHEDRON = 'v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.3\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n'
+
+
+@pytest.mark.parametrize('kind', ['visual', 'collision'])
+@pytest.mark.parametrize(
+    ('name', 'data'),
+    [
+        ('cut.stl', b'\0' * 80 + (500).to_bytes(4, 'little') + b'\1' * 700),
+        ('cut.dae', b'<?xml version="1.0"?><COLLADA><library_geometries>'),
+        ('empty.obj', b''),
+        ('noise.obj', bytes(range(256)) * 9),
+        ('new.glb', b'glTF\2\0\0\0'),
+        ('nameless', b'v 0 0 0'),
+    ],
+)
+def test_a_mesh_that_cannot_be_read_is_named_once_and_the_arm_drawn(
+    arm, tmp_path, name, data, kind
+):
+    (tmp_path / name).write_bytes(data)
+    (tmp_path / 'good.obj').write_text(TETRAHEDRON)
+    broken = shape(f'<mesh filename="{name}"/>', kind)
+    model = arm(l1=broken, l2=broken, l3=shape('<mesh filename="good.obj"/>', kind))
+    assert model.meshes.unreadable == (name,)
+    assert model.meshes.found == ((tmp_path / 'good.obj').resolve(),)
+    assert model.meshes.missing == ()
+    assert len(model.remarks) == 1 and '\n' not in model.remarks[0]
+    assert 'l1, l2: 1 of 2 meshes cannot be read' in model.remarks[0]
+    assert str(tmp_path / name) in model.remarks[0]
+    assert agree(model)
+    solid = ['l3'] if kind == 'collision' else []
+    assert [capsule.name for capsule in link_capsules(model)] == solid
+    pixels = draw_portrait(model)
+    assert 0.01 < np.mean(pixels[..., 0] != pixels[0, 0, 0]) < 0.6
+
+
+@pytest.mark.parametrize('name', ['good.obj', 'GOOD.OBJ', 'good.stl', 'words.stl', 'good.dae'])
+def test_a_mesh_that_can_be_read_is_taken(arm, tmp_path, name):
+    write_mesh(tmp_path / name)
+    both = shape(f'<mesh filename="{name}"/>') + shape(f'<mesh filename="{name}"/>', 'visual')
+    model = arm(l2=both.replace(BALL, ''))
+    assert model.meshes.found == ((tmp_path / name).resolve(),)
+    assert not any('mesh' in remark for remark in model.remarks)
+    (found,) = link_capsules(model)
+    assert found.radius > 0.02
+    assert f'filename="{(tmp_path / name).resolve()}"' in drawn_description(model)
+
+
+def write_mesh(path):
+    """Write a tetrahedron in the format of the name."""
+    corners = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.3]])
+    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    if path.suffix.lower() == '.obj':
+        path.write_text(TETRAHEDRON)
+    elif path.name == 'words.stl':
+        lines = ['solid t']
+        for face in corners[faces]:
+            rows = [f'vertex {x} {y} {z}' for x, y, z in face]
+            lines += ['facet normal 0 0 0', 'outer loop', *rows, 'endloop', 'endfacet']
+        path.write_text('\n'.join([*lines, 'endsolid t', '']))
+    elif path.suffix == '.stl':
+        facets = np.zeros(4, dtype=[('n', '<f4', 3), ('v', '<f4', (3, 3)), ('a', '<u2')])
+        facets['v'] = corners[faces]
+        path.write_bytes(b'solid by name only'.ljust(80) + b'\4\0\0\0' + facets.tobytes())
+    else:
+        numbers, indices = (' '.join(map(str, a.ravel())) for a in (corners, faces))
+        path.write_text(
+            '<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">'
+            '<asset><up_axis>Z_UP</up_axis></asset><library_geometries><geometry id="g"><mesh>'
+            f'<source id="p"><float_array id="a" count="12">{numbers}</float_array>'
+            '<technique_common><accessor source="#a" count="4" stride="3"><param name="X" '
+            'type="float"/><param name="Y" type="float"/><param name="Z" type="float"/>'
+            '</accessor></technique_common></source><vertices id="v"><input semantic="POSITION" '
+            'source="#p"/></vertices><triangles count="4"><input semantic="VERTEX" source="#v" '
+            f'offset="0"/><p>{indices}</p></triangles></mesh></geometry></library_geometries>'
+            '<library_visual_scenes><visual_scene id="s"><node><instance_geometry url="#g"/>'
+            '</node></visual_scene></library_visual_scenes><scene><instance_visual_scene '
+            'url="#s"/></scene></COLLADA>'
+        )
 
 
 def test_the_plain_description_is_a_urdf_of_links_joints_and_colours_alone(arm):
