@@ -9,6 +9,8 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 # The linters' own, since they are pinned, and NumPy with them.
 LINTERS ?= .venv-lint
+# Those of `make docs`.
+SITE ?= .venv-docs
 PYTHON_FILES := setup.py examples handover_dmp launch scripts test
 # A new version of one of these means that the packages have to be installed again.
 METADATA := setup.py setup.cfg pyproject.toml
@@ -26,7 +28,7 @@ ISOLATED = ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_DOMAIN_ID=$$(($$$$ % 100 
 # As many processes as there are processors; test/conftest.py says which tests belong together.
 PYTEST = $(ISOLATED) $(BIN)/python -m pytest -n auto
 
-.PHONY: help demo test longtest matrix coverage lint format bench clean
+.PHONY: help demo test longtest matrix coverage lint docs format bench clean
 
 help:
 	@echo 'make demo       install what is needed, run one handover, write runs/<name>/'
@@ -35,6 +37,7 @@ help:
 	@echo 'make matrix     demo and test on Python 3.10 to 3.13, and with the oldest libraries'
 	@echo 'make coverage   what share of each room the tests run through'
 	@echo 'make lint       style and types, with pinned tools in an environment of their own'
+	@echo 'make docs       the documentation as a site, with the reference of the code: build/site/'
 	@echo 'make format     put every Python file into shape'
 	@echo 'make bench      measure speed and accuracy beside peers'
 	@echo 'make clean      remove .venv and what builds and tools left; runs/ stays'
@@ -63,6 +66,10 @@ lint: $(LINTERS)/.lint
 	$(LINTERS)/bin/mypy
 	$(LINTERS)/bin/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
 
+docs: $(SITE)/.docs
+	PATH="$(SITE)/bin:$$PATH" $(SITE)/bin/mkdocs build --quiet
+	@echo 'open build/site/index.html'
+
 format: $(LINTERS)/.lint
 	$(LINTERS)/bin/python scripts/add_licence_header.py
 	$(LINTERS)/bin/ruff format .
@@ -72,7 +79,7 @@ bench: $(VENV)/.bench
 	$(ISOLATED) $(BIN)/handover_dmp bench
 
 clean:
-	rm -rf $(VENV) $(LINTERS) .venv-* build dist install log *.egg-info
+	rm -rf $(VENV) $(LINTERS) $(SITE) .venv-* build dist install log *.egg-info
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
@@ -82,7 +89,7 @@ clean:
 COPIED := $(wildcard config/* launch/* urdf/* scripts/* package.xml)
 INSTALL = pip install --quiet $(PIP_OPTIONS)
 
-$(BIN)/python $(LINTERS)/bin/python:
+$(BIN)/python $(LINTERS)/bin/python $(SITE)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 14))' || { \
 	    echo "Python 3.10 to 3.13 is needed, and '$(PYTHON)' is not: make PYTHON=python3.12" >&2; \
 	    exit 1; }
@@ -111,4 +118,9 @@ $(VENV)/.bench: $(METADATA) $(COPIED) | $(BIN)/python
 $(LINTERS)/.lint: $(METADATA) | $(LINTERS)/bin/python
 	@echo 'installing (about a minute)'
 	$(LINTERS)/bin/python -m $(INSTALL) '.[lint]'
+	@touch $@
+
+$(SITE)/.docs: $(METADATA) | $(SITE)/bin/python
+	@echo 'installing (about a minute)'
+	$(SITE)/bin/python -m $(INSTALL) '.[docs]'
 	@touch $@

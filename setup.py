@@ -50,6 +50,12 @@ EXTRAS = {
         'ros-jazzy-common-interfaces>=5.3.6',
         'ros-jazzy-rclpy[fastrtps]>=7.1.6',
     ],
+    'docs': [
+        'mkdocs==1.6.1',
+        'mkdocstrings[python]==1.0.8',
+        'mkdocstrings-python==2.0.11',
+        'ruff==0.17.6',
+    ],
     'test': [
         'check-jsonschema>=0.29',
         # colcon-core does not work with newer setuptools
