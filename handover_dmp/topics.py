@@ -15,6 +15,9 @@
 """
 Every topic of the graph: name, type and quality of service, once.
 
+A node asks for the relative name, so that a namespace or a remap moves it; `/clock`,
+`/diagnostics`, `/tf` and `/tf_static` are those of everybody, as in all of ROS.
+
 Sensor data is best effort with depth 1, since only the newest counts; commands are reliable with
 depth 1, since an old one must never be followed; what a late listener must still get is transient
 local. Positions are metres in the frame `world` (REP 103, REP 105), times are those of the header.
@@ -29,6 +32,8 @@ from typing import Any
 
 FRAME = 'world'
 SEPARATOR = ','
+HARDWARE_ID = 'handover_dmp'
+"""By which a report on `/diagnostics` says that it is of a node of this package."""
 
 
 class Quality(Enum):
@@ -48,10 +53,11 @@ class Topic:
     One topic.
 
     Attributes:
-        name: absolute.
+        name: absolute, of a graph in the root namespace.
         type_name: of its messages, e.g. `geometry_msgs/msg/PoseStamped`.
         quality: of service, for publisher and subscription alike.
         meaning: what its messages say, with units.
+        is_global: whether all graphs share it, in whatever namespace they are.
 
     """
 
@@ -59,9 +65,30 @@ class Topic:
     type_name: str
     quality: Quality
     meaning: str
+    is_global: bool = False
+
+    @property
+    def relative(self) -> str:
+        """Return the name that a node asks for."""
+        return self.name if self.is_global else self.name.lstrip('/')
+
+    def within(self, namespace: str) -> str:
+        """
+        Name the topic of a graph.
+
+        Args:
+            namespace: of the graph, e.g. `/left`; `/` or nothing for the root.
+
+        Returns:
+            Its absolute name.
+
+        """
+        return self.name if self.is_global else namespace.rstrip('/') + self.name
 
 
-CLOCK = Topic('/clock', 'rosgraph_msgs/msg/Clock', Quality.COMMAND, 'simulated time')
+CLOCK = Topic(
+    '/clock', 'rosgraph_msgs/msg/Clock', Quality.COMMAND, 'simulated time', is_global=True
+)
 HAND_POSE = Topic(
     '/hand/pose',
     'geometry_msgs/msg/PoseStamped',
@@ -151,6 +178,7 @@ DIAGNOSTICS = Topic(
     'diagnostic_msgs/msg/DiagnosticArray',
     Quality.LATCHED_REPORT,
     'rate, jitter, overruns, age of inputs, faults; at the start, once a second, at the end',
+    is_global=True,
 )
 
 TOPICS = (

@@ -21,6 +21,9 @@ The handover begins by itself, or with `start:=service` when it is told to:
 
     ros2 service call /hand_tracker/replay std_srvs/srv/Trigger
 
+Several of it can be included side by side, each in a `namespace` of its own or within a group with
+`PushRosNamespace`.
+
 For tests without a display, `exit_when_done:=true` ends it after the handover; the exit code is 0
 if the object was handed over.
 """
@@ -37,6 +40,7 @@ from xml.etree import ElementTree
 
 from ament_index_python.packages import get_package_prefix, PackageNotFoundError
 from handover_dmp.common.resources import share_path
+from handover_dmp.topics import TOPICS
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch.conditions import IfCondition
@@ -48,6 +52,7 @@ PACKAGE = 'handover_dmp'
 NODES = ('recorder', 'hand_tracker', 'dmp', 'priority_ik', 'robot_sim')
 BOOLEAN = ('true', 'false', 'True', 'False', '1', '0')
 ARGUMENTS: dict[str, tuple[str, str, tuple[str, ...] | None]] = {
+    'namespace': ('', 'of all nodes, topics and services, within that of a group around', None),
     'robot': ('lwr4', 'lwr4, iiwa14, panda, ur5 or the path of a URDF or xacro', None),
     'wrist_frame': ('', 'link that follows the wrist; empty: by the description', None),
     'base_frame': ('', 'link that the arm begins at; empty: the root', None),
@@ -94,23 +99,26 @@ def nodes(context: LaunchContext) -> list[Node]:
     chosen = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
     look_up(chosen)
     robot, own = prepare(chosen)
+    simulated = _is_true(chosen['use_sim_time'])
     graph = [
         Node(
             package=PACKAGE,
             executable=name,
             name=name,
             output='screen',
-            # Both files name their sections after nodes of the root namespace. A dictionary in
-            # place of the second would be a section for all nodes, which yields to named ones.
-            namespace='/',
+            # Both files have sections for this node in any namespace. A dictionary in place of the
+            # second would be a section for all nodes, which yields to those.
+            namespace=chosen['namespace'],
             parameters=[chosen['parameters'], str(own)],
+            # In lockstep every graph makes its own time.
+            remappings=[('/clock', 'clock')] if simulated else [],
             condition=IfCondition(chosen['record']) if name == 'recorder' else None,
             # The arm brakes by itself; four nodes without the fifth are of no use.
             on_exit=partial(end, name),
         )
         for name in NODES
     ]
-    return graph + viewers(robot, _is_true(chosen['use_sim_time']))
+    return graph + viewers(robot, chosen['namespace'], simulated)
 
 
 def end(name: str, event: ProcessExited, _context: LaunchContext) -> Shutdown:
@@ -177,20 +185,24 @@ def prepare(chosen: dict[str, str]) -> tuple[Any, Path]:
     return scenario.robot, file
 
 
-def viewers(robot: Any, simulated: bool) -> list[Node]:
+def viewers(robot: Any, namespace: str, simulated: bool) -> list[Node]:
     """Make the viewers that were asked for, and the transforms that they need."""
     wanted = IfCondition(
         OrSubstitution(LaunchConfiguration('rviz'), LaunchConfiguration('foxglove'))
     )
     x, y, z = (str(value) for value in robot.base.position)
     use_sim_time = {'use_sim_time': simulated}
+    own_time = [('/clock', 'clock')] if simulated else []
+    # RViz has only absolute names in its files.
+    shown = [(topic.name, topic.relative) for topic in TOPICS if not topic.is_global]
     return [
         Node(
             package='robot_state_publisher',
             executable='robot_state_publisher',
+            namespace=namespace,
             parameters=[{'robot_description': robot.urdf_text}, use_sim_time],
-            # `robot_sim` publishes it on /robot_description already.
-            remappings=[('robot_description', '~/robot_description')],
+            # `robot_sim` publishes it on robot_description already.
+            remappings=[('robot_description', '~/robot_description'), *own_time],
             condition=wanted,
         ),
         Node(
@@ -201,21 +213,27 @@ def viewers(robot: Any, simulated: bool) -> list[Node]:
                 '--pitch', str(robot.base.pitch), '--yaw', str(robot.base.yaw),
                 '--frame-id', 'world', '--child-frame-id', root_link(robot.urdf_text),
             ],
+            namespace=namespace,
             parameters=[use_sim_time],
+            remappings=own_time,
             condition=wanted,
         ),
         Node(
             package='rviz2',
             executable='rviz2',
+            namespace=namespace,
             arguments=['-d', str(share_path('config/handover.rviz'))],
             parameters=[use_sim_time],
+            remappings=[*shown, *own_time],
             condition=IfCondition(LaunchConfiguration('rviz')),
         ),
         Node(
             package='foxglove_bridge',
             executable='foxglove_bridge',
+            namespace=namespace,
             # Nothing leaves the machine unless asked for.
             parameters=[{'address': '127.0.0.1'}, use_sim_time],
+            remappings=own_time,
             condition=IfCondition(LaunchConfiguration('foxglove')),
         ),
     ]  # fmt: skip

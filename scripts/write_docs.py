@@ -34,7 +34,7 @@ from typing import Any
 from handover_dmp import topics
 from handover_dmp.bench.measurement import Measurement
 from handover_dmp.bench.report import cells, markdown, read_json
-from handover_dmp.common.settings import defaults
+from handover_dmp.common.settings import ANYWHERE, defaults
 from handover_dmp.nodes.parameters import ARM, COMMON, DRIVER, HAND, Parameter
 from handover_dmp.topics import Topic, TOPICS
 
@@ -185,7 +185,7 @@ def yaml_comments() -> Iterator[tuple[tuple[str, str], str]]:
             continue
         depth, key = len(match[1]) // 2, match[2]
         if depth == 0:
-            section = key
+            section = key.removeprefix(ANYWHERE)
         path = [*path[:depth], key]
         if (match[3] or '').strip():
             yield (section, '.'.join(path[2:])), match[4] or ''
@@ -200,7 +200,7 @@ def topic_table() -> str:
         quality = f'{reliability.replace("_", " ")}, {durability.replace("_", " ")}, {depth}'
         rows.append(
             (
-                f'`{topic.name}`', f'`{topic.type_name}`', quality,
+                f'`{topic.relative}`', f'`{topic.type_name}`', quality,
                 ', '.join(published.get(topic, ['`recorder`, into the bag'])),
                 ', '.join(subscribed.get(topic, [])) or '–', topic.meaning,
             )

@@ -96,7 +96,7 @@ def test_every_parameter_and_topic_is_in_the_tables() -> None:
             assert f'`{name}`' in text, f'{node}: {name}'
     text = (ROOT / 'docs' / 'topics.md').read_text(encoding='utf-8')
     for topic in TOPICS:
-        assert f'| `{topic.name}` | `{topic.type_name}` |' in text
+        assert f'| `{topic.relative}` | `{topic.type_name}` |' in text
 
 
 def test_a_changed_default_is_noticed(tables: ModuleType) -> None:

@@ -95,7 +95,9 @@ def choose(functions: dict[str, Any], **chosen: str) -> dict[str, str]:
 def sections(file: Path) -> dict[str, dict[str, Any]]:
     """Read a file of parameters: node to name to value."""
     read = yaml.safe_load(file.read_text(encoding='utf-8'))
-    return {node: section['ros__parameters'] for node, section in read.items()}
+    return {
+        section.removeprefix('/**/'): values['ros__parameters'] for section, values in read.items()
+    }
 
 
 @pytest.mark.parametrize('direction', ['give', 'take'])

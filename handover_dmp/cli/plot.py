@@ -62,7 +62,7 @@ def run(options: argparse.Namespace) -> int:
 
     with progress_bar() as bar:
         bar.add_task('reading and drawing', total=None)
-        report = write_report(options.source, options.output)
+        report = write_report(options.source, options.output, options.namespace)
     folder = options.output or report_folder(options.source)
     Console().print(f'{len(report["figures"])} figures; {folder / "index.html"}', soft_wrap=True)
     if options.json is not None:

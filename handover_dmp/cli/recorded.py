@@ -22,7 +22,7 @@ from pathlib import Path
 
 def add_source_and_output(parser: argparse.ArgumentParser, metavar: str, purpose: str) -> None:
     """
-    Declare the run and `--output`.
+    Declare the run, `--namespace` and `--output`.
 
     Args:
         parser: parser of the verb.
@@ -35,5 +35,8 @@ def add_source_and_output(parser: argparse.ArgumentParser, metavar: str, purpose
         type=Path,
         metavar='RUN_OR_BAG',
         help='folder of a run, folder of a bag (also one of rosbag2), or MCAP file',
+    )
+    parser.add_argument(
+        '--namespace', metavar='NAME', help='of the graph, where several are in the bag'
     )
     parser.add_argument('-o', '--output', type=Path, metavar=metavar, help=purpose)

@@ -101,7 +101,7 @@ def run(options: argparse.Namespace) -> int:
     if options.no_video and options.no_image:
         raise UsageError('neither video nor image: nothing to do')
     width, height = _size(options.size)
-    how = Film(width, height, options.rate, options.speed, chosen_arm(options))
+    how = Film(width, height, options.rate, options.speed, chosen_arm(options), options.namespace)
     video, image = chosen_files(options)
     jobs = options.jobs or min(MAX_JOBS, os.cpu_count() or 1)
     began_s = monotonic()

@@ -75,7 +75,7 @@ def run(options: argparse.Namespace) -> int:
     def make(page: Path) -> None:
         with progress_bar() as bar:
             bar.add_task('reading and drawing', total=None)
-            with set_up(options.source, chosen_arm(options)) as stage:
+            with set_up(options.source, chosen_arm(options), options.namespace) as stage:
                 write_page(stage, page)
 
     def tell(address: str) -> None:

@@ -49,8 +49,8 @@ class ParameterSection(NamedTuple):
 
     @property
     def is_for_many(self) -> bool:
-        """Tell whether its name has wildcards."""
-        return '*' in self.node
+        """Tell whether it is for nodes of different names."""
+        return '*' in self.node.rpartition('/')[2]
 
     def is_for(self, node: str) -> bool:
         """

@@ -24,6 +24,9 @@ from typing import Any
 from handover_dmp.common.resources import share_path
 import yaml
 
+ANYWHERE = '/**/'
+"""Before the name of a node, in a parameter file: whatever namespace it is in."""
+
 
 @cache
 def defaults(node: str) -> dict[str, Any]:
@@ -38,14 +41,15 @@ def defaults(node: str) -> dict[str, Any]:
 
     """
     tree = yaml.safe_load(share_path('config/handover.yaml').read_text(encoding='utf-8'))
-    return dict(_flatten(tree['/**']['ros__parameters']) + _flatten(tree[node]['ros__parameters']))
+    of_all, own = (tree[section]['ros__parameters'] for section in ('/**', ANYWHERE + node))
+    return dict(_flatten(of_all) + _flatten(own))
 
 
 @cache
 def node_names() -> tuple[str, ...]:
     """Return the names of all nodes that have parameters in `config/handover.yaml`."""
     tree = yaml.safe_load(share_path('config/handover.yaml').read_text(encoding='utf-8'))
-    return tuple(name for name in tree if name != '/**')
+    return tuple(name.removeprefix(ANYWHERE) for name in tree if name != '/**')
 
 
 def setting(node: str, name: str) -> Any:

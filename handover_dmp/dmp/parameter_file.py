@@ -30,7 +30,7 @@ from handover_dmp.common.ros_parameters import (
     sections,
     unknown_parameter,
 )
-from handover_dmp.common.settings import defaults, node_names
+from handover_dmp.common.settings import ANYWHERE, defaults, node_names
 from handover_dmp.dmp import DmpParameters
 import yaml
 
@@ -67,7 +67,7 @@ def write_parameters(parameters: TunedParameters, path: Path, comment: str = '')
     """
     section = {**asdict(parameters.primitive), DURATION_SCALE: parameters.duration_scale}
     head = ''.join(f'# {line}'.rstrip() + '\n' for line in comment.splitlines())
-    tree = {NODE: {'ros__parameters': section}}
+    tree = {ANYWHERE + NODE: {'ros__parameters': section}}
     write_text(path, head + yaml.safe_dump(tree, sort_keys=False))
 
 
@@ -115,7 +115,7 @@ def _section(path: Path, found: list[ParameterSection]) -> dict[str, Any]:
     nodes = {
         section.node
         for section in found
-        if not section.is_for_many and section.node.rpartition('/')[2] == NODE
+        if '*' not in section.node and section.node.rpartition('/')[2] == NODE
     }
     node = f'/{NODE}'
     if nodes and node not in nodes:

@@ -33,12 +33,12 @@ from handover_dmp.mocap.trial import describe, DIRECTIONS
 from handover_dmp.mocap.units import known_unit, METRES
 from handover_dmp.mocap.up_axis import turn_up
 from handover_dmp.mocap.wrists import AS_TOLD, find_gaps, Known, MAX_HIDDEN_S, WristMotion
-from handover_dmp.topics import INFO
+from handover_dmp.topics import DEMONSTRATOR_POSE, HAND_POSE, INFO
 import numpy as np
 from numpy.typing import NDArray
 
-PARTNER_TOPIC = '/hand/pose'
-DEMONSTRATOR_TOPIC = '/human/pose'
+PARTNER_TOPIC = HAND_POSE.name
+DEMONSTRATOR_TOPIC = DEMONSTRATOR_POSE.name
 BY_REP_103 = 'by REP 103'
 CLOCKS = ('stamp', 'log')
 _MIN_POSES = 4
@@ -69,7 +69,8 @@ def read_bag_wrists(
     Args:
         path: a rosbag2 folder or one of its files.
         partner: topic of P1's wrist; of several bodies in it, `topic:name` or `topic:number`.
-        demonstrator: the same for P2.
+        demonstrator: the same for P2. Where neither is told, the bag may be of a graph in any
+            namespace.
         part: which part, from 1, of a recording whose clock was set back.
         clock: `stamp` or `log`: take the times from the stamps or from when it was recorded.
         unit: of length, where it is not metres as ROS has it.
@@ -84,6 +85,11 @@ def read_bag_wrists(
 
     """
     path = Path(path)
+    if (partner, demonstrator) == (PARTNER_TOPIC, DEMONSTRATOR_TOPIC):
+        from handover_dmp.recording import recorded_namespace
+
+        space = recorded_namespace(path, (HAND_POSE, DEMONSTRATOR_POSE))
+        partner, demonstrator = HAND_POSE.within(space), DEMONSTRATOR_POSE.within(space)
     streams = [_Stream(path, partner), _Stream(path, demonstrator)]
     _fill(path, streams)
     chosen = [stream.poses(clock) for stream in streams]
@@ -169,9 +175,9 @@ def describe_bag(path: str | Path) -> tuple[str, str | None, int]:
 
 def _run_info(path: str | Path) -> dict[str, str]:
     """Return what a run says that it replayed, in the words of a trial's bag."""
-    from handover_dmp.recording import read_bag
+    from handover_dmp.recording import read_bag, recorded_namespace
 
-    for _, message, _ in read_bag(path, [INFO.name]):
+    for _, message, _ in read_bag(path, [INFO.within(recorded_namespace(path, [INFO]))]):
         with suppress(AttributeError, RecursionError, TypeError, ValueError):
             info = json.loads(message.data)
             told = {key: str(info.get(key, '')) for key in ('configuration', 'exchange')}

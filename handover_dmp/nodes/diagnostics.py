@@ -23,10 +23,24 @@ from time import perf_counter
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from handover_dmp.nodes.node import HandoverNode
-from handover_dmp.topics import DIAGNOSTICS
+from handover_dmp.topics import DIAGNOSTICS, HARDWARE_ID
+from rclpy.node import Node
 
 OVERRUN = 1.5
-HARDWARE_ID = 'handover_dmp'
+
+
+def full_name(node: Node) -> str:
+    """
+    Name a node as its reports do.
+
+    Args:
+        node: the node.
+
+    Returns:
+        Its full name without the first slash, e.g. `dmp` or `left/dmp`.
+
+    """
+    return str(node.get_fully_qualified_name()).lstrip('/')
 
 
 def refusals(refused: Mapping[str, int]) -> dict[str, str]:
@@ -136,7 +150,7 @@ class Diagnostics:
         values = {'stage': stage, **self._periods.take(), **scheduling, **values}
         status = DiagnosticStatus(
             level=DiagnosticStatus.WARN if fault else DiagnosticStatus.OK,
-            name=self._node.get_name(),
+            name=full_name(self._node),
             message=fault or 'ok',
             hardware_id=HARDWARE_ID,
             values=[KeyValue(key=key, value=value) for key, value in values.items()],
@@ -148,16 +162,23 @@ class Diagnostics:
 
 class Attendance:
     """
-    Keeps in mind which nodes of this package are there, by their reports.
+    Keeps in mind which nodes of a graph are there, by their reports.
 
     Attributes:
-        present: names of those that have reported, and not yet for the last time.
+        present: full names of those that have reported, and not yet for the last time.
 
     """
 
-    def __init__(self) -> None:
-        """Begin with nobody."""
+    def __init__(self, namespace: str) -> None:
+        """
+        Begin with nobody.
+
+        Args:
+            namespace: of the graph; nodes of others are not minded.
+
+        """
         self.present: set[str] = set()
+        self._within = namespace.strip('/')
 
     def hear(self, reports: DiagnosticArray) -> None:
         """
@@ -168,7 +189,7 @@ class Attendance:
 
         """
         for status in reports.status:
-            if status.hardware_id != HARDWARE_ID:
+            if status.hardware_id != HARDWARE_ID or status.name.rpartition('/')[0] != self._within:
                 continue
             ends = any(value.key == 'stage' and value.value == 'end' for value in status.values)
             (self.present.discard if ends else self.present.add)(status.name)

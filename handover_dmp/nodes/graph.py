@@ -35,6 +35,7 @@ from typing import Any
 from handover_dmp.common.errors import HandoverError
 from handover_dmp.common.plain_yaml import dump_plain
 from handover_dmp.common.resources import share_path
+from handover_dmp.common.settings import ANYWHERE
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.nodes.shutdown import shut_down
@@ -55,9 +56,11 @@ from handover_dmp.topics import (
 )
 import rclpy
 from rclpy.client import Client
+from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
+from rclpy.utilities import get_default_context
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
@@ -98,6 +101,7 @@ class Graph:
         *,
         lockstep: bool = True,
         nodes: tuple[str, ...] = NODES,
+        namespace: str = '/',
     ) -> None:
         """
         Prepare the nodes.
@@ -107,8 +111,11 @@ class Graph:
             parameters: node to name to value.
             lockstep: on simulated time; else on the wall clock.
             nodes: which ones.
+            namespace: that they are in, e.g. `/left`; then their simulated time is their own, too.
 
         """
+        self._namespace = namespace
+        self._remaps = remaps(namespace)
         self._folder = folder
         self._lockstep = lockstep
         self._nodes = nodes
@@ -132,11 +139,17 @@ class Graph:
         isolate()
         (self._folder / 'logs').mkdir(parents=True, exist_ok=True)
         write_node_parameters(self._folder / 'parameters.yaml', self._parameters)
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        # that of the process for the first graph, one of its own for another beside it
+        self._context = Context() if rclpy.ok() else get_default_context()
+        rclpy.init(
+            args=['--ros-args', *self._remaps],
+            context=self._context,
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
         try:
             self._watch()
         except BaseException:
-            rclpy.try_shutdown()
+            rclpy.try_shutdown(context=self._context)
             raise
         try:
             for name in self._nodes:
@@ -176,6 +189,7 @@ class Graph:
                 [
                     sys.executable, '-m', f'handover_dmp.nodes.{name}',
                     '--ros-args', '--params-file', str(self._folder / 'parameters.yaml'),
+                    *self._remaps,
                 ],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
@@ -206,7 +220,7 @@ class Graph:
         Call a service of type `std_srvs/Trigger`, or `std_srvs/SetBool`.
 
         Args:
-            service: its name, e.g. `/dmp/start`.
+            service: its name within the namespace of the graph, e.g. `dmp/start`.
             request: of type `SetBool.Request`; None: a `Trigger`.
 
         Raises:
@@ -244,7 +258,7 @@ class Graph:
     def _wait_for_recorder(self) -> None:
         """Wait until every stream is recorded, so that the bag lacks nothing of the handover."""
         deadline_s = monotonic() + START_TIMEOUT_S
-        while (fault := self._ask('/recorder/ready', ANSWER_S)) is not None:
+        while (fault := self._ask('recorder/ready', ANSWER_S)) is not None:
             if monotonic() > deadline_s:
                 raise GraphError(f'recorder: {fault} within {START_TIMEOUT_S:.0f} s')
             self.spin(0.05)
@@ -257,7 +271,7 @@ class Graph:
             paused: whether it is to stand still.
 
         """
-        self.call('/robot_sim/pause', SetBool.Request(data=paused))
+        self.call('robot_sim/pause', SetBool.Request(data=paused))
 
     def wait_for_state(
         self, wanted: tuple[str, ...], timeout_s: float, progress: Callable[[], None]
@@ -302,8 +316,8 @@ class Graph:
         self.wait_for_state((), duration_s, lambda: None)
 
     def _watch(self) -> None:
-        self.node = rclpy.create_node('handover_dmp_watch', use_global_arguments=False)
-        self._executor = SingleThreadedExecutor()
+        self.node = rclpy.create_node('handover_dmp_watch', context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
         self._listen(STATE, self._on_state)
         if self._lockstep:
@@ -311,7 +325,7 @@ class Graph:
 
     def _listen(self, topic: Topic, callback: Callable[[Any], None]) -> None:
         self.node.create_subscription(
-            message_class(topic.type_name), topic.name, callback, qos_profile(topic.quality)
+            message_class(topic.type_name), topic.relative, callback, qos_profile(topic.quality)
         )
 
     def _on_state(self, message: String) -> None:
@@ -323,10 +337,11 @@ class Graph:
     def _complete(self) -> bool:
         """Whether every topic has the ends that it should have."""
         if set(self._nodes) != set(NODES):
-            return set(self._nodes) <= set(self.node.get_node_names())
-        ends = [(topic.name, 2) for topic in RECORDED_AND_READ]
-        ends += [(topic.name, 1) for topic in RECORDED_ALONE]
-        ends.append((JOINT_COMMAND.name, 2))
+            there = self.node.get_node_names_and_namespaces()
+            return all((name, self._namespace) in there for name in self._nodes)
+        ends = [(topic.within(self._namespace), 2) for topic in RECORDED_AND_READ]
+        ends += [(topic.within(self._namespace), 1) for topic in RECORDED_ALONE]
+        ends.append((JOINT_COMMAND.within(self._namespace), 2))
         return all(
             self.node.count_publishers(name) >= 1 and self.node.count_subscribers(name) >= minimum
             for name, minimum in ends
@@ -402,6 +417,23 @@ def isolation(middleware: str, environment: Mapping[str, str]) -> dict[str, str]
     return {PROFILE_VARIABLE: str(profile), RANGE_VARIABLE: 'SYSTEM_DEFAULT'}
 
 
+def remaps(namespace: str) -> list[str]:
+    """
+    Put a graph into a namespace.
+
+    Args:
+        namespace: absolute.
+
+    Returns:
+        ROS arguments for each of its nodes. In lockstep a graph makes its own time, which is not
+        to be that of another.
+
+    """
+    if namespace == '/':
+        return []
+    return ['-r', f'__ns:={namespace}', '-r', f'{CLOCK.name}:={namespace}{CLOCK.name}']
+
+
 def write_node_parameters(file: Path, parameters: Mapping[str, Mapping[str, Any]]) -> None:
     """
     Write the parameters of several nodes to a file for `--params-file`.
@@ -411,7 +443,7 @@ def write_node_parameters(file: Path, parameters: Mapping[str, Mapping[str, Any]
         parameters: node to name to value.
 
     """
-    tree = {name: {'ros__parameters': dict(values)} for name, values in parameters.items()}
+    tree = {ANYWHERE + name: {'ros__parameters': dict(v)} for name, v in parameters.items()}
     file.write_text(dump_plain(tree), encoding='utf-8')
 
 

@@ -96,7 +96,7 @@ class HandInput:
 
     def _look(self) -> None:
         """Listen to what is published where that is of another type."""
-        name = self._node.resolve_topic_name(HAND_POSE.name)
+        name = self._node.resolve_topic_name(HAND_POSE.relative)
         publishers = self._node.get_publishers_info_by_topic(name)
         types = {publisher.topic_type for publisher in publishers}
         if not types or self._type in types:

@@ -105,7 +105,7 @@ class HandTracker(HandoverNode):
         listened_to = all(
             publisher.get_subscription_count() for publisher in (self._hand_pose, self._signal)
         )
-        if listened_to and self.count_publishers(WRIST_POSE.name):
+        if listened_to and self.count_publishers(self.resolve_topic_name(WRIST_POSE.relative)):
             self._awaited.cancel()
             self._begin(self.now_s() + self.values['replay_at_s'])
 

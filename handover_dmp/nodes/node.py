@@ -84,7 +84,7 @@ class HandoverNode(Node):  # type: ignore[misc]
 
         """
         return self.create_publisher(
-            message_class(topic.type_name), topic.name, qos_profile(topic.quality)
+            message_class(topic.type_name), topic.relative, qos_profile(topic.quality)
         )
 
     def subscribe(self, topic: Topic, callback: Callable[[Any], None]) -> Subscription:
@@ -100,7 +100,7 @@ class HandoverNode(Node):  # type: ignore[misc]
 
         """
         return self.create_subscription(
-            message_class(topic.type_name), topic.name, callback, qos_profile(topic.quality)
+            message_class(topic.type_name), topic.relative, callback, qos_profile(topic.quality)
         )
 
     def serve(self, name: str, action: Callable[[], str]) -> None:

@@ -25,7 +25,7 @@ from typing import Any
 from handover_dmp.common.errors import DataError, HandoverError, UsageError
 from handover_dmp.common.plain_yaml import load_plain
 from handover_dmp.common.ros_parameters import sections, unknown_parameter
-from handover_dmp.common.settings import defaults, node_names
+from handover_dmp.common.settings import ANYWHERE, defaults, node_names
 from handover_dmp.dmp.parameter_file import DURATION_SCALE
 from handover_dmp.tracking import GoalEstimator, HandFilter
 from rcl_interfaces.msg import (
@@ -250,8 +250,15 @@ def check_names(node: Node, arguments: Sequence[str]) -> None:
         except (DataError, OSError, UnicodeDecodeError):
             # What rcl understands and this does not, it has read already.
             continue
+        name = node.get_fully_qualified_name()
+        meant = [s.node for s in found if s.node.rpartition('/')[2] == node.get_name()]
+        if meant and not any(section.is_for(name) for section in found if section.node in meant):
+            node.get_logger().warning(
+                f'{file}: {", ".join(meant)} is not for {name}, which is in another namespace: '
+                f'{ANYWHERE}{node.get_name()} would be'
+            )
         for section in found:
-            if section.is_for(node.get_fully_qualified_name()):
+            if section.is_for(name):
                 many = section.is_for_many
                 fault = unknown_parameter(
                     section.values, everybody if many else own, for_many=many

@@ -12,7 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Node `recorder`: any topics, byte for byte, into a rosbag2 folder with MCAP files."""
+"""
+Node `recorder`: any topics, byte for byte, into a rosbag2 folder with MCAP files.
+
+Those of its namespace and those that all graphs share; in the root namespace that is every topic.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +27,7 @@ from time import monotonic, sleep
 
 from diagnostic_msgs.msg import DiagnosticArray
 from handover_dmp.common.errors import DataError
-from handover_dmp.nodes.diagnostics import Attendance, Diagnostics, Periods
+from handover_dmp.nodes.diagnostics import Attendance, Diagnostics, full_name, Periods
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import Parameter
 from handover_dmp.nodes.qos import message_class, qos_profile
@@ -36,6 +40,9 @@ from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 
 STREAMING = (Quality.SENSOR, Quality.COMMAND)
+OF_ALL_GRAPHS = {'/tf', '/tf_static', '/rosout', '/parameter_events'} | {
+    topic.name for topic in TOPICS if topic.is_global
+}
 LOOK_S = 0.5
 LOOK_AGAIN_S = 0.01
 QUEUE = 2000
@@ -76,17 +83,23 @@ class Recorder(HandoverNode):
             split_duration_s=values['split_duration_s'],
         )
         self.exit_code = 0
-        self._wanted = {name for name in values['topics'] if name}
+        self._space = self.get_namespace()
+        self._wanted = {
+            self.resolve_topic_name(name, only_expand=True) for name in values['topics'] if name
+        }
         self._periods = Periods(1.0)
-        self._attendance = Attendance()
+        self._attendance = Attendance(self._space)
         self._heard: dict[str, Subscription] = {}
         self._offered: dict[str, list[Qos]] = {}
         self._not_installed: set[str] = set()
         self._failure = ''
         for topic in TOPICS:
             # at once, without knowing what will be offered, so that nothing of the start is missed
-            if self._is_wanted(topic.name) and topic is not INFO:
-                self._subscribe(topic.name, topic.type_name, qos_profile(topic.quality))
+            name = topic.within(self._space)
+            if self._is_wanted(name) and topic is not INFO:
+                self._subscribe(name, topic.type_name, qos_profile(topic.quality))
+        # what a remap has moved is kept under the name that it has here
+        self._moved = {self.resolve_topic_name(name) for name in self._heard} - set(self._heard)
         if values['info']:
             self._write_info(values['info'])
         self.serve('ready', self._unheard)
@@ -100,9 +113,9 @@ class Recorder(HandoverNode):
 
         Where all nodes are told to end at once, the others have the word before this one.
         """
-        self._take_until_ended(lambda present: present <= {self.get_name()})
+        self._take_until_ended(lambda present: present <= {full_name(self)})
         super().finish()
-        self._take_until_ended(lambda present: self.get_name() not in present)
+        self._take_until_ended(lambda present: full_name(self) not in present)
         try:
             self._writer.close()
         except DataError as error:
@@ -136,22 +149,24 @@ class Recorder(HandoverNode):
     def _unheard(self) -> str:
         """Tell which of the streams to be recorded has not been heard of yet."""
         streams = [
-            topic.name
+            topic.within(self._space)
             for topic in TOPICS
             if topic.quality in STREAMING
-            and self._is_wanted(topic.name)
+            and self._is_wanted(topic.within(self._space))
             and (topic is not CLOCK or self.lockstep)
         ]
         unheard = [name for name in streams if name not in self._writer.topics]
         return f'nothing yet on {", ".join(unheard)}' if unheard else ''
 
     def _is_wanted(self, name: str) -> bool:
-        return not self._wanted or name in self._wanted
+        if self._wanted:
+            return name in self._wanted
+        return name.startswith(f'{self._space.rstrip("/")}/') or name in OF_ALL_GRAPHS
 
     def _look(self) -> None:
         """Find topics that appeared since, and publishers that offer less than was asked for."""
         for name, types in self.get_topic_names_and_types():
-            if not self._is_wanted(name) or len(types) != 1:
+            if name in self._moved or not self._is_wanted(name) or len(types) != 1:
                 continue
             offered = self._look_at(name)
             subscription = self._heard.get(name)
@@ -203,7 +218,7 @@ class Recorder(HandoverNode):
             try:
                 if name not in writer.topics:
                     self._look_at(name)
-                    writer.add_topic(name, type_name, self._offered[name] or _by_table(name))
+                    writer.add_topic(name, type_name, self._offered[name] or self._by_table(name))
                 writer.write(name, data, clock.now().nanoseconds)
                 if name == DIAGNOSTICS.name:
                     attendance.hear(deserialize_message(data, DiagnosticArray))
@@ -212,9 +227,15 @@ class Recorder(HandoverNode):
 
         return write
 
+    def _by_table(self, name: str) -> tuple[Qos, ...]:
+        """Tell what a topic of our table is offered with, where nobody was seen to offer it."""
+        qualities = [t.quality.value for t in TOPICS if t.within(self._space) == name]
+        return tuple(Qos(reliability, durability) for reliability, durability, _ in qualities)
+
     def _write_info(self, text: str) -> None:
-        self._writer.add_topic(INFO.name, INFO.type_name, _by_table(INFO.name))
-        self._writer.write_message(INFO.name, string(text), self.get_clock().now().nanoseconds)
+        name = INFO.within(self._space)
+        self._writer.add_topic(name, INFO.type_name, self._by_table(name))
+        self._writer.write_message(name, string(text), self.get_clock().now().nanoseconds)
 
     def _flush(self) -> None:
         if not self._failure:
@@ -250,12 +271,6 @@ def _weakest(offered: list[QoSProfile]) -> QoSProfile:
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
     )
-
-
-def _by_table(name: str) -> tuple[Qos, ...]:
-    """Tell what a topic of our table is offered with, where nobody was seen to offer it."""
-    qualities = [topic.quality.value for topic in TOPICS if topic.name == name]
-    return tuple(Qos(reliability, durability) for reliability, durability, _ in qualities)
 
 
 def main() -> int:

@@ -117,7 +117,7 @@ class RobotSim(HandoverNode):
         self._message = JointState(name=list(model.joint_names))
         self._still = [0.0] * model.dof
         # who has the description from there does not say it again
-        if self.values['robot'] != ROBOT_DESCRIPTION.name:
+        if self.values['robot'] != self.resolve_topic_name(ROBOT_DESCRIPTION.relative):
             self._description = self.advertise(ROBOT_DESCRIPTION)
             self._description.publish(String(data=model.urdf_text))
         self.subscribe(JOINT_COMMAND, self._on_command)

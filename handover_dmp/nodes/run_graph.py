@@ -56,7 +56,7 @@ def run_graph(
         if lockstep:
             g.pause(False)
         else:
-            g.call('/hand_tracker/replay')
+            g.call('hand_tracker/replay')
         g.wait_for_state(
             ('done', 'aborted'),
             max_duration_s,

@@ -25,6 +25,7 @@ from handover_dmp.recording.bag_reader import (
 )
 from handover_dmp.recording.bag_writer import BagWriter
 from handover_dmp.recording.message_definitions import message_definition, MessageDefinition
+from handover_dmp.recording.namespaces import recorded_namespace
 from handover_dmp.recording.qos import COMMAND, LATCHED, Qos, SENSOR
 from handover_dmp.recording.repair import Repair, repair_bag
 
@@ -42,5 +43,6 @@ __all__ = [
     'bag_information',
     'message_definition',
     'read_bag',
+    'recorded_namespace',
     'repair_bag',
 ]

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from handover_dmp.common.errors import DataError
-from handover_dmp.recording import bag_files, read_bag
+from handover_dmp.recording import bag_files, read_bag, recorded_namespace
 from handover_dmp.robot.chain import described_limits
 from handover_dmp.robot.effective_limits import DEFAULT, source_summary
 from handover_dmp.robot.errors import RobotDescriptionError
@@ -33,6 +33,7 @@ from handover_dmp.topics import (
     DEMONSTRATOR_POSE,
     DIAGNOSTICS,
     HAND_POSE,
+    HARDWARE_ID,
     IK_STATUS,
     INFO,
     JOINT_COMMAND,
@@ -42,6 +43,7 @@ from handover_dmp.topics import (
     POSE_COMMAND,
     ROBOT_DESCRIPTION,
     STATE,
+    TOPICS,
     TWIST_COMMAND,
     WRIST_POSE,
 )
@@ -113,6 +115,7 @@ class RunRecord:
 
     Attributes:
         source: the bag or run folder that was read.
+        namespace: of the graph.
         info: what the run says of itself, `/handover/info`.
         robot_description: URDF of the arm.
         simulated_clock: whether the graph ran on `/clock`.
@@ -149,6 +152,7 @@ class RunRecord:
     """
 
     source: Path
+    namespace: str
     info: dict[str, Any]
     robot_description: str
     simulated_clock: bool
@@ -225,23 +229,25 @@ class RunRecord:
         return float(distance) if isinstance(distance, int | float) and distance > 0 else None
 
 
-def load_run(path: Path | str) -> RunRecord:
+def load_run(path: Path | str, namespace: str | None = None) -> RunRecord:
     """
     Read a recorded run.
 
     Args:
         path: the folder of a run, the folder of its bag, or its MCAP file.
+        namespace: of the graph, where several are in it; None: the only one.
 
     Returns:
-        The run as arrays.
+        The run as arrays; its topics have the names that they have in the root namespace.
 
     Raises:
-        DataError: there is no such bag, it is damaged, or it is not that of a run.
+        DataError: there is no such bag, it is damaged, it is not that of a run, or several graphs
+            are in it and none is chosen.
 
     """
     path = Path(path)
     bag_files(path)
-    samples = _collect(path)
+    samples = _collect(path, recorded_namespace(path, NEEDED, namespace))
     for topic in NEEDED:
         if len(samples.values[topic.name]) < MIN_SAMPLES:
             count = len(samples.values[topic.name])
@@ -257,6 +263,7 @@ class _Samples:
         self.stamps_ns: dict[str, list[int]] = defaultdict(list)
         self.logs_ns: dict[str, list[int]] = defaultdict(list)
         self.labels: dict[str, tuple[str, ...]] = {}
+        self.namespace = '/'
 
     def graph_time(self) -> Callable[[Sequence[int]], NDArray[np.int64]]:
         """Give the function from the recorder's clock to that of the graph, ns."""
@@ -278,7 +285,7 @@ class _Samples:
         return convert
 
 
-def _collect(path: Path) -> _Samples:
+def _collect(path: Path, namespace: str) -> _Samples:
     samples = _Samples()
     readers: dict[str, Callable[[Any], Any]] = {
         CLOCK.name: lambda message: _nanoseconds(message.clock),
@@ -298,7 +305,10 @@ def _collect(path: Path) -> _Samples:
         ROBOT_DESCRIPTION.name: lambda message: str(message.data),
         INFO.name: lambda message: str(message.data),
     }  # fmt: skip
-    for topic, message, log_ns in read_bag(path, readers):
+    names = {topic.within(namespace): topic.name for topic in TOPICS if topic.name in readers}
+    samples.namespace = namespace
+    for name, message, log_ns in read_bag(path, names):
+        topic = names[name]
         try:
             value = readers[topic](message)
             header = getattr(message, 'header', None)
@@ -370,6 +380,7 @@ def _assemble(path: Path, samples: _Samples) -> RunRecord:
             raise DataError(f'{path}: not a recorded run: {needed.name} has no proper positions')
     return RunRecord(
         source=path,
+        namespace=samples.namespace,
         info=info,
         robot_description=description,
         simulated_clock=bool(samples.values[CLOCK.name]),
@@ -527,11 +538,15 @@ def _diagnostics(samples: _Samples, stamps: dict[str, Array]) -> list[NodeStatus
         stamps.get(DIAGNOSTICS.name, ()), samples.values[DIAGNOSTICS.name], strict=True
     ):
         for status in statuses:
+            node = str(status.name)
+            if status.hardware_id == HARDWARE_ID:
+                space, _, node = node.rpartition('/')
+                if space != samples.namespace.strip('/'):
+                    # of another graph
+                    continue
             values = {str(pair.key): str(pair.value) for pair in status.values}
             found.append(
-                NodeStatus(
-                    float(time_s), str(status.name), int(status.level), str(status.message), values
-                )
+                NodeStatus(float(time_s), node, int(status.level), str(status.message), values)
             )
     return found
 

@@ -39,7 +39,9 @@ SCENES = {
 }
 
 
-def write_report(source: Path | str, output: Path | str | None = None) -> Numbers:
+def write_report(
+    source: Path | str, output: Path | str | None = None, namespace: str | None = None
+) -> Numbers:
     """
     Read the bag of a run, measure it, draw it and write its report.
 
@@ -47,6 +49,7 @@ def write_report(source: Path | str, output: Path | str | None = None) -> Number
         source: the folder of a run, the folder of its bag, or its MCAP file.
         output: where `report.json`, `report.md`, `index.html` and `figures/` go; if left out the
             folder of the run, or `<bag>_report` beside a bag that stands alone.
+        namespace: of the graph, where several are in the bag; None: the only one.
 
     Returns:
         What `report.json` says, in plain types.
@@ -57,7 +60,7 @@ def write_report(source: Path | str, output: Path | str | None = None) -> Number
 
     """
     source = Path(source)
-    run = load_run(source)
+    run = load_run(source, namespace)
     folder = Path(output) if output is not None else report_folder(source)
     bag = bag_information(source)
     try:
@@ -69,6 +72,7 @@ def write_report(source: Path | str, output: Path | str | None = None) -> Number
                 'run': run.info,
                 'bag': {
                     'source': str(source),
+                    'namespace': run.namespace,
                     'files': [file.name for file in bag.files],
                     'size': bag.size,
                     'complete': bag.complete,

@@ -400,12 +400,15 @@ class _PlayedPoses:
 def _read(path: Path | str) -> tuple[dict[str, list[HandSample]], list[float]]:
     """Return the poses of both topics and the times of the signals, s, all on one clock."""
     # not at the top: trials are played without the libraries that bags need
-    from handover_dmp.recording import read_bag
+    from handover_dmp.recording import read_bag, recorded_namespace
 
     seen: dict[str, list[HandSample]] = {HAND_POSE.name: [], DEMONSTRATOR_POSE.name: []}
     signals: list[float] = []
     zero_ns: int | None = None
-    for topic, message, log_time_ns in read_bag(path, [*seen, SIGNAL.name]):
+    space = recorded_namespace(path, [HAND_POSE])
+    topics = {one.within(space): one.name for one in (HAND_POSE, DEMONSTRATOR_POSE, SIGNAL)}
+    for name, message, log_time_ns in read_bag(path, topics):
+        topic = topics[name]
         try:
             header = message if topic == SIGNAL.name else message.header
             time_ns = header.stamp.sec * NANOSECONDS + header.stamp.nanosec or log_time_ns

@@ -95,13 +95,16 @@ class Stage:
 
 
 @contextmanager
-def set_up(path: Path, choice: ArmChoice | None = None) -> Iterator[Stage]:
+def set_up(
+    path: Path, choice: ArmChoice | None = None, namespace: str | None = None
+) -> Iterator[Stage]:
     """
     Read a recorded run and build its scene.
 
     Args:
         path: folder of a run, folder of its bag, or MCAP file.
         choice: the arm; what it leaves empty is that of the bag.
+        namespace: of the graph, where several are in the bag; None: the only one.
 
     Yields:
         The stage.
@@ -110,7 +113,7 @@ def set_up(path: Path, choice: ArmChoice | None = None) -> Iterator[Stage]:
         DataError: there is no such run, or nothing in it tells which arm it was.
 
     """
-    record = load_run(path)
+    record = load_run(path, namespace)
     model = _robot(record, choice or ArmChoice())
     model = model.placed(_base(record, model))
     times = record.joint_times

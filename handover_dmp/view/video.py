@@ -58,6 +58,7 @@ class Film:
     rate_hz: float = 30.0
     speed: float = 1.0
     arm: ArmChoice = field(default_factory=ArmChoice)
+    namespace: str | None = None
 
     def __post_init__(self) -> None:
         """Refuse what no encoder takes."""
@@ -117,7 +118,7 @@ def film(
     every_other: list[Image.Image] = []
     with ExitStack() as stack:
         write = stack.enter_context(_VideoFile(video, options)) if video is not None else None
-        stage = stack.enter_context(set_up(source, options.arm))
+        stage = stack.enter_context(set_up(source, options.arm, options.namespace))
         times = options.times(stage)
         held = [times[-1]] * round(HOLD_S * options.rate_hz)
         if jobs > 1:
@@ -284,7 +285,7 @@ def _begin_painting(source: Path, options: Film) -> None:
     import atexit
 
     stack = ExitStack()
-    _mine.append((stack.enter_context(set_up(source, options.arm)), options))
+    _mine.append((stack.enter_context(set_up(source, options.arm, options.namespace)), options))
     atexit.register(stack.close)
 
 

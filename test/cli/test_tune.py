@@ -46,7 +46,7 @@ def test_the_file_names_what_it_was_tuned_on_and_what_that_gave(tuned):
     assert 'Tuned on 4 trials of garage' in text
     assert 'learn single: distance to P2' in text
     found = json.loads((tuned / 'tuned.json').read_text())
-    section = yaml.safe_load(text)['dmp']['ros__parameters']
+    section = yaml.safe_load(text)['/**/dmp']['ros__parameters']
     assert section['mu'] == found['best']['parameters']['mu']
     assert section['duration_scale'] == found['best']['duration_scale']
     assert {compared['learn'] for compared in found['comparisons']} == {'single', 'mean'}
@@ -55,7 +55,7 @@ def test_the_file_names_what_it_was_tuned_on_and_what_that_gave(tuned):
 def test_learn_reads_it(tuned, data_set):
     model, section = (
         tuned / 'model.json',
-        yaml.safe_load((tuned / 'tuned.yaml').read_text())['dmp']['ros__parameters'],
+        yaml.safe_load((tuned / 'tuned.yaml').read_text())['/**/dmp']['ros__parameters'],
     )
     trial = str(data_set / 'under_car_give_1.csv')
     words = ['learn', trial, '-o', str(model), '--parameters', str(tuned / 'tuned.yaml')]
@@ -75,7 +75,7 @@ def test_evaluate_reads_it(tuned, data_set):
     words = ['evaluate', str(data_set), '-o', str(tuned / 'out'), '--no-figures']
     assert main([*words, '--parameters', str(tuned / 'tuned.yaml')]) == 0
     protocol = json.loads((tuned / 'out' / 'table.json').read_text())['protocol']
-    section = yaml.safe_load((tuned / 'tuned.yaml').read_text())['dmp']['ros__parameters']
+    section = yaml.safe_load((tuned / 'tuned.yaml').read_text())['/**/dmp']['ros__parameters']
     assert protocol['parameters']['mu'] == section['mu']
     assert protocol['duration_scale'] == section['duration_scale']
 

@@ -30,13 +30,13 @@ def test_what_is_written_is_read(tmp_path):
     parameters = TunedParameters(DmpParameters(stiffness=123.456789, mu=0.6), 0.97)
     write_parameters(parameters, path, 'where it comes from\nand more')
     assert read_parameters(path) == parameters
-    assert path.read_text().startswith('# where it comes from\n# and more\ndmp:\n')
+    assert path.read_text().startswith('# where it comes from\n# and more\n/**/dmp:\n')
 
 
 def test_it_is_a_parameter_file_of_ros(tmp_path):
     path = tmp_path / 'tuned.yaml'
     write_parameters(TunedParameters(), path)
-    section = yaml.safe_load(path.read_text())['dmp']['ros__parameters']
+    section = yaml.safe_load(path.read_text())['/**/dmp']['ros__parameters']
     assert all(isinstance(value, (float, str)) for value in section.values())
 
 
