@@ -108,7 +108,7 @@ def nodes(context: LaunchContext) -> list[Node]:
             output='screen',
             # Both files have sections for this node in any namespace. A dictionary in place of the
             # second would be a section for all nodes, which yields to those.
-            namespace=chosen['namespace'],
+            namespace=chosen['namespace'] or None,
             parameters=[chosen['parameters'], str(own)],
             # In lockstep every graph makes its own time.
             remappings=[('/clock', 'clock')] if simulated else [],
@@ -199,7 +199,7 @@ def viewers(robot: Any, namespace: str, simulated: bool) -> list[Node]:
         Node(
             package='robot_state_publisher',
             executable='robot_state_publisher',
-            namespace=namespace,
+            namespace=namespace or None,
             parameters=[{'robot_description': robot.urdf_text}, use_sim_time],
             # `robot_sim` publishes it on robot_description already.
             remappings=[('robot_description', '~/robot_description'), *own_time],
@@ -213,7 +213,7 @@ def viewers(robot: Any, namespace: str, simulated: bool) -> list[Node]:
                 '--pitch', str(robot.base.pitch), '--yaw', str(robot.base.yaw),
                 '--frame-id', 'world', '--child-frame-id', root_link(robot.urdf_text),
             ],
-            namespace=namespace,
+            namespace=namespace or None,
             parameters=[use_sim_time],
             remappings=own_time,
             condition=wanted,
@@ -221,7 +221,7 @@ def viewers(robot: Any, namespace: str, simulated: bool) -> list[Node]:
         Node(
             package='rviz2',
             executable='rviz2',
-            namespace=namespace,
+            namespace=namespace or None,
             arguments=['-d', str(share_path('config/handover.rviz'))],
             parameters=[use_sim_time],
             remappings=[*shown, *own_time],
@@ -230,7 +230,7 @@ def viewers(robot: Any, namespace: str, simulated: bool) -> list[Node]:
         Node(
             package='foxglove_bridge',
             executable='foxglove_bridge',
-            namespace=namespace,
+            namespace=namespace or None,
             # Nothing leaves the machine unless asked for.
             parameters=[{'address': '127.0.0.1'}, use_sim_time],
             remappings=own_time,
