@@ -59,6 +59,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action='store_true',
         help='band, mean and model from all other trials, the one left out as the test',
     )
+    parser.add_argument(
+        '--min-width',
+        type=float,
+        default=0.04,
+        metavar='M',
+        help='a band of people narrower than this is a bottleneck, m (default: %(default)s)',
+    )
     add_learning_arguments(parser)
     add_running_arguments(parser)
     parser.add_argument('--no-figures', action='store_true', help='the tables alone')
@@ -186,6 +193,8 @@ def run(options: argparse.Namespace) -> int:
 
     """
     check_running_options(options)
+    if not options.min_width >= 0.0:
+        raise UsageError(f'--min-width {options.min_width}: give a width in metres, from 0')
     learn = tuple(dict.fromkeys(word.strip() for word in options.learn.split(',')))
     unknown = [word for word in learn if word not in LEARN]
     if unknown:
@@ -202,6 +211,7 @@ def run(options: argparse.Namespace) -> int:
         learn=learn,
         leave_one_out=options.leave_one_out,
         seed=options.seed,
+        min_width_m=options.min_width,
     )
     trials = read_data_set(options.data_set)
     with work_bar() as progress:

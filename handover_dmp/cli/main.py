@@ -34,6 +34,7 @@ VERBS = {
     'rollout': 'run the movement primitive alone against a recorded hand',
     'simulate': 'run one handover in lockstep in this process, without ROS',
     'evaluate': "the paper's Section III: Table I and its figures",
+    'why': 'tell which curves of an evaluation were rejected, when, and by how much',
     'tune': 'find better parameters on some trials, report on the others',
     'bag': 'write trials as bags; inspect and repair bags',
     'robot': 'look an arm over: joints, limits and their sources, wrist, reach, self-check',

@@ -26,6 +26,7 @@ from handover_dmp.common.files import replacing
 from handover_dmp.common.plot_style import EXCHANGE_COLOUR, PLOT_STYLE
 from handover_dmp.evaluation.cases import Case
 from handover_dmp.evaluation.envelope import Array, Envelope
+from handover_dmp.evaluation.rejections import Rejections
 from handover_dmp.evaluation.scores import BANDS
 from matplotlib import rc_context
 from matplotlib.axes import Axes
@@ -40,6 +41,7 @@ PARTNER_COLOUR, DEMONSTRATOR_COLOUR, DMP_COLOUR = '#c8372d', '#2f8f4e', '#1f5fb4
 INSIDE_COLOUR, OUTSIDE_COLOUR = '#2f9e55', '#d64533'
 BAND_COLOURS = {3: '#e1e6ec', 1: '#aab6c4'}
 AXES = 'XYZ'
+AXES_COLOURS = ('#c8372d', '#2f8f4e', '#1f5fb4')
 
 MAX_TRIALS = 8
 """Trials drawn one after the other; more would be a smear."""
@@ -107,6 +109,7 @@ class Panel:
         rollouts: of the model learnt from that trial, against every trial, (n, m, 3) m on the
             clock of `case.hands`.
         shown: by what was learnt from.
+        rejections: curves that leave the band, by the first of what was learnt from.
 
     """
 
@@ -114,6 +117,7 @@ class Panel:
     representative: int
     rollouts: Array
     shown: dict[str, Shown]
+    rejections: Rejections
 
 
 def draw(panels: Sequence[Panel], folder: Path) -> Iterator[tuple[str, str]]:
@@ -149,12 +153,15 @@ def draw(panels: Sequence[Panel], folder: Path) -> Iterator[tuple[str, str]]:
                 name,
                 f'{title}: learn {learn} against the spread of people ({_figures(numbers)})',
             )
+        name = f'why_{file}'
+        _save(_why, group, title, folder / name)
+        yield name, f'{title}: when curves leave the band of people, and how wide it is there'
 
 
 def figure_count(panels: Sequence[Panel]) -> int:
     """Return how many figures `draw` makes of these cases."""
     configurations = {panel.case.configuration for panel in panels}
-    return len(configurations) * (2 + len(panels[0].shown))
+    return len(configurations) * (3 + len(panels[0].shown))
 
 
 def _figures(numbers: str) -> str:
@@ -305,30 +312,76 @@ def _bands(group: Sequence[Panel], title: str, learn: str) -> Figure:
     return figure
 
 
+def _why(group: Sequence[Panel], title: str) -> Figure:
+    figure, axes = _grid(
+        len(group), rows=2, width=max(NARROWEST, 5.2 * len(group) + 0.4), height=5.4, top=1.05
+    )
+    for (above, below), panel in zip(axes.T, group, strict=True):
+        rejections = panel.rejections
+        share = 100.0 * rejections.outside / max(1, rejections.curves // len(AXES))
+        widths = 2e3 * BANDS[-1] * Envelope.of(panel.case.curves).deviation
+        u = np.linspace(0.0, 1.0, len(share))
+        for dimension, colour in enumerate(AXES_COLOURS):
+            above.plot(u, share[:, dimension], color=colour, lw=1.8)
+            below.plot(u, widths[:, dimension], color=colour, lw=1.8)
+        below.axhline(1e3 * rejections.min_width_m, color='#59626d', lw=1.2, ls=(0, (4, 3)))
+        above.set_title(
+            f'{panel.case.direction}: {len(rejections.rejected)} of {rejections.curves} curves '
+            f'leave the band, learn {rejections.learn}',
+            loc='left',
+        )
+        above.set_ylim(bottom=0.0)
+        below.set_ylim(bottom=0.0)
+        above.margins(x=0.0)
+        below.margins(x=0.0)
+        below.set_xlabel('time as a fraction of the duration')
+    axes[0, 0].set_ylabel('outside, %')
+    axes[1, 0].set_ylabel('width of the band, mm')
+    _legend(
+        figure,
+        f'Why curves are rejected: {title}',
+        [
+            *(
+                Line2D([], [], color=colour, lw=2, label=name)
+                for name, colour in zip(AXES, AXES_COLOURS, strict=True)
+            ),
+            Line2D([], [], color='#59626d', lw=1.2, ls=(0, (4, 3)), label='bottleneck below'),
+        ],
+    )
+    return figure
+
+
 def _grid(
-    columns: int, *, width: float, height: float, top: float, same_scale: bool = False
+    columns: int,
+    *,
+    width: float,
+    height: float,
+    top: float,
+    rows: int = 3,
+    same_scale: bool = False,
 ) -> tuple[Figure, Any]:
     """
-    Make three rows of axes with fixed margins; finding them by measuring takes most of the time.
+    Make rows of axes with fixed margins; finding them by measuring takes most of the time.
 
     Args:
         columns: number of columns.
+        rows: number of rows.
         width: of the figure, inch.
         height: of the figure, inch.
         top: room for title and legend, inch.
         same_scale: whether the axes of a row share their scale, and only the first has numbers.
 
     Returns:
-        The figure and its axes, (3, columns).
+        The figure and its axes, (rows, columns).
 
     """
     left, right, bottom = 0.75, 0.15, 0.55
     between = 0.12 if same_scale else 0.65
     figure = Figure(figsize=(width, height))
     each = (width - left - right - between * (columns - 1)) / columns
-    row = (height - top - bottom - 2 * _ROW_GAP) / 3
+    row = (height - top - bottom - (rows - 1) * _ROW_GAP) / rows
     axes = figure.subplots(
-        3,
+        rows,
         columns,
         sharex='col',
         sharey='row' if same_scale else False,

@@ -57,6 +57,7 @@ def page(
     rows: Sequence[Row],
     summary: Sequence[Row],
     figures: Sequence[tuple[str, str]],
+    sections: Sequence[str] = (),
 ) -> str:
     """
     Write the page.
@@ -67,6 +68,7 @@ def page(
         rows: of the cases.
         summary: over all cases.
         figures: name and caption of each; NAME.svg and NAME.png lie in `figures/` beside it.
+        sections: HTML that stands between tables and figures.
 
     Returns:
         HTML; it loads nothing but those figures.
@@ -100,6 +102,7 @@ href="table.json">table.json</a></nav>
 what P2 really did; end: mean distance to where P2 was at the exchange. P2 itself is held
 against mean and band of the other trials: the ceiling for anything that imitates.</p>
 <div class="wide"><table>{_methods_table(summary)}</table></div>
+{chr(10).join(sections)}
 {'<h2>Figures</h2>' if figures else ''}
 {pictures}
 </body>

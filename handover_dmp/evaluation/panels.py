@@ -68,4 +68,5 @@ def _panel(judged: CaseScores, protocol: Protocol) -> Panel:
             within=dict(zip(BANDS, totals.within_percent[0].tolist(), strict=True)),
             rollouts=int(scores.counted.sum()),
         )
-    return Panel(case, representative, roll_out(*learnt, case, everyone), shown)
+    rejections = judged.rejections[protocol.learn[0]]
+    return Panel(case, representative, roll_out(*learnt, case, everyone), shown, rejections)

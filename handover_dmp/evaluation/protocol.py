@@ -26,6 +26,14 @@ from handover_dmp.evaluation.bootstrap import draw_samples, ROUNDS
 from handover_dmp.evaluation.cases import Case, make_cases
 from handover_dmp.evaluation.envelope import Array, Envelope
 from handover_dmp.evaluation.minimum_jerk import minimum_jerk
+from handover_dmp.evaluation.rejections import (
+    bottlenecks,
+    excess,
+    find_rejections,
+    MIN_WIDTH_M,
+    Rejection,
+    Rejections,
+)
 from handover_dmp.evaluation.rollouts import curves_of, Learning, plan, PRIMITIVES, RolloutTask
 from handover_dmp.evaluation.scores import judge, Scores, Summary, Totals
 from handover_dmp.evaluation.table import Row
@@ -57,6 +65,7 @@ class Protocol:
         leave_one_out: band, mean and model from all other trials, the one left out as the test.
         seed: of the bootstrap.
         rounds: of the bootstrap.
+        min_width_m: a band narrower than this, from −3σ to 3σ, is called a bottleneck, m.
 
     """
 
@@ -65,6 +74,7 @@ class Protocol:
     leave_one_out: bool = False
     seed: int = 0
     rounds: int = ROUNDS
+    min_width_m: float = MIN_WIDTH_M
 
 
 @dataclass(frozen=True)
@@ -77,6 +87,7 @@ class CaseScores:
         scores: by learn and method.
         curves: learn to some curves of the decoupled primitive, for the figures, (k, 101, 3) m.
         kept: learn to (k, 2), row and column of these in `scores`.
+        rejections: learn to the curves of the decoupled primitive that leave the band.
 
     """
 
@@ -84,6 +95,7 @@ class CaseScores:
     scores: dict[tuple[str, str], Scores]
     curves: dict[str, Array]
     kept: dict[str, NDArray[np.int_]]
+    rejections: dict[str, Rejections]
 
 
 @dataclass(frozen=True)
@@ -135,7 +147,7 @@ def evaluate(
     total, done = sum(len(unit.tasks) for unit in units), 0
     blocks: list[list[_Block]] = []
     run = Parallel(n_jobs=jobs, return_as='generator')
-    for block in run(delayed(_carry_out)(unit, protocol.learning) for unit in units):
+    for block in run(delayed(_carry_out)(unit, protocol) for unit in units):
         done += len(block)
         blocks.append(block)
         if progress is not None:
@@ -162,6 +174,8 @@ class _Block:
     task: RolloutTask
     scores: Scores
     curves: Array
+    rejected: list[Rejection]
+    outside: Array
 
 
 def _units(case: Case, protocol: Protocol) -> Iterator[_Unit]:
@@ -179,13 +193,19 @@ def _band(case: Case, *, leave_one_out: bool) -> Envelope:
     return Envelope.of(case.curves)
 
 
-def _carry_out(unit: _Unit, learning: Learning) -> list[_Block]:
+def _carry_out(unit: _Unit, protocol: Protocol) -> list[_Block]:
     blocks = []
     for task in unit.tasks:
-        curves = curves_of(unit.case, task, unit.method, learning)
+        curves = curves_of(unit.case, task, unit.method, protocol.learning)
         tested = list(task.tested)
-        scores = judge(curves[None], unit.case.curves[tested], unit.band.at(tested))
-        blocks.append(_Block(task, scores, curves if _drawn(unit) else curves[:0]))
+        band = unit.band.at(tested)
+        scores = judge(curves[None], unit.case.curves[tested], band)
+        rejected: list[Rejection] = []
+        if unit.method == 'decoupled':
+            rejected = find_rejections(curves, task.sources, tested, band, protocol.min_width_m)
+        outside = (excess(curves, band) > 0.0).sum(axis=0)
+        drawn = curves if _drawn(unit) else curves[:0]
+        blocks.append(_Block(task, scores, drawn, rejected, outside))
     return blocks
 
 
@@ -199,6 +219,7 @@ def _collect(
     scores: dict[tuple[str, str], Scores] = {}
     curves: dict[str, Array] = {}
     kept: dict[str, NDArray[np.int_]] = {}
+    rejections: dict[str, Rejections] = {}
     for learn in protocol.learn:
         for method in PRIMITIVES:
             own = [
@@ -214,9 +235,24 @@ def _collect(
                 kept[learn] = np.array(
                     [(block.task.row, j) for block in drawn for j in block.task.tested]
                 )
+                rejections[learn] = _why(case, learn, own, scores[learn, method], protocol)
         scores[learn, 'minimum_jerk'] = _judge_minimum_jerk(case, protocol)
         scores[learn, 'human'] = _judge_people(case)
-    return CaseScores(case, scores, curves, kept)
+    return CaseScores(case, scores, curves, kept, rejections)
+
+
+def _why(
+    case: Case, learn: str, blocks: Sequence[_Block], scores: Scores, protocol: Protocol
+) -> Rejections:
+    return Rejections(
+        case=case,
+        learn=learn,
+        curves=scores.curves,
+        rejected=tuple(rejection for block in blocks for rejection in block.rejected),
+        outside=np.sum([block.outside for block in blocks], axis=0),
+        bottlenecks=bottlenecks(Envelope.of(case.curves), protocol.min_width_m),
+        min_width_m=protocol.min_width_m,
+    )
 
 
 def _table_of(blocks: Sequence[_Block], trials: int) -> Scores:

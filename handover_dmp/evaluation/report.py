@@ -28,6 +28,7 @@ from handover_dmp.evaluation.cases import Case
 from handover_dmp.evaluation.page import page
 from handover_dmp.evaluation.protocol import Evaluation
 from handover_dmp.evaluation.table import as_csv, as_text, PAPER
+from handover_dmp.evaluation.why import why_section
 
 
 def as_json(evaluation: Evaluation, data_set: str) -> dict[str, Any]:
@@ -39,7 +40,8 @@ def as_json(evaluation: Evaluation, data_set: str) -> dict[str, Any]:
         data_set: its name.
 
     Returns:
-        `rows` and `summary` as the table has them, and how they came about.
+        `rows` and `summary` as the table has them, `rejections` as `why` sums them up, and how
+        all of it came about.
 
     """
     protocol = evaluation.protocol
@@ -53,9 +55,15 @@ def as_json(evaluation: Evaluation, data_set: str) -> dict[str, Any]:
             **asdict(protocol.learning),
             'seed': protocol.seed,
             'bootstrap_rounds': protocol.rounds,
+            'min_width_m': protocol.min_width_m,
         },
         'rows': [row.as_json() for row in evaluation.rows],
         'summary': [row.as_json() for row in evaluation.summary],
+        'rejections': [
+            rejections.as_json()
+            for judged in evaluation.cases
+            for rejections in judged.rejections.values()
+        ],
         'paper': {
             learn: {str(k): p for k, p in within.items()} for learn, within in PAPER.items()
         },
@@ -80,13 +88,15 @@ def write_evaluation(
 
     """
     rows, summary = evaluation.rows, evaluation.summary
-    text = json.dumps(as_json(evaluation, data_set), indent=1, allow_nan=False) + '\n'
+    table = as_json(evaluation, data_set)
+    text = json.dumps(table, indent=1, allow_nan=False) + '\n'
     write_text(folder / 'table.json', text)
     write_text(folder / 'table.csv', as_csv([*rows, *summary]))
     write_text(folder / 'table.txt', as_text(rows, summary))
     title = f'Handovers by the primitive and by people: {data_set}'
     facts = _facts(evaluation)
-    write_text(folder / 'index.html', page(title, facts, rows, summary, figures))
+    why = [why_section(table['rejections'], learn) for learn in evaluation.protocol.learn]
+    write_text(folder / 'index.html', page(title, facts, rows, summary, figures, why))
     return text
 
 

@@ -47,10 +47,11 @@ def test_names_stay_within_the_folder(pictures):
         'fig04-06_rollouts_odd-na-me',
         'fig07-09_learn_single_odd-na-me',
         'fig10-12_learn_mean_odd-na-me',
+        'why_odd-na-me',
     ]
     assert {path.name for path in folder.iterdir()} == {'figures'}
-    assert len(list((folder / 'figures').iterdir())) == 8
-    assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
+    assert len(list((folder / 'figures').iterdir())) == 10
+    assert told == [(done, 5) for done in range(1, 6)]
 
 
 @pytest.mark.parametrize(
