@@ -26,25 +26,24 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
-import io
-import json
 from pathlib import Path
 import re
-import struct
 import subprocess
 import sys
 import tempfile
 from time import monotonic, sleep
 
+from handover_dmp.bench import fuzz_examples
 from handover_dmp.bench.measurement import Measurement
 from handover_dmp.common.errors import HandoverError
+from handover_dmp.mocap.markers import MarkerRecording
 
 INPUTS = 1_000_000
 MINUTES = 60.0
 HANG_S = 10
 MAX_MB = 500
 INSTRUMENTED = ['handover_dmp', 'c3d', 'mcap', 'mcap_ros2', 'yaml', 'csv']
-_MAX_INPUT = 4096
+_MAX_INPUT = 16_384
 
 
 @dataclass(frozen=True)
@@ -104,6 +103,8 @@ class FuzzedReader:
             if hasattr(found, '__next__'):
                 for _ in found:
                     pass
+            if isinstance(found, MarkerRecording):
+                found.wrists(found.names[:1], found.names[-1:])
         except HandoverError as error:
             if '\n' in str(error):
                 raise AssertionError(f'an error of more than one line: {error!r}') from error
@@ -111,116 +112,48 @@ class FuzzedReader:
         return True
 
 
-def _trial() -> list[bytes]:
-    rows = [f'{0.01 * k},0.1,{0.01 * k},1.0,0.5,{-0.01 * k},1.1' for k in range(12)]
-    text = '\n'.join(['t,p1_x,p1_y,p1_z,p2_x,p2_y,p2_z', *rows]) + '\n'
-    return [text.encode(), b'\xef\xbb\xbf' + text.replace('\n', '\r\n').encode()]
-
-
-def _index() -> list[bytes]:
-    head = 'file,configuration,exchange,trial\n'
-    return [
-        (head + 'a_give_1.csv,a,give,1\n').encode(),
-        (head + 'b.csv,"b, c",take,2\n../x.csv,b,give,3\n').encode(),
-    ]
-
-
-def _qualisys() -> list[bytes]:
-    head = ['NO_OF_FRAMES\t3', 'NO_OF_MARKERS\t2', 'FREQUENCY\t120', 'DATA_INCLUDED\t3D']
-    head += ['MARKER_NAMES\tM_wrist\tA_wrist']
-    titles = 'Frame\tTime\tM X\tM Y\tM Z\tA X\tA Y\tA Z'
-    rows = [f'{k}\t{k / 120:.5f}\t1.5\t2\t3\t4\t5\t6' for k in range(3)]
-    plain = [row.split('\t', 2)[2] for row in rows]
-    return ['\r\n'.join(lines).encode() for lines in ([*head, titles, *rows], [*head, *plain])]
-
-
-def _c3d() -> list[bytes]:
-    """By the C3D manual: a block of header, one of parameters, one of scaled 16-bit points."""
-
-    def parameter(name: str, kind: int, dimensions: list[int], data: bytes) -> bytes:
-        rest = bytes([kind & 0xFF, len(dimensions), *dimensions]) + data + b'\0'
-        head = struct.pack('bb', len(name), 1) + name.encode()
-        return head + struct.pack('<h', len(rest) + 2) + rest
-
-    header = struct.pack('<BBHHHHHfHH', 2, 80, 1, 0, 1, 8, 10, 0.5, 3, 0)
-    header = (header + struct.pack('<f', 100.0)).ljust(512, b'\0')
-    section = b'\1\x50\1\x54' + struct.pack('bb', 5, -1) + b'POINT' + struct.pack('<h', 3) + b'\0'
-    for name, value in (('USED', 1), ('FRAMES', 8), ('DATA_START', 3)):
-        section += parameter(name, 2, [], struct.pack('<h', value))
-    section += parameter('SCALE', 4, [], struct.pack('<f', 0.5))
-    section += parameter('RATE', 4, [], struct.pack('<f', 100.0))
-    section += parameter('UNITS', -1, [2], b'mm') + parameter('LABELS', -1, [4, 1], b'hand')
-    points = b''.join(struct.pack('<hhhh', k, -k, 100, -(k == 5)) for k in range(8))
-    return [header + (section + b'\0\0').ljust(512, b'\0') + points.ljust(512, b'\0')]
-
-
-def _mcap() -> list[bytes]:
-    from mcap.writer import CompressionType, Writer
-
-    files = []
-    for compression, chunked in ((CompressionType.NONE, False), (CompressionType.ZSTD, True)):
-        stream = io.BytesIO()
-        writer = Writer(stream, 300, compression, use_chunking=chunked)
-        writer.start(profile='ros2')
-        text = 'string data\nfloat64[] values\nstring<=4 x\nstring[2] names'
-        schema = writer.register_schema('a/msg/A', 'ros2msg', text.encode())
-        channel = writer.register_channel('/a', 'cdr', schema)
-        body = b'\0\1\0\0\3\0\0\0ab\0\0\1\0\0\0' + bytes(64)
-        for number in range(4):
-            writer.add_message(channel, number, body, number)
-        writer.add_metadata('rosbag2', {'serialized_metadata': 'version: 9'})
-        writer.finish()  # type: ignore[no-untyped-call]
-        files.append(stream.getvalue())
-    return files
-
-
-def _metadata() -> list[bytes]:
-    from handover_dmp.recording import BagWriter
-
-    with tempfile.TemporaryDirectory() as folder:
-        with BagWriter(Path(folder) / 'bag') as bag:
-            bag.add_topic('/a', 'std_msgs/msg/String')
-        return [(Path(folder) / 'bag' / 'metadata.yaml').read_bytes()]
-
-
-def _model() -> list[bytes]:
-    from handover_dmp.dmp import learn, save_model
-    import numpy as np
-
-    times = np.linspace(0.0, 1.0, 40)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / 'model.json'
-        save_model(learn(times, np.column_stack([times**2, times]), basis=4), path)
-        text = path.read_text(encoding='utf-8')
-    return [json.dumps(json.loads(text)).encode()]
-
-
-def _parameters() -> list[bytes]:
-    return [
-        b'dmp:\n  ros__parameters:\n    stiffness: 200.0\n    mu: 0.75\n    formulation: stiff\n'
-        b'    duration_scale: 1.1\nother: {ros__parameters: {a: [1, 2.5, {a: b}]}}\n',
-        b'dmp: {ros__parameters: {sigma: 1e-2, damping: &a 3, mu: *a}, x: 2001-09-09}\n',
-    ]
-
-
 READERS = {
-    'trial CSV': FuzzedReader('handover_dmp.mocap', 'read_trial', 'a_give_1.csv', 0.25, _trial),
+    'trial CSV': FuzzedReader(
+        'handover_dmp.mocap', 'read_trial', 'a_give_1.csv', 0.15, fuzz_examples.trial_csv
+    ),
     'data set CSV': FuzzedReader(
-        'handover_dmp.mocap', 'read_data_set', 'trials.csv', 0.1, _index, in_folder=True,
-        beside=lambda: {'a_give_1.csv': _trial()[0]},
+        'handover_dmp.mocap', 'read_data_set', 'trials.csv', 0.05, fuzz_examples.data_set_csv,
+        in_folder=True, beside=lambda: {'a_give_1.csv': fuzz_examples.trial_csv()[0]},
     ),
     'Qualisys TSV': FuzzedReader(
-        'handover_dmp.mocap.qualisys', 'read_qualisys', 'a.tsv', 0.2, _qualisys
+        'handover_dmp.mocap.qualisys', 'read_qualisys', 'a.tsv', 0.15, fuzz_examples.qualisys_tsv
     ),
-    'C3D': FuzzedReader('handover_dmp.mocap.c3d', 'read_c3d', 'a.c3d', 0.15, _c3d),
-    'MCAP': FuzzedReader('handover_dmp.recording', 'read_bag', 'bag_0.mcap', 0.1, _mcap),
+    'C3D': FuzzedReader('handover_dmp.mocap.c3d', 'read_c3d', 'a.c3d', 0.15, fuzz_examples.c3d),
+    'Motive CSV': FuzzedReader(
+        'handover_dmp.mocap.motive', 'read_motive', 'a.csv', 0.1, fuzz_examples.motive_csv
+    ),
+    'Vicon text': FuzzedReader(
+        'handover_dmp.mocap.vicon', 'read_vicon', 'a.csv', 0.1, fuzz_examples.vicon_text
+    ),
+    'TRC': FuzzedReader('handover_dmp.mocap.trc', 'read_trc', 'a.trc', 0.07, fuzz_examples.trc),
+    'wrists of an MCAP bag': FuzzedReader(
+        'handover_dmp.mocap.bag', 'read_bag_wrists', 'bag_0.mcap', 0.03, fuzz_examples.wrist_bag
+    ),
+    'wrists of a sqlite3 bag': FuzzedReader(
+        'handover_dmp.mocap.bag', 'read_bag_wrists', 'bag_0.db3', 0.03, fuzz_examples.sqlite3_bag
+    ),
+    'wrists of a compressed bag': FuzzedReader(
+        'handover_dmp.mocap.bag', 'read_bag_wrists', 'bag_0.mcap.zstd', 0.02,
+        fuzz_examples.compressed_bag,
+    ),
+    'MCAP': FuzzedReader(
+        'handover_dmp.recording', 'read_bag', 'bag_0.mcap', 0.05, fuzz_examples.mcap
+    ),
     'bag metadata YAML': FuzzedReader(
-        'handover_dmp.recording.bag_metadata', 'read_metadata', 'metadata.yaml', 0.02, _metadata,
-        in_folder=True,
+        'handover_dmp.recording.bag_metadata', 'read_metadata', 'metadata.yaml', 0.02,
+        fuzz_examples.bag_metadata, in_folder=True,
     ),
-    'model JSON': FuzzedReader('handover_dmp.dmp', 'load_model', 'model.json', 0.15, _model),
+    'model JSON': FuzzedReader(
+        'handover_dmp.dmp', 'load_model', 'model.json', 0.05, fuzz_examples.model_json
+    ),
     'parameter YAML': FuzzedReader(
-        'handover_dmp.dmp.parameter_file', 'read_parameters', 'parameters.yaml', 0.03, _parameters
+        'handover_dmp.dmp.parameter_file', 'read_parameters', 'parameters.yaml', 0.03,
+        fuzz_examples.parameter_yaml,
     ),
 }  # fmt: skip
 
