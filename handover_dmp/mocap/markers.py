@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.tables import quote
@@ -53,7 +53,6 @@ class MarkerRecording:
         up: the axis that points up as the file tells it; empty where it tells none.
         source: where it comes from, in words.
         usual_unit: of the program that wrote the file, unless told otherwise.
-        usual_up: the same for the axis.
 
     """
 
@@ -64,7 +63,6 @@ class MarkerRecording:
     up: str
     source: str
     usual_unit: str = 'mm'
-    usual_up: str = 'z'
 
     def __post_init__(self) -> None:
         marked = {name: mark_unseen(places) for name, places in self.positions.items()}
@@ -103,23 +101,28 @@ class MarkerRecording:
         found = self._unit(unit)
         scale = METRES[found.value]
         both = tuple(scale * self._wrist(names) for names in (partner, demonstrator))
-        axis = self._up(up, both)
         seen = [np.asarray(np.isfinite(wrist).all(axis=1)) for wrist in both]
         together = seen[0] & seen[1]
-        first, second = (turn_up(wrist[together], axis.value) for wrist in both)
-        return WristMotion(
+        motion = WristMotion(
             self.times[together],
-            first,
-            second,
+            both[0][together],
+            both[1][together],
             source=self.source,
             unit=found,
-            up=axis,
             gaps=tuple(
                 gap
                 for who, mask in zip(('P1', 'P2'), seen, strict=True)
                 for gap in find_gaps(self.times, mask, who)
             ),
         ).checked()
+        # In a wrong unit no height tells anything, so that is looked at before.
+        axis = self._up(up, both)
+        return replace(
+            motion,
+            partner=turn_up(motion.partner, axis.value),
+            demonstrator=turn_up(motion.demonstrator, axis.value),
+            up=axis,
+        )
 
     def _unit(self, unit: str | None) -> Known:
         if unit is not None:
@@ -133,7 +136,7 @@ class MarkerRecording:
             return Known(up, AS_TOLD)
         if self.up:
             return Known(self.up, IN_FILE)
-        return Known(*find_up_axis(wrists, self.usual_up, self.source))
+        return Known(*find_up_axis(wrists, self.source))
 
     def _wrist(self, names: Sequence[str]) -> NDArray[np.float64]:
         markers = [self._find(name) for name in names]

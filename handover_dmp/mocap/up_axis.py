@@ -17,7 +17,8 @@ Which axis of a recording points up, where the file does not tell.
 
 A person's wrists rest between 0.5 m (hanging, of someone small) and 1.6 m (raised to the shoulder)
 above the floor. The origin of a mocap laboratory lies on its floor, so the axis along which both
-wrists rest at such heights is the one that points up, if there is just one.
+wrists rest at such heights is the one that points up, if there is just one. Where there are more,
+or none because the origin is on a table or between the people, nobody but the user knows.
 """
 
 from __future__ import annotations
@@ -77,34 +78,28 @@ def resting_axes(wrists: tuple[NDArray[np.float64], ...]) -> list[str]:
 
 
 def find_up_axis(
-    wrists: tuple[NDArray[np.float64], ...], usual: str, source: str
+    wrists: tuple[NDArray[np.float64], ...], source: str
 ) -> tuple[str, str]:
     """
     Find out which axis points up from how high the wrists rest.
 
-    Where they rest at such a height along no axis at all, the origin is not on the floor, heights
-    tell nothing, and the axis that the program uses unless told otherwise is taken.
-
     Args:
         wrists: (n, 3) m each, NaN where it was not seen.
-        usual: the axis that the program uses unless told otherwise.
         source: the file, for the error.
 
     Returns:
         The axis, and in words how it was found.
 
     Raises:
-        DataError: more than one axis may point up.
+        DataError: more than one axis may point up, or none.
 
     """
     fit = resting_axes(wrists)
-    if len(fit) > 1:
+    if len(fit) != 1:
         raise DataError(
             f'{source}: it does not tell which axis points up, and the wrists rest at a '
-            f"person's height along {' and '.join(fit)}; say which with --up"
+            f"person's height above zero along {' and '.join(fit) or 'none'}; say which with --up"
         )
-    if not fit:
-        return usual, 'usual of the format, no height tells'
     return fit[0], 'by the height of the wrists'
 
 
