@@ -43,6 +43,8 @@ _MAX_POINTS = 5_000_000
 _BLOCK = 512
 # The largest number that the 16-bit fields for frames hold; it stands for itself or for more.
 _SATURATED = 65_535
+# Two places that tell one number differ by no more than a float's rounding, or are a fault.
+_ROUNDING = 1e-4
 _UP = {f'{sign}{axis}': f'{sign}{axis}'.strip('+') for sign in ('', '+', '-') for axis in 'xyz'}
 
 
@@ -67,13 +69,20 @@ def read_c3d(path: str | Path, markers: Sequence[str] | None = None) -> MarkerRe
         with warnings.catch_warnings():
             # The library warns of what this reader does not need.
             warnings.simplefilter('ignore')
-            return _read(c3d.Reader(io.BytesIO(content)), content, path, markers)
+            return _read(_Reader(io.BytesIO(content)), content, path, markers)
     except DataError:
         raise
     except Exception as error:
         # A damaged file makes the library raise whatever its next operation happens to raise.
         what = f'{type(error).__name__}: {error}'.replace('\n', ' ')
         raise DataError(f'{path}: not a C3D file that can be read ({what[:120]})') from error
+
+
+class _Reader(c3d.Reader):  # type: ignore[misc]
+    """The library's reader without its own checks, which refuse much that does no harm."""
+
+    def _check_metadata(self) -> None:
+        """Leave that to `_check`."""
 
 
 def _read(
@@ -83,6 +92,7 @@ def _read(
     points = int(header.point_count)
     if points == 0:
         raise DataError(f'{path}: holds no markers')
+    _check(file, path)
     rate = _number(file, 'POINT:RATE') or float(header.frame_rate)
     if not 0.0 < rate <= 1e5:
         raise DataError(f'{path}: {rate:g} frames a second')
@@ -92,8 +102,7 @@ def _read(
     start = _BLOCK * (int(header.data_block) - 1)
     if not 0 < start < len(content):
         raise DataError(f'{path}: holds no frames')
-    room = (len(content) - start) // (word.itemsize * width)
-    frames = _count_frames(file, room, word.itemsize * width, path)
+    frames = _count_frames(file, memoryview(content)[start:], word.itemsize * width, path)
     names = _names(file, points)
     chosen = choose(names, markers)
     if frames * max(len(chosen), 1) > _MAX_POINTS:
@@ -116,6 +125,29 @@ def _read(
     )
 
 
+def _check(file: c3d.Reader, path: Path) -> None:
+    """Refuse a file whose header and parameters differ in what the data are read by."""
+    header = file.header
+    analog = int(header.analog_count)
+    told = [
+        ('number of markers', float(header.point_count), _number(file, 'POINT:USED')),
+        ('rate', float(header.frame_rate), _number(file, 'POINT:RATE')),
+    ]
+    if max(float(header.scale_factor), _number(file, 'POINT:SCALE')) > 0.0:
+        told.append(('scale', float(header.scale_factor), _number(file, 'POINT:SCALE')))
+    # How many samples a frame has stands in the header, and follows from the rates.
+    channels = _number(file, 'ANALOG:USED')
+    ratio = _number(file, 'ANALOG:RATE') / (_number(file, 'POINT:RATE') or np.inf)
+    if analog not in (channels * int(header.analog_per_frame), channels * round(ratio)):
+        told.append(('number of analog samples a frame', analog, channels * round(ratio)))
+    for what, first, second in told:
+        if first and second and abs(first - second) > _ROUNDING * abs(second):
+            raise DataError(
+                f'{path}: its header and its parameters tell a different {what}, '
+                f'{first:g} and {second:g}'
+            )
+
+
 def _word(scale: float, processor: int) -> np.dtype[Any]:
     """Return the type of a number of the data: a negative scale stands for floats."""
     end = '>' if processor == c3d.c3d.PROCESSOR_MIPS else '<'
@@ -132,25 +164,26 @@ def _values(table: NDArray[Any], processor: int) -> NDArray[np.float64]:
     return table.astype(np.float64)
 
 
-def _count_frames(file: c3d.Reader, room: int, frame_bytes: int, path: Path) -> int:
+def _count_frames(file: c3d.Reader, data: memoryview, frame_bytes: int, path: Path) -> int:
     """
     Find out how many frames there are.
 
     Args:
         file: header and parameters.
-        room: for how many frames the file is long enough.
-        frame_bytes: length of one.
+        data: from the first frame to the end of the file.
+        frame_bytes: length of one frame.
         path: the file, for the error.
 
     Returns:
         The number of frames.
 
     """
+    room = len(data) // frame_bytes
     told = _told_frames(file)
-    if told == _SATURATED and room > _SATURATED:
-        # Exactly so many, the rest of the last block being empty, or more than can be written.
-        spare = (room - _SATURATED) * frame_bytes
-        told = _SATURATED if spare < _BLOCK else room
+    if told is None:
+        # As many as there is room for, but for the zeros that fill the last block.
+        last = bytes(data[max(room * frame_bytes - _BLOCK, 0): room * frame_bytes])  # fmt: skip
+        told = room - (len(last) - len(last.rstrip(b'\0'))) // frame_bytes
     # What does not fit into its 16 bits, some programs write modulo 65,536.
     while told > 0 and told + _SATURATED < room:
         told += _SATURATED + 1
@@ -161,7 +194,8 @@ def _count_frames(file: c3d.Reader, room: int, frame_bytes: int, path: Path) -> 
     return told
 
 
-def _told_frames(file: c3d.Reader) -> int:
+def _told_frames(file: c3d.Reader) -> int | None:
+    """Return how many frames the file says that it has; None where that did not fit in."""
     field = [_words(file, f'TRIAL:ACTUAL_{end}_FIELD') for end in ('START', 'END')]
     if all(field):
         first, last = field
@@ -173,7 +207,7 @@ def _told_frames(file: c3d.Reader) -> int:
             return int(frames)
     first, last = int(file.header.first_frame), int(file.header.last_frame)
     if last == _SATURATED or last < first:
-        return _SATURATED
+        return None
     return last - first + 1
 
 

@@ -17,7 +17,8 @@ Reader of TRC, the marker trajectories of OpenSim and of Motion Analysis' Cortex
 
 A line with the type of the file, a line of names and one of their values (`DataRate`, `NumFrames`,
 `Units`, ...), a line `Frame#`, `Time` and the names of the markers, a line of axes, perhaps an
-empty one, then a line a frame. What was not seen has empty cells.
+empty one, then a line a frame. Tabs stand between, or commas in files that went through a table
+program. What was not seen has empty cells.
 """
 
 from __future__ import annotations
@@ -52,9 +53,9 @@ def read_trc(path: str | Path, markers: Sequence[str] | None = None) -> MarkerRe
     """
     path = Path(path)
     lines = iterate_lines(path)
-    head = [
-        [cell.strip() for cell in line.split('\t')] for _, line in islice(lines, _HEADER_LINES)
-    ]
+    first = [line for _, line in islice(lines, _HEADER_LINES)]
+    between = '\t' if '\t' in ''.join(first[:1]) else ','
+    head = [[cell.strip() for cell in line.split(between)] for line in first]
     if not head or head[0][0] != 'PathFileType':
         raise DataError(f'{path}: line 1: not a TRC file, which begins with PathFileType')
     if len(head) < _HEADER_LINES or head[3][0] != 'Frame#':
@@ -66,8 +67,8 @@ def read_trc(path: str | Path, markers: Sequence[str] | None = None) -> MarkerRe
     columns = {name: _LEADING + 3 * k for name, k in choose(names, markers).items()}
     table = WideTable(columns, _LEADING + 3 * len(names), 1, 0)
     for number, line in lines:
-        if line.strip():
-            table.add(line.split('\t'), f'{path}: line {number}')
+        if line.strip(between).strip():
+            table.add(line.split(between), f'{path}: line {number}')
     if not len(table):
         raise DataError(f'{path}: holds no frames')
     told = about.get('NumFrames', '')

@@ -17,7 +17,8 @@ Which axis of a recording points up, where the file does not tell.
 
 A person's wrists rest between 0.5 m (hanging, of someone small) and 1.6 m (raised to the shoulder)
 above the floor. The origin of a mocap laboratory lies on its floor, so the axis along which both
-wrists rest at such heights is the one that points up, if there is just one. Where there are more,
+wrists rest at such heights is the one that points up, if there is just one; an axis along which a
+wrist passes zero is none. Where there are more,
 or none because the origin is on a table or between the people, nobody but the user knows.
 """
 
@@ -28,6 +29,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 RESTING_M = (0.5, 1.6)
+# While they move, they are at least not in the floor nor under the ceiling.
+_EVER_M = (0.05, 2.5)
+_EVER_QUANTILES = (0.02, 0.98)
 # Rows: where the new x, y and z come from. All are rotations: right stays right.
 _TURNS = {
     'z': ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
@@ -68,13 +72,7 @@ def resting_axes(wrists: tuple[NDArray[np.float64], ...]) -> list[str]:
         Those of `AXES` that may point up.
 
     """
-    low, high = RESTING_M
-    fit = []
-    for axis in AXES:
-        heights = [turn_up(_at_rest(wrist), axis)[:, 2] for wrist in wrists]
-        if all(low <= float(np.median(height)) <= high for height in heights):
-            fit.append(axis)
-    return fit
+    return [axis for axis in AXES if all(_may_point_up(axis, wrist) for wrist in wrists)]
 
 
 def find_up_axis(
@@ -103,11 +101,20 @@ def find_up_axis(
     return fit[0], 'by the height of the wrists'
 
 
+def _may_point_up(axis: str, wrist: NDArray[np.float64]) -> bool:
+    seen = wrist[np.isfinite(wrist).all(axis=1)]
+    lowest, highest = np.quantile(turn_up(seen, axis)[:, 2], _EVER_QUANTILES)
+    resting = float(np.median(turn_up(_at_rest(seen), axis)[:, 2]))
+    return bool(
+        _EVER_M[0] <= lowest <= highest <= _EVER_M[1]
+        and RESTING_M[0] <= resting <= RESTING_M[1]
+    )
+
+
 def _at_rest(wrist: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the seen samples around which the wrist moves least."""
-    seen: NDArray[np.float64] = wrist[np.isfinite(wrist).all(axis=1)]
-    if len(seen) < 3:
-        return seen
-    speed = np.linalg.norm(np.gradient(seen, axis=0), axis=1)
-    rest: NDArray[np.float64] = seen[speed <= np.quantile(speed, _REST_SHARE)]
+    """Return the samples around which the wrist moves least."""
+    if len(wrist) < 3:
+        return wrist
+    speed = np.linalg.norm(np.gradient(wrist, axis=0), axis=1)
+    rest: NDArray[np.float64] = wrist[speed <= np.quantile(speed, _REST_SHARE)]
     return rest
