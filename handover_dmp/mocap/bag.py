@@ -31,7 +31,7 @@ from handover_dmp.mocap.markers import name_list
 from handover_dmp.mocap.message_bodies import bodies, Body
 from handover_dmp.mocap.trial import describe, DIRECTIONS
 from handover_dmp.mocap.units import known_unit, METRES
-from handover_dmp.mocap.up_axis import turn_up
+from handover_dmp.mocap.up_axis import doubts, turn_up
 from handover_dmp.mocap.wrists import AS_TOLD, find_gaps, Known, MAX_HIDDEN_S, WristMotion
 from handover_dmp.topics import DEMONSTRATOR_POSE, HAND_POSE, INFO
 import numpy as np
@@ -47,6 +47,8 @@ _MAX_POSES = 2_000_000
 _SAME_PLACE_M = 0.02
 # Messages of two trackers may be this much longer on their way, the one than the other.
 _SAME_DELAY_S = 0.02
+# Messages that waited are recorded at once, but none is stamped so much after it was recorded.
+_SET_AHEAD_S = 0.05
 
 
 def read_bag_wrists(
@@ -140,7 +142,7 @@ def read_bag_wrists(
         unit=found,
         up=axis,
         gaps=tuple(gaps),
-        remarks=_remarks(chosen, clock),
+        remarks=(*_remarks(chosen, clock), *(() if up else doubts((first, second), axis.value))),
     ).checked()
 
 
@@ -197,6 +199,7 @@ class _Poses:
         delays_ns: (n,) from stamp to recording; empty where there are no stamps.
         logs_ns: (n,) when they were recorded.
         positions: (n, 3) m, NaN where it was not seen.
+        unstamped: how many more there were, without a stamp while others have one.
 
     """
 
@@ -206,11 +209,12 @@ class _Poses:
     delays_ns: NDArray[np.int64]
     logs_ns: NDArray[np.int64]
     positions: NDArray[np.float64]
+    unstamped: int
 
     def cut(self, part: slice) -> _Poses:
         return _Poses(
             self.label, self.frame, self.times_ns[part], self.delays_ns[part],
-            self.logs_ns[part], self.positions[part],
+            self.logs_ns[part], self.positions[part], self.unstamped,
         )  # fmt: skip
 
 
@@ -254,9 +258,13 @@ class _Stream:
             raise DataError(
                 f'{self.path}: {label} changes from frame {frames[0]!r} to {frames[1]!r}'
             )
+        stamped = any(body.stamp_ns for _, body in rows)
+        unstamped = sum(not body.stamp_ns for _, body in rows) if stamped else 0
+        if unstamped and clock == 'stamp':
+            # As before the first time on a simulated clock.
+            rows = [(log_ns, body) for log_ns, body in rows if body.stamp_ns]
         logs = np.array([log_ns for log_ns, _ in rows], dtype=np.int64)
         stamps = np.array([body.stamp_ns for _, body in rows], dtype=np.int64)
-        stamped = bool(stamps.all())
         return _Poses(
             label,
             frames[0],
@@ -264,6 +272,7 @@ class _Stream:
             logs - stamps if stamped else np.zeros(0, dtype=np.int64),
             logs,
             np.array([body.position for _, body in rows]),
+            unstamped,
         )
 
     def _body(self) -> str:
@@ -357,6 +366,17 @@ def _remarks(chosen: Sequence[_Poses], clock: str) -> tuple[str, ...]:
 def _clock_remarks(chosen: Sequence[_Poses]) -> Iterator[str]:
     stamped = [poses for poses in chosen if len(poses.delays_ns)]
     delays_s = [float(np.median(poses.delays_ns)) * 1e-9 for poses in stamped]
+    for poses in stamped:
+        if poses.unstamped:
+            yield f'{poses.label}: {poses.unstamped} poses without a stamp are left out'
+        # From one message to the next, as much more goes by on the stamps as was recorded.
+        ahead_s = -np.diff(poses.delays_ns) * 1e-9
+        if len(ahead_s) and ahead_s.max() > _SET_AHEAD_S:
+            yield (
+                f'{poses.label}: from one message to the next its stamps go on by '
+                f'{ahead_s.max():.3f} s more than the time of recording: was its clock set? '
+                '(--clock log takes the times of recording)'
+            )
     if len(stamped) == 1 and abs(delays_s[0]) > _SAME_DELAY_S:
         yield (
             f'only {stamped[0].label} is stamped, {delays_s[0]:.3f} s before it was recorded: '

@@ -16,13 +16,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.tables import quote
 from handover_dmp.mocap.units import known_unit, METRES
-from handover_dmp.mocap.up_axis import find_up_axis, turn_up
+from handover_dmp.mocap.up_axis import doubts, find_up_axis, turn_up
 from handover_dmp.mocap.wrists import (
     AS_TOLD,
     ASSUMED,
@@ -117,12 +117,23 @@ class MarkerRecording:
         ).checked()
         # In a wrong unit no height tells anything, so that is looked at before.
         axis = self._up(up, both)
+        remarks = doubts(both, axis.value) if axis.why == IN_FILE else ()
         return replace(
             motion,
             partner=turn_up(motion.partner, axis.value),
             demonstrator=turn_up(motion.demonstrator, axis.value),
             up=axis,
+            remarks=(*remarks, *self._lost(partner), *self._lost(demonstrator)),
         )
+
+    def _lost(self, names: Sequence[str]) -> Iterator[str]:
+        """Say which of several markers of a wrist were not seen while others were."""
+        seen = {name: np.isfinite(self.positions[name]).all(axis=1) for name in names}
+        any_seen = np.any(list(seen.values()), axis=0)
+        for name, here in seen.items():
+            if count := int((any_seen & ~here).sum()):
+                share = f'{count} of {len(here)} frames'
+                yield f'{quote(name)} is not seen in {share}: other markers carry the wrist on'
 
     def _unit(self, unit: str | None) -> Known:
         if unit is not None:

@@ -277,6 +277,8 @@ def _place_fault(positions: NDArray[np.float64]) -> Fault | None:
 
 
 def _jump_fault(times: NDArray[np.float64], positions: NDArray[np.float64]) -> Fault | None:
+    if len(times) < 2:
+        return None
     with np.errstate(over='ignore', invalid='ignore', divide='ignore'):
         steps = np.diff(positions, axis=0).reshape(len(times) - 1, -1, 3)
         lengths = np.sqrt(np.square(steps).sum(axis=2)).max(axis=1)

@@ -75,9 +75,7 @@ def resting_axes(wrists: tuple[NDArray[np.float64], ...]) -> list[str]:
     return [axis for axis in AXES if all(_may_point_up(axis, wrist) for wrist in wrists)]
 
 
-def find_up_axis(
-    wrists: tuple[NDArray[np.float64], ...], source: str
-) -> tuple[str, str]:
+def find_up_axis(wrists: tuple[NDArray[np.float64], ...], source: str) -> tuple[str, str]:
     """
     Find out which axis points up from how high the wrists rest.
 
@@ -101,13 +99,33 @@ def find_up_axis(
     return fit[0], 'by the height of the wrists'
 
 
+def doubts(wrists: tuple[NDArray[np.float64], ...], up: str) -> tuple[str, ...]:
+    """
+    Doubt an axis that a file or a convention says to point up, by how high the wrists rest.
+
+    Args:
+        wrists: (n, 3) m each, NaN where it was not seen.
+        up: the axis.
+
+    Returns:
+        A sentence, where the wrists rest as high as a person's along others alone.
+
+    """
+    fit = resting_axes(wrists)
+    if not fit or up in fit:
+        return ()
+    return (
+        f"{up} is said to point up, but the wrists rest at a person's height along "
+        f'{" and ".join(fit)}: say which with --up',
+    )
+
+
 def _may_point_up(axis: str, wrist: NDArray[np.float64]) -> bool:
     seen = wrist[np.isfinite(wrist).all(axis=1)]
     lowest, highest = np.quantile(turn_up(seen, axis)[:, 2], _EVER_QUANTILES)
     resting = float(np.median(turn_up(_at_rest(seen), axis)[:, 2]))
     return bool(
-        _EVER_M[0] <= lowest <= highest <= _EVER_M[1]
-        and RESTING_M[0] <= resting <= RESTING_M[1]
+        _EVER_M[0] <= lowest <= highest <= _EVER_M[1] and RESTING_M[0] <= resting <= RESTING_M[1]
     )
 
 

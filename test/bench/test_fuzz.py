@@ -35,6 +35,8 @@ FOUND = {
     'Qualisys TSV': [
         b'FREQUENCY\t120\nMARKER_NAMES\tM\tA\nFrame\tTime\tM X\tM Y\tM Z\tA X\tA Y\tA Z\n7\n',
         b'FREQUENCY\nNO_OF_FRAMES\nDATA_INCLUDED\nMARKER_NAMES\tM\n1\t2\t3\n',
+        # One sample alone between two gaps.
+        READERS['Qualisys TSV'].examples()[0].replace(b'0.00833', b'383'),
     ],
     'parameter YAML': [
         b'[' * 5000,

@@ -379,3 +379,26 @@ def test_a_humble_bag_without_definitions(tmp_path, trial):
             connection.execute(f'DROP TABLE {table}')
         connection.execute('ALTER TABLE topics DROP COLUMN type_description_hash')
     np.testing.assert_array_equal(read_bag_wrists(folder).partner, trial.partner)
+
+
+def test_a_clock_that_was_set_forward_is_told(tmp_path, trial):
+    first = rows(trial.times, trial.partner)
+    ahead = [(stamp + 200_000_000 * (k > 100), *rest) for k, (stamp, *rest) in enumerate(first)]
+    second = rows(trial.times, trial.demonstrator)
+    folder = write(tmp_path / 'bag', [('/a', POSE, 'world', ahead), ('/b', POSE, 'world', second)])
+    (remark, *_) = read_bag_wrists(folder, '/a', '/b').remarks
+    assert '/a: from one message to the next its stamps go on by 0.200 s more' in remark
+    motion = read_bag_wrists(folder, '/a', '/b', clock='log')
+    np.testing.assert_array_equal(motion.partner, trial.partner)
+
+
+def test_poses_without_a_stamp_among_others_are_left_out(tmp_path, trial):
+    """As those that come before the first time on a simulated clock."""
+    first = [(0 if k < 3 else stamp, *rest)
+             for k, (stamp, *rest) in enumerate(rows(trial.times, trial.partner))]  # fmt: skip
+    second = rows(trial.times, trial.demonstrator)
+    folder = write(tmp_path / 'bag', [('/a', POSE, 'world', first), ('/b', POSE, 'world', second)])
+    motion = read_bag_wrists(folder, '/a', '/b')
+    assert motion.remarks == ('/a: 3 poses without a stamp are left out',)
+    np.testing.assert_array_equal(motion.partner, trial.partner[3:])
+    np.testing.assert_allclose(motion.demonstrator, trial.demonstrator[3:], atol=1e-9)

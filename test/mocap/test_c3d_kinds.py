@@ -67,9 +67,12 @@ class C3d:
         """IEEE floats, or those of a VAX: four times as much, and its halves the other way."""
         if self.processor != 'DEC':
             return np.asarray(values, f'{self.end}f4').tobytes()
-        return np.asarray(4.0 * np.asarray(values), '<f4').view('<u2').reshape(-1, 2)[
-            :, ::-1
-        ].tobytes()
+        return (
+            np.asarray(4.0 * np.asarray(values), '<f4')
+            .view('<u2')
+            .reshape(-1, 2)[:, ::-1]
+            .tobytes()
+        )
 
     def integer(self, value: int) -> bytes:
         return struct.pack(f'{self.end}H', value & 0xFFFF)
@@ -92,7 +95,7 @@ class C3d:
         )
 
     def section(self, start: int) -> bytes:
-        """Groups and parameters; `start` is the block of the data."""
+        """Make groups and parameters; `start` is the block of the data."""
         frames = len(self.table)
         made = b''.join(self.group(f'OTHER{k}', 20 + k) for k in range(self.others))
         made += self.group('POINT', 1)
@@ -295,9 +298,7 @@ def test_any_mix_gives_the_truth_or_is_refused(tmp_path, case):
     if unsure:
         with pytest.raises(DataError, match='along none; say which with --up'):
             recording.wrists(file.names[:-1], file.names[-1:])
-    motion = recording.wrists(
-        file.names[:-1], file.names[-1:], up=case.up if unsure else None
-    )
+    motion = recording.wrists(file.names[:-1], file.names[-1:], up=case.up if unsure else None)
     assert motion.up.value == case.up
     rounding = 0.0 if file.real else file.scale * METRES[file.unit]
     seen = ~(file.lost[:, :-1].all(axis=1) | file.lost[:, -1])

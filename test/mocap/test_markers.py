@@ -109,9 +109,9 @@ P2 = reach([0.0, 0.05, 0.9], [0.5, 0.2, 1.1])
 
 def wrists(partner=P1, demonstrator=P2, unit='', up='', told=None, told_up=None):
     """Record two wrists in metres, in a file that says this or that, and take them out again."""
-    return recording(
-        positions={'a': partner, 'c': demonstrator}, unit=unit, up=up
-    ).wrists(['a'], ['c'], unit=told, up=told_up)
+    return recording(positions={'a': partner, 'c': demonstrator}, unit=unit, up=up).wrists(
+        ['a'], ['c'], unit=told, up=told_up
+    )
 
 
 @pytest.mark.parametrize('word', ['m', 'meters', 'Metres', '[m]', 'METER ', 'm\0\0'])
@@ -208,3 +208,26 @@ def test_gaps_are_told():
     assert [gap.who for gap in motion.gaps] == ['P2']
     np.testing.assert_allclose(motion.gaps[0][1:], [0.29, 0.5])
     assert len(motion.times) == SAMPLES - 20
+
+
+def test_an_axis_that_the_heights_speak_against_is_doubted():
+    back = np.linalg.inv(np.array([turn_up(line, 'y') for line in np.eye(3)]).T).T
+    motion = wrists(P1 @ back, P2 @ back, unit='m', up='z')
+    assert motion.up == ('z', 'in the file')
+    (remark,) = motion.remarks
+    assert remark.startswith(
+        "z is said to point up, but the wrists rest at a person's height along y"
+    )
+    for right in (
+        wrists(P1, P2, unit='m', up='z'),
+        wrists(P1 @ back, P2 @ back, told_up='z', unit='m'),
+    ):
+        assert right.remarks == ()
+
+
+def test_a_marker_that_others_stood_in_for_is_told():
+    one, other = pair(np.random.default_rng(1), slice(40, 60), np.nan)
+    made = recording(positions={'a': one, 'b': other, 'c': P1}, unit='m').wrists(['c'], ['a', 'b'])
+    assert made.remarks == (
+        "'a' is not seen in 20 of 100 frames: other markers carry the wrist on",
+    )
