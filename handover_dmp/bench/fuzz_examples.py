@@ -185,8 +185,9 @@ def sqlite3_bag() -> list[bytes]:
                 ' timestamp INTEGER, data BLOB);'
             )
             for number, topic in enumerate(_TOPICS):
-                row = (number, topic, _POSE, 'cdr', '')
-                connection.execute('INSERT INTO topics VALUES(?, ?, ?, ?, ?)', row)
+                connection.execute(
+                    "INSERT INTO topics VALUES(?, ?, ?, 'cdr', '')", (number, topic, _POSE)
+                )
             for count, (topic, time_ns, message) in enumerate(_poses()):
                 row = (count, _TOPICS.index(topic), time_ns, message)
                 connection.execute('INSERT INTO messages VALUES(?, ?, ?, ?)', row)

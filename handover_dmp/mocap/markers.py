@@ -128,7 +128,7 @@ class MarkerRecording:
 
     def _lost(self, names: Sequence[str]) -> Iterator[str]:
         """Say which of several markers of a wrist were not seen while others were."""
-        seen = {name: np.isfinite(self.positions[name]).all(axis=1) for name in names}
+        seen = {name: np.asarray(np.isfinite(self._find(name)).all(axis=1)) for name in names}
         any_seen = np.any(list(seen.values()), axis=0)
         for name, here in seen.items():
             if count := int((any_seen & ~here).sum()):

@@ -140,13 +140,14 @@ def message(kind, stamp_s, place, loss, name):
     if short == 'PoseArray':
         return make[short](header=header, poses=[pose])
     if short == 'MarkerArray':
+        nothing = np.zeros(0, np.uint8)
         marker = TYPES['visualization_msgs/msg/Marker'](
             header=header, ns=name, id=7, type=2, action=0, pose=pose,
             scale=make['Vector3'](0.1, 0.1, 0.1), color=make['ColorRGBA'](0.0, 0.0, 0.0, 1.0),
             lifetime=make['Duration'](0, 0), frame_locked=False, points=[], colors=[],
-            texture_resource='', texture=make['CompressedImage'](header, '', np.zeros(0, np.uint8)),
+            texture_resource='', texture=make['CompressedImage'](header, '', nothing),
             uv_coordinates=[], text='', mesh_resource='',
-            mesh_file=TYPES['visualization_msgs/msg/MeshFile']('', np.zeros(0, np.uint8)),
+            mesh_file=TYPES['visualization_msgs/msg/MeshFile']('', nothing),
             mesh_use_embedded_materials=False,
         )  # fmt: skip
         return make[short](markers=[marker])
