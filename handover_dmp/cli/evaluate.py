@@ -33,6 +33,15 @@ if TYPE_CHECKING:
 PATIENCE_S = 2.0
 """A progress bar appears when something takes longer."""
 
+PRINTED = {
+    'learn': 'single,mean',
+    'regression': 'rvm',
+    'formulation': 'printed',
+    'mu': 0.75,
+    'sigma': 0.05,
+}
+"""What the paper prints; K and D are not among it."""
+
 Update = Callable[[int, int], None]
 
 
@@ -50,9 +59,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         '--learn',
-        default=','.join(LEARN),
         metavar='LIST',
-        help='what to learn from, separated by commas (default: %(default)s)',
+        help=f'what to learn from, separated by commas (default: {",".join(LEARN)})',
+    )
+    parser.add_argument(
+        '--paper',
+        action='store_true',
+        help='everything as the paper prints it, unless another option says otherwise: learn '
+        'single,mean; relevance vector machine; K_s = 1; mu 0.75 and sigma 0.05',
+    )
+    parser.add_argument(
+        '--learnt',
+        type=int,
+        metavar='TRIAL',
+        help='number of the trial that Figs 4 to 6 learn from (default: the nearest to the mean)',
+    )
+    parser.add_argument(
+        '--tested',
+        type=int,
+        metavar='TRIAL',
+        help='number of the other trial that they test against (default: the middling one)',
     )
     parser.add_argument(
         '--leave-one-out',
@@ -132,8 +158,7 @@ def add_learning_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--regression',
         choices=['rvm', 'ridge'],
-        default='ridge',
-        help='sparse Bayesian or ridge; the table is the same (default: %(default)s)',
+        help='sparse Bayesian or ridge; the table is the same (default: ridge)',
     )
     parser.add_argument(
         '--basis',
@@ -165,7 +190,7 @@ def read_learning(options: argparse.Namespace) -> Learning:
     from handover_dmp.evaluation.rollouts import Learning
 
     learning = Learning(
-        regression=options.regression, basis=options.basis, cutoff_hz=options.low_pass
+        regression=options.regression or 'ridge', basis=options.basis, cutoff_hz=options.low_pass
     )
     if options.parameters is not None:
         tuned = read_parameters(options.parameters)
@@ -195,11 +220,15 @@ def run(options: argparse.Namespace) -> int:
     check_running_options(options)
     if not options.min_width >= 0.0:
         raise UsageError(f'--min-width {options.min_width}: give a width in metres, from 0')
-    learn = tuple(dict.fromkeys(word.strip() for word in options.learn.split(',')))
+    if options.paper:
+        _as_printed(options)
+    listed = ','.join(LEARN) if options.learn is None else options.learn
+    learn = tuple(dict.fromkeys(word.strip() for word in listed.split(',')))
     unknown = [word for word in learn if word not in LEARN]
     if unknown:
         raise UsageError(f'--learn {unknown[0]!r}: known are {", ".join(LEARN)}')
     from handover_dmp.common.files import write_text
+    from handover_dmp.evaluation.cases import index_of, make_cases
     from handover_dmp.evaluation.protocol import evaluate, Protocol
     from handover_dmp.evaluation.report import write_evaluation
     from handover_dmp.evaluation.table import renderable, WIDTH
@@ -214,6 +243,10 @@ def run(options: argparse.Namespace) -> int:
         min_width_m=options.min_width,
     )
     trials = read_data_set(options.data_set)
+    for number in (options.learnt, options.tested):
+        if number is not None:
+            for case in make_cases(trials, cutoff_hz=options.low_pass):
+                index_of(case, number)
     with work_bar() as progress:
         evaluation = evaluate(
             trials, protocol, jobs=options.jobs, progress=progress('learning and rolling out')
@@ -222,7 +255,13 @@ def run(options: argparse.Namespace) -> int:
         if not options.no_figures:
             from handover_dmp.evaluation.panels import write_panels
 
-            figures = write_panels(evaluation, options.output, progress('drawing'))
+            figures = write_panels(
+                evaluation,
+                options.output,
+                progress('drawing'),
+                learnt=options.learnt,
+                tested=options.tested,
+            )
     text = write_evaluation(evaluation, options.data_set.name, options.output, figures)
     if options.json is not None:
         write_text(options.json, text)
@@ -231,6 +270,13 @@ def run(options: argparse.Namespace) -> int:
     console.print(renderable(evaluation.rows, evaluation.summary))
     print(options.output / 'index.html')
     return 0
+
+
+def _as_printed(options: argparse.Namespace) -> None:
+    """Fill what was not given with what the paper prints."""
+    for name, value in PRINTED.items():
+        if getattr(options, name) is None:
+            setattr(options, name, value)
 
 
 @contextmanager

@@ -18,9 +18,13 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
+import sys
+from typing import Any, TYPE_CHECKING
 
 from handover_dmp.cli.low_pass import add_low_pass
+
+if TYPE_CHECKING:
+    from handover_dmp.mocap import HandoverTrial
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,6 +41,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar='TRIAL',
         help='trial, CSV; of several, their time-normalised mean is learnt',
+    )
+    parser.add_argument(
+        '--representative',
+        action='store_true',
+        help='learn from the one of several trials that is nearest to their mean',
     )
     parser.add_argument(
         '-o', '--output', type=Path, required=True, metavar='MODEL.json', help='model to write'
@@ -104,10 +113,15 @@ def run(options: argparse.Namespace) -> int:
     from handover_dmp.dmp.parameter_file import read_parameters, TunedParameters
     from handover_dmp.handover.teaching import learn_from_trials, reproduction_error
     from handover_dmp.mocap import read_trial
+    from handover_dmp.mocap.typical import demonstrator_curves, nearest_to_mean
     import numpy as np
     from rich.console import Console
 
     trials = [read_trial(path) for path in options.trials]
+    if len(trials) == 1:
+        _warn_if_unusual(options.trials[0], trials[0])
+    elif options.representative:
+        trials = [trials[nearest_to_mean(demonstrator_curves(trials))]]
     tuned = read_parameters(options.parameters) if options.parameters else TunedParameters()
     model = learn_from_trials(
         trials,
@@ -147,6 +161,17 @@ def run(options: argparse.Namespace) -> int:
         markup=False,
     )
     return 0
+
+
+def _warn_if_unusual(file: Path, trial: HandoverTrial) -> None:
+    from handover_dmp.mocap.typical import is_unusual, trials_beside
+
+    if unusual := is_unusual(trial, trials_beside(file, trial)):
+        print(
+            f'handover_dmp learn: warning: {file} is unusual: {unusual}; learn from several, or '
+            'from the nearest to their mean (--representative)',
+            file=sys.stderr,
+        )
 
 
 def _parameters(options: argparse.Namespace, tuned: Any) -> Any:

@@ -21,9 +21,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from handover_dmp.common.errors import DataError
-from handover_dmp.evaluation.envelope import Array, SAMPLES, time_normalise
+from handover_dmp.evaluation.envelope import Array
 from handover_dmp.mocap import condition, HandoverTrial, velocities
 from handover_dmp.mocap.filtering import CUTOFF_HZ
+from handover_dmp.mocap.typical import demonstrator_curves, SAMPLES
 import numpy as np
 from numpy.typing import NDArray
 
@@ -116,7 +117,7 @@ class Case:
     @cached_property
     def curves(self) -> Array:
         """(n, 101, 3) m, the time-normalised P2 of each trial."""
-        return np.stack([time_normalise(trial.times, trial.demonstrator) for trial in self.trials])
+        return demonstrator_curves(self.trials)
 
     @cached_property
     def starts(self) -> Array:
@@ -171,3 +172,27 @@ def make_cases(
         conditioned = [condition(trial, cutoff_hz=cutoff_hz) for trial in group]
         cases.append(Case(configuration, direction, tuple(conditioned)))
     return cases
+
+
+def index_of(case: Case, number: int) -> int:
+    """
+    Find a trial by its number.
+
+    Args:
+        case: the trials.
+        number: of the trial.
+
+    Returns:
+        Its index.
+
+    Raises:
+        DataError: the case has no such trial.
+
+    """
+    numbers = [trial.number for trial in case.trials]
+    if number not in numbers:
+        listed = ', '.join(map(str, numbers))
+        raise DataError(
+            f'{case.configuration} {case.direction} has no trial {number}; it has {listed}'
+        )
+    return numbers.index(number)

@@ -22,30 +22,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-SAMPLES = 101
-"""Samples of a time-normalised curve: every hundredth of the duration, both ends included."""
-
 ROUNDING_M = 1e-9
 """What may be rounding and nothing else: a nanometre decides no test."""
 
 Array = NDArray[np.float64]
-
-
-def time_normalise(times: Array, positions: Array, samples: int = SAMPLES) -> Array:
-    """
-    Resample a trajectory to equally spaced fractions of its own duration.
-
-    Args:
-        times: (n,) s, increasing, uneven ones included.
-        positions: (n, d) m.
-        samples: how many samples to give.
-
-    Returns:
-        (samples, d) m, linear between the given samples, first and last kept.
-
-    """
-    at = np.linspace(times[0], times[-1], samples)
-    return np.stack([np.interp(at, times, column) for column in positions.T], axis=1)
 
 
 @dataclass(frozen=True)

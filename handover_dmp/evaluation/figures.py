@@ -105,7 +105,8 @@ class Panel:
 
     Attributes:
         case: the trials.
-        representative: index of the trial nearest to the mean.
+        learnt: index of the trial that Figs 4 to 6 learn from.
+        tested: index of the other trial that they test against; None: the middling one.
         rollouts: of the model learnt from that trial, against every trial, (n, m, 3) m on the
             clock of `case.hands`.
         shown: by what was learnt from.
@@ -114,7 +115,8 @@ class Panel:
     """
 
     case: Case
-    representative: int
+    learnt: int
+    tested: int | None
     rollouts: Array
     shown: dict[str, Shown]
     rejections: Rejections
@@ -236,8 +238,8 @@ def _rollouts(group: Sequence[Panel], title: str) -> Figure:
             )
             axis.plot(at, rollout[:, dimension], color=DMP_COLOUR, lw=1.6)
             axis.xaxis.set_major_locator(MaxNLocator(5))
-        learnt = panel.case.trials[panel.representative].number
-        what = 'the learnt trial' if tested == panel.representative else 'another trial'
+        learnt = panel.case.trials[panel.learnt].number
+        what = 'the learnt trial' if tested == panel.learnt else 'another trial'
         column[0].set_title(
             f'{trial.direction}: {what}\nlearnt from {learnt}, tested against {trial.number}'
         )
@@ -258,13 +260,15 @@ def _rollouts(group: Sequence[Panel], title: str) -> Figure:
 
 def _shown(panel: Panel) -> tuple[int, int]:
     """Choose the learnt trial and, of the others, the one that turned out middling."""
+    if panel.tested is not None:
+        return panel.learnt, panel.tested
     errors = []
     for index, trial in enumerate(panel.case.trials):
         away = panel.rollouts[index, : len(trial.times)] - trial.demonstrator
         errors.append(float((away**2).sum(axis=1).mean()))
-    others = [index for index in range(len(errors)) if index != panel.representative]
+    others = [index for index in range(len(errors)) if index != panel.learnt]
     others.sort(key=lambda index: errors[index])
-    return panel.representative, others[len(others) // 2]
+    return panel.learnt, others[len(others) // 2]
 
 
 def _bands(group: Sequence[Panel], title: str, learn: str) -> Figure:

@@ -16,7 +16,8 @@
 
 from __future__ import annotations
 
-from handover_dmp.evaluation.envelope import Array, SAMPLES
+from handover_dmp.evaluation.envelope import Array
+from handover_dmp.mocap.typical import SAMPLES
 import numpy as np
 from scipy.interpolate import BPoly
 

@@ -19,15 +19,22 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from handover_dmp.evaluation.cases import index_of
 from handover_dmp.evaluation.figures import draw, figure_count, Panel, Shown
 from handover_dmp.evaluation.protocol import CaseScores, Evaluation, Protocol
-from handover_dmp.evaluation.rollouts import learn_from_case, nearest_to_mean, roll_out
+from handover_dmp.evaluation.rollouts import learn_from_case, roll_out
 from handover_dmp.evaluation.scores import BANDS
+from handover_dmp.mocap.typical import nearest_to_mean
 import numpy as np
 
 
 def write_panels(
-    evaluation: Evaluation, folder: Path, progress: Callable[[int, int], None] | None = None
+    evaluation: Evaluation,
+    folder: Path,
+    progress: Callable[[int, int], None] | None = None,
+    *,
+    learnt: int | None = None,
+    tested: int | None = None,
 ) -> list[tuple[str, str]]:
     """
     Draw the figures of an evaluation into `figures/`.
@@ -36,12 +43,18 @@ def write_panels(
         evaluation: what to draw.
         folder: where `figures/` goes.
         progress: is told how many of how many are drawn.
+        learnt: number of the trial that Figs 4 to 6 learn from; that nearest to the mean if left
+            out.
+        tested: number of the other trial that they test against; the middling one if left out.
 
     Returns:
         Name and caption of each.
 
+    Raises:
+        DataError: a case has no trial of that number.
+
     """
-    panels = [_panel(judged, evaluation.protocol) for judged in evaluation.cases]
+    panels = [_panel(judged, evaluation.protocol, learnt, tested) for judged in evaluation.cases]
     figures = []
     for figure in draw(panels, folder / 'figures'):
         figures.append(figure)
@@ -50,11 +63,14 @@ def write_panels(
     return figures
 
 
-def _panel(judged: CaseScores, protocol: Protocol) -> Panel:
+def _panel(
+    judged: CaseScores, protocol: Protocol, learnt: int | None, tested: int | None
+) -> Panel:
     case = judged.case
     everyone = range(len(case))
-    representative = nearest_to_mean(case.curves)
-    learnt = learn_from_case(case, [representative], 'decoupled', protocol.learning)
+    source = nearest_to_mean(case.curves) if learnt is None else index_of(case, learnt)
+    other = None if tested is None else index_of(case, tested)
+    model = learn_from_case(case, [source], 'decoupled', protocol.learning)
     shown = {}
     for learn in protocol.learn:
         scores = judged.scores[learn, 'decoupled']
@@ -69,4 +85,4 @@ def _panel(judged: CaseScores, protocol: Protocol) -> Panel:
             rollouts=int(scores.counted.sum()),
         )
     rejections = judged.rejections[protocol.learn[0]]
-    return Panel(case, representative, roll_out(*learnt, case, everyone), shown, rejections)
+    return Panel(case, source, other, roll_out(*model, case, everyone), shown, rejections)

@@ -23,6 +23,7 @@ from handover_dmp.dmp import ClassicalDmp, DecoupledDmp, DmpParameters, learn
 from handover_dmp.evaluation.cases import Case, Hands
 from handover_dmp.evaluation.envelope import Array
 from handover_dmp.mocap.filtering import CUTOFF_HZ
+from handover_dmp.mocap.typical import nearest_to_mean
 import numpy as np
 
 PRIMITIVES: dict[str, type[DecoupledDmp] | type[ClassicalDmp]] = {
@@ -102,20 +103,6 @@ def plan(case: Case, learn_from: str, *, leave_one_out: bool = False) -> list[Ro
         representative = sources[nearest_to_mean(case.curves[list(sources)])]
         tested.setdefault(representative, []).append(j)
     return [RolloutTask(0, (i,), tuple(against)) for i, against in tested.items()]
-
-
-def nearest_to_mean(curves: Array) -> int:
-    """
-    Find the curve nearest to the mean of all, by its root-mean-square distance.
-
-    Args:
-        curves: (n, samples, d) m.
-
-    Returns:
-        Its index.
-
-    """
-    return int(((curves - curves.mean(axis=0)) ** 2).sum(axis=(1, 2)).argmin())
 
 
 def learn_from_case(

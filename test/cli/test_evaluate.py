@@ -195,3 +195,39 @@ def test_one_trial_alone_is_named(data_set, tmp_path, capsys):
     (folder / 'trials.csv').write_text('\n'.join(kept) + '\n')
     code, line = fault(capsys, str(folder), '-o', str(tmp_path / 'out'), '--no-figures')
     assert code == 1 and 'engine_bay give has 1 trial' in line
+
+
+def test_as_the_paper_prints_it_unless_told_otherwise(data_set, tmp_path):
+    words = [
+        'evaluate',
+        str(data_set),
+        '--no-figures',
+        '--paper',
+        '--sigma',
+        '0.1',
+        '--basis',
+        '20',
+    ]
+    assert main([*words, '-o', str(tmp_path)]) == 0
+    protocol = json.loads((tmp_path / 'table.json').read_text())['protocol']
+    assert protocol['learn'] == ['single', 'mean']
+    assert protocol['regression'] == 'rvm'
+    parameters = protocol['parameters']
+    assert parameters['formulation'] == 'printed'
+    assert (parameters['mu'], parameters['sigma']) == (0.75, 0.1)
+
+
+def test_the_rollouts_that_are_drawn_can_be_chosen(data_set, tmp_path):
+    words = ['evaluate', str(data_set), '--learn', 'mean', '--learnt', '1', '--tested', '3']
+    assert main([*words, '-o', str(tmp_path)]) == 0
+    drawn = (tmp_path / 'figures' / 'fig04-06_rollouts_engine_bay.svg').read_text()
+    for tested in (1, 3):
+        assert drawn.count(f'learnt from 1, tested against {tested}') == 2
+
+
+def test_a_trial_that_is_not_there_is_said_before_anything_is_written(data_set, tmp_path, capsys):
+    out = tmp_path / 'out'
+    code, line = fault(capsys, str(data_set), '-o', str(out), '--tested', '9')
+    assert code == 1
+    assert 'engine_bay give has no trial 9; it has 1, 2, 3, 4' in line
+    assert not out.exists()

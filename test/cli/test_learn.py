@@ -15,10 +15,12 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 from handover_dmp.cli.main import main
 from handover_dmp.dmp import ClassicalDmp, load_model
-from handover_dmp.mocap import synthesize, write_trial
+from handover_dmp.mocap import read_trial, synthesize, write_trial
+from handover_dmp.mocap.typical import demonstrator_curves
 import pytest
 
 
@@ -135,3 +137,28 @@ def test_smooth_data_are_not_smoothed_again(tmp_path):
     for wrong in ('0', 'nan', 'much'):
         with pytest.raises(SystemExit):
             main(['learn', 'x.csv', '-o', 'm.json', '--low-pass', wrong])
+
+
+def test_the_most_typical_of_several_is_learnt_alone(kth_folder, tmp_path):
+    files = [str(kth_folder / f'p01_take_{number}.csv') for number in range(1, 9)]
+    out = tmp_path / 'model.json'
+    words = ['--regression', 'ridge', '--basis', '20', '-o', str(out)]
+    assert main(['learn', '--representative', *files, *words]) == 0
+    by_distance = {}
+    curves = [demonstrator_curves([read_trial(file)])[0] for file in files]
+    mean = sum(curves) / len(curves)
+    for file, curve in zip(files, curves, strict=True):
+        by_distance[((curve - mean) ** 2).sum()] = file
+    assert load_model(out).source == Path(by_distance[min(by_distance)]).name
+
+
+def test_a_demonstration_far_from_those_beside_it_is_warned_of(kth_folder, tmp_path, capsys):
+    said = {}
+    for number in range(1, 9):
+        words = ['-o', str(tmp_path / 'm.json'), '--regression', 'ridge', '--basis', '20']
+        assert main(['learn', str(kth_folder / f'p01_take_{number}.csv'), *words]) == 0
+        said[number] = capsys.readouterr().err
+    assert 'p01_take_6.csv is unusual: 165 mm from the mean of the 7 others' in said[6]
+    assert '--representative' in said[6]
+    assert said[7] == ''
+    assert all(text.count('\n') <= 1 for text in said.values())

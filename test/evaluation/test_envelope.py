@@ -19,7 +19,8 @@ from __future__ import annotations
 import math
 import statistics
 
-from handover_dmp.evaluation.envelope import Envelope, SAMPLES, time_normalise
+from handover_dmp.evaluation.envelope import Envelope
+from handover_dmp.mocap.typical import SAMPLES, time_normalise
 from hypothesis import given, strategies
 import numpy as np
 import pytest

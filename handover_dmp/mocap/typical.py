@@ -1,0 +1,142 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Trials of one kind beside each other: over their own durations, and how typical each is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from handover_dmp.common.errors import DataError
+from handover_dmp.mocap.trial import HandoverTrial, read_trial
+import numpy as np
+from numpy.typing import NDArray
+
+SAMPLES = 101
+"""Samples of a time-normalised curve: every hundredth of the duration, both ends included."""
+
+UNUSUAL = 2.0
+"""A trial is unusual if it is this many times as far from the others as they are in the middle."""
+MIN_OTHERS = 3
+"""Fewer trials do not tell what is usual."""
+
+Array = NDArray[np.float64]
+
+
+def time_normalise(times: Array, positions: Array, samples: int = SAMPLES) -> Array:
+    """
+    Resample a trajectory to equally spaced fractions of its own duration.
+
+    Args:
+        times: (n,) s, increasing, uneven ones included.
+        positions: (n, d) m.
+        samples: how many samples to give.
+
+    Returns:
+        (samples, d) m, linear between the given samples, first and last kept.
+
+    """
+    at = np.linspace(times[0], times[-1], samples)
+    return np.stack([np.interp(at, times, column) for column in positions.T], axis=1)
+
+
+def demonstrator_curves(trials: Sequence[HandoverTrial]) -> Array:
+    """
+    Lay the motions of P2 over each other.
+
+    Args:
+        trials: n of them.
+
+    Returns:
+        (n, 101, 3) m.
+
+    """
+    return np.stack([time_normalise(trial.times, trial.demonstrator) for trial in trials])
+
+
+def nearest_to_mean(curves: Array) -> int:
+    """
+    Find the curve nearest to the mean of all, by its root-mean-square distance.
+
+    Args:
+        curves: (n, samples, d) m.
+
+    Returns:
+        Its index.
+
+    """
+    return int(((curves - curves.mean(axis=0)) ** 2).sum(axis=(1, 2)).argmin())
+
+
+def distances_to_others(curves: Array) -> Array:
+    """
+    Measure how far each curve is from the mean of all others.
+
+    Args:
+        curves: (n, samples, d) m, n ≥ 2.
+
+    Returns:
+        (n,) root-mean-square distance, m.
+
+    """
+    others = (curves.sum(axis=0) - curves) / (len(curves) - 1)
+    return np.asarray(np.sqrt(((curves - others) ** 2).sum(axis=2).mean(axis=1)))
+
+
+def is_unusual(trial: HandoverTrial, others: Sequence[HandoverTrial]) -> str:
+    """
+    Tell whether a trial is far from others of its kind.
+
+    Args:
+        trial: the one.
+        others: of the same configuration and exchange.
+
+    Returns:
+        How far, in words; nothing where it is usual, or where the others are too few to tell.
+
+    """
+    if len(others) < MIN_OTHERS:
+        return ''
+    own, *rest = distances_to_others(demonstrator_curves([trial, *others]))
+    middle = float(np.median(rest))
+    if own <= UNUSUAL * middle:
+        return ''
+    return (
+        f'{1e3 * own:.0f} mm from the mean of the {len(others)} others beside it, which are '
+        f'{1e3 * middle:.0f} mm from theirs'
+    )
+
+
+def trials_beside(file: Path, trial: HandoverTrial) -> list[HandoverTrial]:
+    """
+    Read the trials of the same configuration and exchange that lie beside one.
+
+    Args:
+        file: of the trial.
+        trial: what it holds.
+
+    Returns:
+        The others; files that hold no trial are none of them.
+
+    """
+    others = []
+    for path in sorted(file.parent.glob(f'{trial.configuration}_{trial.direction}_*.csv')):
+        try:
+            other = read_trial(path)
+        except DataError:
+            continue
+        if path.name != file.name and other.direction == trial.direction:
+            others.append(other)
+    return others
