@@ -262,18 +262,24 @@ def test_what_is_latched_reaches_a_late_listener(graph: Graph) -> None:
 
 def test_every_node_tells_its_condition(graph: Graph) -> None:
     nodes = {node.NAME for node in NODES}
-    told: dict[str, set[str]] = {}
+    told: dict[str, set[str]] = {node: set() for node in nodes}
+    periodic = ('robot_sim', 'hand_tracker', 'dmp', 'priority_ik')
+    of_periods = {'rate (Hz)', 'period error, 99 % (ms)', 'overruns'}
+
+    def is_told() -> bool:
+        # where the machine stood still, a second has no periods to tell of
+        return all(told.values()) and all(of_periods <= told[node] for node in periodic)
+
     with hearing(graph, DIAGNOSTICS) as (heard,):
         end_s = time.monotonic() + 30.0
-        while nodes - set(told) and time.monotonic() < end_s:
+        while not is_told():
+            assert time.monotonic() < end_s, told
             graph.spin(0.02)
             for status in (status for message in heard for status in message.status):
                 values = {value.key: value.value for value in status.values}
                 if values['stage'] == 'running':
-                    told[status.name] = set(values)
+                    told[status.name] |= set(values)
     assert set(told) == nodes
-    for node in ('robot_sim', 'hand_tracker', 'dmp', 'priority_ik'):
-        assert {'rate (Hz)', 'period error, 99 % (ms)', 'overruns'} <= told[node], node
     assert {'age of the hand (s)', 'age of the wrist (s)'} <= told['dmp']
     inputs = {f'age of the {name} (s)' for name in ('joint states', 'wrist command', 'hand')}
     assert inputs | {'active limits'} <= told['priority_ik']
@@ -324,14 +330,16 @@ def test_services_lead_through_the_states(graph: Graph) -> None:
 
 
 def test_markers_show_where_hand_and_wrist_are_and_were(graph: Graph) -> None:
-    settle(graph)
-    with hearing(graph, MARKERS, HAND_POSE, WRIST_POSE) as (markers, hands, wrists):
-        graph.call('/hand_tracker/replay')
-        assert graph.wait_for_state(('done',), 30.0, lambda: None)
-        catch_up(graph, markers, hands, wrists)
-        last = {marker.ns: marker for marker in markers[-1].markers}
-        settle(graph)
-        catch_up(graph, markers)
+    for _ in handovers(graph):
+        with hearing(graph, MARKERS, HAND_POSE, WRIST_POSE) as (markers, hands, wrists):
+            graph.call('/hand_tracker/replay')
+            done = graph.wait_for_state(('done',), 8.0, lambda: None)
+            catch_up(graph, markers, hands, wrists)
+            last = {marker.ns: marker for marker in markers[-1].markers}
+            settle(graph)
+            catch_up(graph, markers)
+        if done:
+            break
     assert set(last) == {
         'learnt path', 'hand', 'hand trail', 'wrist', 'wrist trail', 'exchange',
     }  # fmt: skip
