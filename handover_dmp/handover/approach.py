@@ -65,7 +65,7 @@ NEAR_WIDTH = 0.4
 BEYOND_WIDTH = 0.25
 ASTRAY_WIDTH = 0.25
 """Standard deviations of the three, as shares of their centres."""
-FINAL_GAIN = 25.0
+FINAL_GAIN = 28.0
 """1/s; with which the bound on the speed falls with the last of the distance."""
 CLOSING_GAIN = 30.0
 """1/s; how fast the speed may come near to its bound, so that it does not hit it."""
