@@ -38,6 +38,7 @@ VERBS = {
     'tune': 'find better parameters on some trials, report on the others',
     'bag': 'write trials as bags; inspect and repair bags',
     'robot': 'look an arm over: joints, limits and their sources, wrist, reach, self-check',
+    'compare': 'put runs side by side, with their differences in pairs',
     'plot': 'draw the figures of a recorded run',
     'render': 'film a recorded run: a video and an animated image',
     'view': 'look at a recorded run in the browser, with a slider over its time',

@@ -26,6 +26,8 @@ from handover_dmp.common.files import write_text
 from handover_dmp.recording import bag_information
 from handover_dmp.report.figures import Picture, write_figures
 from handover_dmp.report.metrics import measure, Numbers
+from handover_dmp.report.motion_tables import motion_tables
+from handover_dmp.report.motions import compare_motions
 from handover_dmp.report.page import as_html, as_markdown, Page, Section, Table
 from handover_dmp.report.recorded_run import load_run, RecordedLimits, RunRecord
 
@@ -69,6 +71,7 @@ def write_report(
         report: Numbers = _plain(
             {
                 **measure(run),
+                'motions': compare_motions(run),
                 'run': run.info,
                 'bag': {
                     'source': str(source),
@@ -106,6 +109,14 @@ def _page(run: RunRecord, report: Numbers, pictures: list[Picture], scenes: list
     title = ' '.join(str(about[key]) for key in ('exchange', 'configuration') if key in about)
     outcome = {True: 'The object changed hands.', False: 'The object did not change hands.'}
     sections = [Section('In numbers', tables=(_summary(report),))]
+    if report['motions']['robot'] is not None:
+        sections.append(
+            Section(
+                'Robot beside person',
+                text='From the start of the reach to the exchange, all low-passed at 6 Hz.',
+                tables=motion_tables(report['motions']),
+            )
+        )
     if scenes:
         captions = ', '.join(SCENES[name] for name in scenes)
         images = tuple(f'figures/{name}.png' for name in scenes)

@@ -1,0 +1,110 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`handover_dmp compare`: runs side by side, with their differences in pairs."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from handover_dmp.common.errors import UsageError
+
+if TYPE_CHECKING:
+    from handover_dmp.report.comparison import Difference
+    from rich.table import Table
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """
+    Declare the words after `compare`.
+
+    Args:
+        parser: parser of the verb.
+
+    """
+    parser.add_argument(
+        'runs',
+        nargs='+',
+        type=Path,
+        metavar='RUN',
+        help='two or more runs or bags; or folders of runs, of which those of one name are pairs',
+    )
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write the figures as JSON, too')
+
+
+def run(options: argparse.Namespace) -> int:
+    """
+    Compare runs.
+
+    Args:
+        options: what `add_arguments` declared.
+
+    Returns:
+        0.
+
+    Raises:
+        UsageError: there is only one.
+        DataError: one of them is no run, or none of one set belongs to one of another.
+
+    """
+    if len(options.runs) < 2:
+        raise UsageError('give two runs or more, or two folders of runs')
+    from dataclasses import asdict
+    import json
+
+    from handover_dmp.common.files import write_text
+    from handover_dmp.report.comparison import compare_runs
+    from rich.console import Console
+
+    differences, pairs = compare_runs(options.runs)
+    if options.json is not None:
+        outcome = {
+            'runs': [str(run) for run in options.runs],
+            'pairs': pairs,
+            'measures': [asdict(difference) for difference in differences],
+        }
+        write_text(options.json, json.dumps(outcome, indent=1) + '\n')
+    console = Console(highlight=False)
+    console.print(_table(options.runs, differences))
+    if pairs > 1:
+        console.print(
+            f'Means of {pairs} pairs; mean difference to the first with its 95 % interval.'
+        )
+    return 0
+
+
+def _table(runs: list[Path], differences: list[Difference]) -> Table:
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1))
+    table.add_column('')
+    for place in runs:
+        table.add_column(str(place), justify='right', overflow='fold')
+    for number in range(2, len(runs) + 1):
+        table.add_column('difference' if len(runs) == 2 else f'{number} − 1', justify='right')
+    for one in differences:
+        cells = [
+            '–' if mean is None else f'{mean:.{one.digits}f} {one.unit}'.strip()
+            for mean in one.means
+        ]
+        for value, interval in zip(one.differences, one.intervals, strict=True):
+            text = '–' if value is None else f'{value:+.{one.digits}f}'
+            if interval is not None:
+                text += f' ({interval[0]:.{one.digits}f} to {interval[1]:.{one.digits}f})'
+            cells.append(text)
+        table.add_row(one.name, *cells)
+    return table

@@ -1,0 +1,295 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Measures of one motion, and of two that belong together, as studies of handovers report them.
+
+docs/method.md has their formulas and where each is published.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, inf, log, log2, sqrt
+
+from handover_dmp.mocap.filtering import velocities
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+ONSET = 0.05
+"""A motion goes on where its speed is above this share of its peak."""
+PEAK_PROMINENCE = 0.05
+"""A peak of the speed stands out by this share of the greatest."""
+SPARC_CUTOFF_HZ = 10.0
+SPARC_THRESHOLD = 0.05
+SPARC_PADDING = 4
+"""Published with the measure (Balasubramanian et al. 2015): highest frequency, least share of the
+amplitude, and how many powers of two the spectrum is refined by."""
+MAX_LAG_SHARE = 0.5
+"""Two hands are shifted against each other by at most this share of the time."""
+ACTIVE_SPEED = 0.05
+"""m/s; below it, somebody counts as idle."""
+MIN_SAMPLES = 10
+MIN_LENGTH_M = 1e-6
+MIN_SCALE = 1e-12
+
+
+@dataclass(frozen=True)
+class MotionMeasures:
+    """
+    What one motion is like.
+
+    Attributes:
+        path_m: length of the path, m.
+        path_ratio: that, in parts of the straight line from start to end; infinite where they are
+            one place.
+        peak_speed: m/s.
+        time_to_peak_s: from the onset of the motion, s.
+        duration_s: from the onset to the end of the motion, s.
+        peaks: number of peaks of the speed.
+        spectral_arc_length: of the speed, from −1.6 for a smooth reach downwards (Balasubramanian
+            et al. 2015).
+        log_dimensionless_jerk: −ln(D³/v_peak² ∫‖x⃛‖² dt) (Hogan and Sternad 2009); greater is
+            smoother.
+
+    """
+
+    path_m: float
+    path_ratio: float
+    peak_speed: float
+    time_to_peak_s: float
+    duration_s: float
+    peaks: int
+    spectral_arc_length: float
+    log_dimensionless_jerk: float
+
+
+@dataclass(frozen=True)
+class Synchrony:
+    """
+    How two motions go together.
+
+    Attributes:
+        lag_s: by how much the second speed is later than the first, s; negative: earlier.
+        correlation: of the two speeds at that lag, −1 to 1.
+
+    """
+
+    lag_s: float
+    correlation: float
+
+
+@dataclass(frozen=True)
+class Fluency:
+    """
+    Who was active when, in parts of the time (Hoffman 2019).
+
+    Attributes:
+        person_idle: the person does not move.
+        robot_idle: the robot does not move.
+        concurrent: both move.
+        functional_delay: nobody moves between the end of the one's motion and the beginning of the
+            other's; times in which both move at such a change count as negative.
+
+    """
+
+    person_idle: float
+    robot_idle: float
+    concurrent: float
+    functional_delay: float
+
+
+def measure_motion(times: Array, positions: Array) -> MotionMeasures | None:
+    """
+    Measure one motion.
+
+    Args:
+        times: (n,) s, evenly spaced.
+        positions: (n, 3) m, smooth (low-passed where they were measured).
+
+    Returns:
+        The measures; None where nothing moves, or where there are fewer than 10 samples.
+
+    """
+    if len(times) < MIN_SAMPLES:
+        return None
+    dt = float(times[-1] - times[0]) / (len(times) - 1)
+    speed = np.linalg.norm(velocities(times, positions), axis=1)
+    path_m = float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
+    if path_m < MIN_LENGTH_M:
+        return None
+    moving = np.flatnonzero(speed >= ONSET * speed.max())
+    onset, end = int(moving[0]), int(moving[-1])
+    straight_m = float(np.linalg.norm(positions[-1] - positions[0]))
+    return MotionMeasures(
+        path_m=path_m,
+        path_ratio=path_m / straight_m if straight_m >= MIN_LENGTH_M else inf,
+        peak_speed=float(speed.max()),
+        time_to_peak_s=(int(speed.argmax()) - onset) * dt,
+        duration_s=(end - onset) * dt,
+        peaks=count_peaks(speed),
+        spectral_arc_length=spectral_arc_length(speed, 1.0 / dt),
+        log_dimensionless_jerk=log_dimensionless_jerk(times, positions),
+    )
+
+
+def count_peaks(speed: Array) -> int:
+    """
+    Count the peaks of a speed.
+
+    Args:
+        speed: (n,) m/s.
+
+    Returns:
+        How many there are that stand out by a twentieth of the greatest; an end counts as a slope.
+
+    """
+    from scipy.signal import find_peaks
+
+    padded = np.concatenate([[0.0], speed, [0.0]])
+    found, _ = find_peaks(padded, prominence=PEAK_PROMINENCE * float(speed.max()))
+    return len(found)
+
+
+def spectral_arc_length(speed: Array, rate_hz: float) -> float:
+    """
+    Measure the smoothness of a speed by the length of its spectrum.
+
+    SPARC = −∫₀^ωc √((1/ωc)² + (dV̂/dω)²) dω with V̂(ω) = V(ω)/V(0) the normalised amplitude of
+    the speed's spectrum, and ωc the greatest frequency up to 10 Hz at which V̂ is at least 0.05.
+
+    Source: Balasubramanian, Melendez-Calderon, Roby-Brami and Burdet, On the analysis of movement
+    smoothness, J. NeuroEng. Rehabil. 12:112, 2015.
+
+    Args:
+        speed: (n,) m/s.
+        rate_hz: samples a second.
+
+    Returns:
+        Below 0; nearer to 0 is smoother.
+
+    """
+    length = 2 ** (ceil(log2(len(speed))) + SPARC_PADDING)
+    amplitudes = np.abs(np.fft.rfft(speed, length))
+    amplitudes /= amplitudes.max()
+    frequencies = np.fft.rfftfreq(length, 1.0 / rate_hz)
+    below = frequencies <= SPARC_CUTOFF_HZ
+    last = int(np.flatnonzero(below & (amplitudes >= SPARC_THRESHOLD))[-1])
+    amplitudes, frequencies = amplitudes[: last + 1], frequencies[: last + 1]
+    steps = np.diff(frequencies) / max(float(frequencies[-1]), 1e-12)
+    return -float(np.hypot(steps, np.diff(amplitudes)).sum())
+
+
+def log_dimensionless_jerk(times: Array, positions: Array) -> float:
+    """
+    Measure the smoothness of a motion by its jerk, without units.
+
+    LDLJ = −ln(D³/v_peak² ∫‖x⃛‖² dt), D the duration. A straight minimum-jerk reach has
+    −ln(204.8) = −5.32, the best there is from rest to rest.
+
+    Source: Hogan and Sternad, Sensitivity of smoothness measures to movement duration, amplitude,
+    and arrests, J. Motor Behav. 41(6), 2009.
+
+    Args:
+        times: (n,) s.
+        positions: (n, 3) m, smooth.
+
+    Returns:
+        The measure; greater is smoother.
+
+    """
+    from scipy.integrate import trapezoid
+    from scipy.interpolate import make_interp_spline
+
+    spline = make_interp_spline(times, positions, k=5)
+    squared = (spline.derivative(3)(times) ** 2).sum(axis=1)
+    peak = float(np.linalg.norm(spline.derivative()(times), axis=1).max())
+    duration_s = float(times[-1] - times[0])
+    return -log(duration_s**3 / peak**2 * float(trapezoid(squared, times)))
+
+
+def synchrony(first: Array, second: Array, rate_hz: float) -> Synchrony | None:
+    """
+    Find by how much one speed is later than another.
+
+    Args:
+        first: (n,) m/s.
+        second: (n,) m/s, at the same times.
+        rate_hz: samples a second.
+
+    Returns:
+        The lag at which the two speeds correlate most over the time that both then have, up to
+        half of it; None where one of them is the same all the time.
+
+    """
+    count = len(first)
+    reach = int(MAX_LAG_SHARE * count)
+    best: tuple[float, int] | None = None
+    for lag in range(-reach, reach + 1):
+        one = first[max(0, -lag) : count - max(0, lag)]
+        other = second[max(0, lag) : count - max(0, -lag)]
+        one, other = one - one.mean(), other - other.mean()
+        scale = sqrt(float((one**2).sum() * (other**2).sum()))
+        if scale > MIN_SCALE:
+            value = float(one @ other) / scale
+            if best is None or value > best[0]:
+                best = value, lag
+    return None if best is None else Synchrony(best[1] / rate_hz, best[0])
+
+
+def fluency(person_speed: Array, robot_speed: Array) -> Fluency:
+    """
+    Find who was active when.
+
+    Source: Hoffman, Evaluating fluency in human-robot collaboration, IEEE Trans. Human-Machine
+    Systems 49(3), 2019. Somebody is active whose hand or wrist moves faster than 0.05 m/s.
+
+    Args:
+        person_speed: (n,) m/s, evenly spaced in time.
+        robot_speed: (n,) m/s, at the same times.
+
+    Returns:
+        Shares of the time.
+
+    """
+    person, robot = person_speed > ACTIVE_SPEED, robot_speed > ACTIVE_SPEED
+    return Fluency(
+        person_idle=float((~person).mean()),
+        robot_idle=float((~robot).mean()),
+        concurrent=float((person & robot).mean()),
+        functional_delay=(_delay(person, robot) + _delay(robot, person)) / len(person),
+    )
+
+
+def _delay(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> int:
+    """Count the samples from each end of the first's motion to where the second's begins."""
+    total = 0
+    answers = _begins(second)
+    ends = _begins(~first)
+    starts = _begins(first)
+    for number, end in enumerate(ends):
+        # from where this motion began to where the next one ends
+        begun = starts[starts < end][-1:] if len(starts) else starts
+        after = ends[number + 1] if number + 1 < len(ends) else len(first)
+        found = answers[(answers > (begun[0] if len(begun) else -1)) & (answers <= after)]
+        if len(found):
+            total += int(found[0] - end)
+    return total
+
+
+def _begins(active: NDArray[np.bool_]) -> NDArray[np.int_]:
+    """Find where an activity begins, but for one that is there from the start."""
+    return np.flatnonzero(~active[:-1] & active[1:]) + 1
