@@ -108,6 +108,7 @@ def run(options: argparse.Namespace) -> int:
     console = Console()
     console.width = max(console.width, 96)
     console.print(_show(tuning))
+    console.print(_starts(tuning), highlight=False)
     for warning in _warnings(tuning):
         console.print(warning, style='yellow', highlight=False)
     console.print(options.output, soft_wrap=True, highlight=False)
@@ -127,7 +128,17 @@ def _comment(tuning: Tuning, data_set: str) -> str:
             f'95 %: {low:.1f} to {high:.1f}), within 3 sigma {compared.default.within[3]:.1f} -> '
             f'{compared.tuned.within[3]:.1f} %'
         )
-    return '\n'.join([*lines, *_warnings(tuning)])
+    return '\n'.join([*lines, _starts(tuning), *_warnings(tuning)])
+
+
+def _starts(tuning: Tuning) -> str:
+    """Say for which trials the choice holds."""
+    if tuning.start_at_rest == tuning.trials:
+        return 'All trials start at rest; for trials cut where somebody moves already, tune anew.'
+    return (
+        f'{tuning.trials - tuning.start_at_rest} of {tuning.trials} trials start while somebody '
+        'moves already; for trials that start at rest, tune anew.'
+    )
 
 
 def _warnings(tuning: Tuning) -> list[str]:

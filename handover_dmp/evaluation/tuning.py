@@ -42,7 +42,7 @@ from handover_dmp.evaluation.hand_views import (
 )
 from handover_dmp.evaluation.rollouts import Learning
 from handover_dmp.evaluation.scores import BANDS, Totals
-from handover_dmp.mocap import HandoverTrial
+from handover_dmp.mocap import HandoverTrial, velocities
 from joblib import delayed, Parallel
 import numpy as np
 from scipy.stats import qmc
@@ -52,6 +52,10 @@ CANDIDATES = 192
 REFINEMENTS = 3
 WITHIN = len(BANDS) - 1
 SQUARED, GAP, COUNT = 3, 4, 5
+
+
+REST_SPEED = 0.1
+"""m/s; a hand that is slower rests."""
 
 
 @dataclass(frozen=True)
@@ -163,6 +167,7 @@ class Tuning:
         attempts: single changes to the defaults, the defaults first.
         candidates: how many sets of parameters were tried.
         trials: how many trials took part.
+        start_at_rest: how many of them begin with both hands slower than 0.1 m/s.
 
     """
 
@@ -173,6 +178,7 @@ class Tuning:
     attempts: list[Attempt]
     candidates: int
     trials: int
+    start_at_rest: int
 
 
 def tune(
@@ -230,7 +236,26 @@ def tune(
         attempts=_attempts(attempts, court, draws),
         candidates=len(search.tried),
         trials=sum(map(len, cases)),
+        start_at_rest=sum(starts_at_rest(trial) for case in made for trial in case.trials),
     )
+
+
+def starts_at_rest(trial: HandoverTrial) -> bool:
+    """
+    Tell whether a trial begins before anybody moves.
+
+    Args:
+        trial: conditioned.
+
+    Returns:
+        Whether both hands are slower than 0.1 m/s in the first sample.
+
+    """
+    speeds = [
+        np.linalg.norm(velocities(trial.times, positions)[0])
+        for positions in (trial.partner, trial.demonstrator)
+    ]
+    return bool(max(speeds) < REST_SPEED)
 
 
 class _Court:

@@ -16,11 +16,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import json
 from pathlib import Path
 
 from handover_dmp.cli.main import main
-from handover_dmp.mocap import synthesize, write_data_set
+from handover_dmp.mocap import read_data_set, synthesize, write_data_set
+import numpy as np
 import pytest
 import yaml
 
@@ -45,6 +47,7 @@ def test_the_file_names_what_it_was_tuned_on_and_what_that_gave(tuned):
     text = (tuned / 'tuned.yaml').read_text()
     assert 'Tuned on 4 trials of garage' in text
     assert 'learn single: distance to P2' in text
+    assert 'All trials start at rest' in text
     found = json.loads((tuned / 'tuned.json').read_text())
     section = yaml.safe_load(text)['/**/dmp']['ros__parameters']
     assert section['mu'] == found['best']['parameters']['mu']
@@ -91,3 +94,22 @@ def test_faults_are_named_in_one_line(data_set, tmp_path, capsys):
         lines = capsys.readouterr().err.strip().splitlines()
         assert len(lines) == 1 and word in lines[0]
     assert not Path(output).exists()
+
+
+def test_trials_that_are_cut_in_motion_are_counted(data_set, tmp_path, capsys):
+    trials = read_data_set(data_set)
+    cut = [
+        replace(
+            trial,
+            times=trial.times[when:],
+            partner=trial.partner[when:],
+            demonstrator=trial.demonstrator[when:],
+        )
+        for trial in trials
+        # where the first of the two is fastest
+        for when in [int(np.linalg.norm(np.gradient(trial.partner, axis=0), axis=1).argmax())]
+    ]
+    write_data_set([*cut[:3], trials[3]], tmp_path / 'cut')
+    out = str(tmp_path / 'p.yaml')
+    assert main(['tune', str(tmp_path / 'cut'), '-o', out, '--candidates', '1']) == 0
+    assert '3 of 4 trials start while somebody moves already' in capsys.readouterr().out
