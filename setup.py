@@ -9,6 +9,7 @@ from setuptools import Distribution, find_packages, setup
 PACKAGE = 'handover_dmp'
 NODES = (
     'robot_sim', 'hand_tracker', 'dmp', 'priority_ik', 'recorder', 'velocity_to_position',
+    'calibration_motion',
 )  # fmt: skip
 
 # Lower bounds are what Ubuntu 24.04, the home of ROS 2 Jazzy, has, or the first release whose

@@ -41,6 +41,7 @@ from handover_dmp.topics import Topic, TOPICS
 ROOT = Path(__file__).resolve().parents[1]
 NODES = (
     'hand_tracker', 'dmp', 'priority_ik', 'robot_sim', 'recorder', 'velocity_to_position',
+    'calibration_motion',
 )  # fmt: skip
 # Helpers of nodes that have topics of their own, and who uses them.
 HELPERS = {

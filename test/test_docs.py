@@ -30,10 +30,12 @@ ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').glob('*.md'))]
 NODES = (
     'robot_sim', 'hand_tracker', 'dmp', 'priority_ik', 'recorder', 'velocity_to_position',
+    'calibration_motion',
 )  # fmt: skip
 SERVICES = {
     '/hand_tracker/replay', '/dmp/start', '/dmp/abort', '/dmp/reset', '/robot_sim/pause',
     '/robot_sim/resume', '/robot_sim/reset', '/recorder/ready', '/velocity_to_position/resume',
+    '/calibration_motion/start',
 }  # fmt: skip
 
 

@@ -172,6 +172,7 @@ def test_a_room_imports_from_lower_floors_alone(room: str) -> None:
 def test_nodes_know_nothing_of_each_other() -> None:
     nodes = (
         'robot_sim', 'hand_tracker', 'dmp', 'priority_ik', 'recorder', 'velocity_to_position',
+        'calibration_motion',
     )  # fmt: skip
     for node in nodes:
         for name in imports(PACKAGE / 'nodes' / f'{node}.py'):

@@ -36,6 +36,7 @@ import yaml
 ROOT = Path(__file__).resolve().parents[1]
 NODES = (
     'robot_sim', 'hand_tracker', 'dmp', 'priority_ik', 'recorder', 'velocity_to_position',
+    'calibration_motion',
 )  # fmt: skip
 # What an install is made from; the rest of a checkout (.venv, runs, caches) may be large.
 SOURCES = (

@@ -37,6 +37,7 @@ VERBS = {
     'why': 'tell which curves of an evaluation were rejected, when, and by how much',
     'tune': 'find better parameters on some trials, report on the others',
     'bag': 'write trials as bags; inspect and repair bags',
+    'calibrate': 'find where a tracker stands and how late it stamps, from one moved body',
     'robot': 'look an arm over: joints, limits and their sources, wrist, reach, self-check',
     'compare': 'put runs side by side, with their differences in pairs',
     'plot': 'draw the figures of a recorded run',

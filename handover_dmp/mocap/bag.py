@@ -25,6 +25,7 @@ import re
 from typing import Any
 
 from handover_dmp.common.errors import DataError
+from handover_dmp.mocap.body_path import BodyPath, make_body_path
 from handover_dmp.mocap.clock import jumps_back, parts_of
 from handover_dmp.mocap.filtering import interpolate
 from handover_dmp.mocap.markers import name_list
@@ -146,6 +147,46 @@ def read_bag_wrists(
     ).checked()
 
 
+def read_body_paths(
+    path: str | Path, asked: Sequence[str], *, part: int | None = None, clock: str = 'stamp'
+) -> list[BodyPath]:
+    """
+    Read the paths of bodies from a bag, each in the frame that its messages name.
+
+    Args:
+        path: a rosbag2 folder or one of its files.
+        asked: topic of each body; of several bodies in it, `topic:name` or `topic:number`.
+        part: which part, from 1, of a recording whose clock was set back.
+        clock: `stamp` or `log`: take the times from the stamps or from when it was recorded.
+
+    Returns:
+        Their paths, on one clock that begins with the first pose.
+
+    Raises:
+        DataError: the bag or a topic is missing, its poses make no sense, several bodies of which
+            none is chosen, or several parts.
+
+    """
+    path = Path(path)
+    streams = [_Stream(path, topic) for topic in asked]
+    _fill(path, streams)
+    chosen = _part(path, [stream.poses(clock) for stream in streams], part)
+    zero_ns = int(min(poses.times_ns.min() for poses in chosen))
+    return [
+        make_body_path(
+            poses.label,
+            poses.frame,
+            np.asarray((poses.times_ns - zero_ns) * 1e-9, dtype=np.float64),
+            poses.positions,
+            poses.quaternions,
+            float(np.median(poses.delays_ns)) * 1e-9
+            if len(poses.delays_ns) and clock == 'stamp'
+            else 0.0,
+        )
+        for poses in chosen
+    ]
+
+
 def describe_bag(path: str | Path) -> tuple[str, str | None, int]:
     """
     Tell what a bag is a recording of.
@@ -199,6 +240,7 @@ class _Poses:
         delays_ns: (n,) from stamp to recording; empty where there are no stamps.
         logs_ns: (n,) when they were recorded.
         positions: (n, 3) m, NaN where it was not seen.
+        quaternions: (n, 4) x, y, z, w, NaN where there are none.
         unstamped: how many more there were, without a stamp while others have one.
 
     """
@@ -209,12 +251,13 @@ class _Poses:
     delays_ns: NDArray[np.int64]
     logs_ns: NDArray[np.int64]
     positions: NDArray[np.float64]
+    quaternions: NDArray[np.float64]
     unstamped: int
 
     def cut(self, part: slice) -> _Poses:
         return _Poses(
             self.label, self.frame, self.times_ns[part], self.delays_ns[part],
-            self.logs_ns[part], self.positions[part], self.unstamped,
+            self.logs_ns[part], self.positions[part], self.quaternions[part], self.unstamped,
         )  # fmt: skip
 
 
@@ -272,6 +315,7 @@ class _Stream:
             logs - stamps if stamped else np.zeros(0, dtype=np.int64),
             logs,
             np.array([body.position for _, body in rows]),
+            np.array([body.orientation or (float('nan'),) * 4 for _, body in rows]),
             unstamped,
         )
 

@@ -45,6 +45,7 @@ class Body(NamedTuple):
         stamp_ns: time of its header, ns; 0 where there is none.
         frame: of its header; empty where there is none.
         position: x, y, z, m; NaN where the message says that the body was not seen.
+        orientation: quaternion x, y, z, w; None where the message has none.
 
     """
 
@@ -52,6 +53,7 @@ class Body(NamedTuple):
     stamp_ns: int
     frame: str
     position: tuple[float, float, float]
+    orientation: tuple[float, float, float, float] | None = None
 
 
 def bodies(message: Any) -> list[Body] | None:
@@ -91,9 +93,10 @@ def _body(member: Any, message: Any) -> Body | None:
     except (AttributeError, TypeError, ValueError):
         return None
     turn = getattr(pose, 'orientation', None) or getattr(pose, 'rotation', None)
-    if no_pose(position, _quaternion(turn), covariance):
+    orientation = _quaternion(turn)
+    if no_pose(position, orientation, covariance):
         position = (float('nan'),) * 3
-    return Body(_name(member), stamp_ns, frame.lstrip('/'), position)
+    return Body(_name(member), stamp_ns, frame.lstrip('/'), position, orientation)
 
 
 def _quaternion(turn: Any) -> tuple[float, float, float, float] | None:

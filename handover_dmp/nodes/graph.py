@@ -102,6 +102,7 @@ class Graph:
         lockstep: bool = True,
         nodes: tuple[str, ...] = NODES,
         namespace: str = '/',
+        isolated: bool = True,
     ) -> None:
         """
         Prepare the nodes.
@@ -112,11 +113,13 @@ class Graph:
             lockstep: on simulated time; else on the wall clock.
             nodes: which ones.
             namespace: that they are in, e.g. `/left`; then their simulated time is their own, too.
+            isolated: whether they keep to themselves; else they find what runs in this domain.
 
         """
         self._namespace = namespace
         self._remaps = remaps(namespace)
         self._folder = folder
+        self._isolated = isolated
         self._lockstep = lockstep
         self._nodes = nodes
         self._parameters = {
@@ -136,7 +139,8 @@ class Graph:
 
     def __enter__(self) -> Graph:
         """Start the nodes and wait until they hear each other."""
-        isolate()
+        if self._isolated:
+            isolate()
         (self._folder / 'logs').mkdir(parents=True, exist_ok=True)
         write_node_parameters(self._folder / 'parameters.yaml', self._parameters)
         # that of the process for the first graph, one of its own for another beside it
@@ -156,7 +160,7 @@ class Graph:
                 self.start(name)
             self._wait_for(self._complete, START_TIMEOUT_S, 'the nodes do not find each other')
             if set(self._nodes) == set(NODES):
-                self._wait_for_recorder()
+                self.wait_for_recorder()
         except BaseException:
             self._end()
             raise
@@ -255,13 +259,26 @@ class Graph:
         answer = next(call.result() for call in calls if call.done())
         return None if answer.success else str(answer.message)
 
-    def _wait_for_recorder(self) -> None:
-        """Wait until every stream is recorded, so that the bag lacks nothing of the handover."""
-        deadline_s = monotonic() + START_TIMEOUT_S
+    def wait_for_recorder(self, timeout_s: float = START_TIMEOUT_S) -> None:
+        """
+        Wait until every stream is recorded, so that the bag lacks nothing of the motion.
+
+        Args:
+            timeout_s: longest wait, s.
+
+        Raises:
+            GraphError: one of them has not been heard of by then.
+
+        """
+        deadline_s = monotonic() + timeout_s
         while (fault := self._ask('recorder/ready', ANSWER_S)) is not None:
             if monotonic() > deadline_s:
-                raise GraphError(f'recorder: {fault} within {START_TIMEOUT_S:.0f} s')
+                raise GraphError(f'recorder: {fault} within {timeout_s:.0f} s')
             self.spin(0.05)
+
+    def clock_s(self) -> float:
+        """Return the time on the graph's clock, s."""
+        return self.time_s if self._lockstep else monotonic()
 
     def pause(self, paused: bool) -> None:
         """
@@ -291,7 +308,7 @@ class Graph:
             GraphError: a node has ended, or simulated time stands still.
 
         """
-        deadline_s = self.time_s + timeout_s if self._lockstep else monotonic() + timeout_s
+        deadline_s = self.clock_s() + timeout_s
         stalled_s = monotonic() + STALL_S
         last_s = self.time_s
         while self.state not in wanted:
@@ -301,7 +318,7 @@ class Graph:
                 last_s, stalled_s = self.time_s, monotonic() + STALL_S
             if self._lockstep and monotonic() > stalled_s:
                 raise GraphError(f'simulated time stands still at {last_s:.3f} s')
-            if (self.time_s if self._lockstep else monotonic()) > deadline_s:
+            if self.clock_s() > deadline_s:
                 return False
         return True
 

@@ -90,6 +90,7 @@ class Recorder(HandoverNode):
         self._periods = Periods(1.0)
         self._attendance = Attendance(self._space)
         self._heard: dict[str, Subscription] = {}
+        self._types: dict[str, str] = {}
         self._offered: dict[str, list[Qos]] = {}
         self._not_installed: set[str] = set()
         self._failure = ''
@@ -148,7 +149,8 @@ class Recorder(HandoverNode):
 
     def _unheard(self) -> str:
         """Tell which of the streams to be recorded has not been heard of yet."""
-        streams = [
+        known = {topic.within(self._space) for topic in TOPICS}
+        streams = sorted(self._wanted - known) + [
             topic.within(self._space)
             for topic in TOPICS
             if topic.quality in STREAMING
@@ -165,17 +167,25 @@ class Recorder(HandoverNode):
 
     def _look(self) -> None:
         """Find topics that appeared since, and publishers that offer less than was asked for."""
-        for name, types in self.get_topic_names_and_types():
-            if name in self._moved or not self._is_wanted(name) or len(types) != 1:
+        for name, _ in self.get_topic_names_and_types():
+            if name in self._moved or not self._is_wanted(name):
                 continue
             offered = self._look_at(name)
-            subscription = self._heard.get(name)
-            if not offered or (subscription and _suits(subscription.qos_profile, offered)):
+            # not those of subscriptions, of which one is ours and may be a guess
+            types = {end.topic_type for end in self.get_publishers_info_by_topic(name)}
+            if not offered or len(types) != 1:
                 continue
-            if self._has_type(name, types[0]):
+            type_name, subscription = types.pop(), self._heard.get(name)
+            if (
+                subscription
+                and _suits(subscription.qos_profile, offered)
+                and (name in self._writer.topics or self._types[name] == type_name)
+            ):
+                continue
+            if self._has_type(name, type_name):
                 if subscription:
                     self.destroy_subscription(subscription)
-                self._subscribe(name, types[0], _weakest(offered))
+                self._subscribe(name, type_name, _weakest(offered))
 
     def _look_at(self, name: str) -> list[QoSProfile]:
         """Ask what the publishers of a topic offer, and keep it for the bag."""
@@ -205,6 +215,7 @@ class Recorder(HandoverNode):
         queue = QoSProfile(
             depth=QUEUE, reliability=request.reliability, durability=request.durability
         )
+        self._types[name] = type_name
         self._heard[name] = self.create_subscription(
             message_class(type_name), name, self._writing(name, type_name), queue, raw=True
         )

@@ -1,0 +1,307 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`handover_dmp calibrate`: where a tracker stands and how late it stamps, as parameters."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any, TYPE_CHECKING
+
+from handover_dmp.cli.robot_arguments import add_robot_arguments, chosen_arm
+
+if TYPE_CHECKING:
+    from handover_dmp.mocap.body_path import BodyPath
+    from handover_dmp.tracking.calibration import Calibration
+
+REFERENCE_TOPIC = '/wrist/pose'
+TRACKER_TOPIC = '/hand/pose'
+DURATION_S = 60.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """
+    Declare the words after `calibrate`.
+
+    Args:
+        parser: parser of the verb.
+
+    """
+    parser.add_argument(
+        'sources',
+        nargs='*',
+        type=Path,
+        metavar='BAG | REFERENCE.csv TRACKER.csv',
+        help='a bag with both paths, or two CSV files (t,x,y,z and, where known, qx,qy,qz,qw)',
+    )
+    parser.add_argument(
+        '-o',
+        '--output',
+        type=Path,
+        default=Path('tracker.yaml'),
+        metavar='FILE.yaml',
+        help='parameters of dmp and priority_ik; the figure lies beside it (default: %(default)s)',
+    )
+    parser.add_argument(
+        '--reference',
+        default=REFERENCE_TOPIC,
+        metavar='TOPIC',
+        help='poses of the body in the frame that counts; of several, TOPIC:NAME '
+        '(default: %(default)s, where priority_ik says that the wrist is)',
+    )
+    parser.add_argument(
+        '--tracker',
+        default=TRACKER_TOPIC,
+        metavar='TOPIC',
+        help='poses of the tracker, the same way (default: %(default)s)',
+    )
+    parser.add_argument(
+        '--frame', default='', help='of the tracker, where its poses do not name one of their own'
+    )
+    parser.add_argument(
+        '--marker',
+        nargs=3,
+        type=float,
+        metavar=('X', 'Y', 'Z'),
+        help='where the marker is in the axes of the reference, m (default: estimated, as far as '
+        'the motion tells)',
+    )
+    parser.add_argument(
+        '--max-delay',
+        type=float,
+        default=2.0,
+        metavar='S',
+        help='how far to search for the delay, either way (default: %(default)s)',
+    )
+    parser.add_argument(
+        '--clock',
+        choices=('stamp', 'log'),
+        default='stamp',
+        help='take the times of a bag from the stamps, or from when it was recorded '
+        '(default: %(default)s)',
+    )
+    parser.add_argument(
+        '--part', type=int, metavar='N', help='of a bag whose clock was set back, from 1'
+    )
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write the result as JSON, too')
+    add_move_arguments(parser)
+
+
+def add_move_arguments(parser: argparse.ArgumentParser) -> None:
+    """
+    Declare what moves the arm first.
+
+    Args:
+        parser: parser of the verb.
+
+    """
+    move = parser.add_argument_group('moving the arm, which leaves a bag and then calibrates')
+    move.add_argument(
+        '--move',
+        action='store_true',
+        help='move robot_sim, with a simulated tracker, and record both',
+    )
+    move.add_argument(
+        '--running',
+        action='store_true',
+        help='move the arm that runs in this ROS domain, beside its tracker, not robot_sim',
+    )
+    move.add_argument(
+        '--bag', type=Path, metavar='FOLDER', help='to record into (default: beside the output)'
+    )
+    move.add_argument(
+        '--duration',
+        type=float,
+        default=DURATION_S,
+        metavar='S',
+        help='of the motion (default: %(default)s)',
+    )
+    move.add_argument('--seed', type=int, default=0, help='of the simulated tracker')
+    add_robot_arguments(parser, 'lwr4')
+
+
+def run(options: argparse.Namespace) -> int:
+    """
+    Calibrate.
+
+    Args:
+        options: what `add_arguments` declared.
+
+    Returns:
+        0, or 1 if the motion does not determine where the tracker stands.
+
+    Raises:
+        DataError: the paths cannot be read, or are not of one body.
+        UsageError: wrong options.
+
+    """
+    from handover_dmp.common.errors import UsageError
+
+    if not 0.1 <= options.max_delay <= 600.0:
+        raise UsageError(f'--max-delay {options.max_delay:g} is not from 0.1 to 600 s')
+    if options.output.suffix not in {'.yaml', '.yml'}:
+        raise UsageError(f'{options.output}: parameters are a .yaml')
+    if options.move:
+        options.sources = [_moved(options)]
+    if not 1 <= len(options.sources) <= 2:
+        raise UsageError('say a bag, two CSV files, or --move')
+    from handover_dmp.tracking.calibration import calibrate
+
+    reference, tracker = _paths(options)
+    frame = _tracker_frame(options, reference.frame, tracker.frame)
+    found = calibrate(reference, tracker, max_delay_s=options.max_delay, marker=options.marker)
+    return _tell(options, found, frame, reference.frame)
+
+
+def _moved(options: argparse.Namespace) -> Path:
+    from handover_dmp.common.errors import GET_ROS, HandoverError, UsageError
+
+    if options.sources:
+        raise UsageError('--move makes the bag: leave the others out')
+    try:
+        from handover_dmp.nodes.run_calibration import move_and_record
+    except ModuleNotFoundError as error:
+        raise HandoverError(f'{error.name} is not installed; {GET_ROS}') from error
+    from handover_dmp.cli.progress import progress_bar
+
+    bag: Path = options.bag or options.output.with_name(f'{options.output.stem}_bag')
+    with progress_bar() as bar:
+        task = bar.add_task('starting the nodes', total=1.0)
+        move_and_record(
+            bag,
+            chosen_arm(options),
+            duration_s=options.duration,
+            running=options.running,
+            seed=options.seed,
+            tracker_topic=options.tracker.partition(':')[0],
+            tell=lambda what, share: bar.update(task, description=what, completed=share),
+        )
+    return bag
+
+
+def _paths(options: argparse.Namespace) -> tuple[BodyPath, BodyPath]:
+    """Read the reference and the tracker."""
+    from handover_dmp.common.errors import UsageError
+    from handover_dmp.mocap.bag import read_body_paths
+    from handover_dmp.mocap.body_path import read_body_csv
+
+    if len(options.sources) == 2:
+        first, second = options.sources
+        if first.suffix.lower() != '.csv' or second.suffix.lower() != '.csv':
+            raise UsageError(f'{first}, {second}: two sources are two CSV files')
+        return read_body_csv(first), read_body_csv(second)
+    if options.sources[0].suffix.lower() == '.csv':
+        raise UsageError(f'{options.sources[0]}: and the CSV file of the tracker?')
+    reference, tracker = read_body_paths(
+        options.sources[0],
+        (options.reference, options.tracker),
+        part=options.part,
+        clock=options.clock,
+    )
+    return reference, tracker
+
+
+def _tracker_frame(options: argparse.Namespace, reference: str, tracker: str) -> str:
+    """Return the name that the nodes will know the tracker's frame by."""
+    from handover_dmp.common.errors import DataError
+    from handover_dmp.topics import FRAME
+
+    frame = str(options.frame or tracker)
+    if len(options.sources) == 2 and not frame:
+        return 'tracker'
+    if frame in ('', reference or FRAME):
+        raise DataError(
+            f'{options.tracker}: its poses call their frame {frame!r}, as the reference does: the '
+            'nodes would not transform them; let the tracker name a frame of its own, and say it '
+            'here by --frame if the bag is from before'
+        )
+    return frame
+
+
+def _tell(
+    options: argparse.Namespace, found: Calibration, frame: str, reference_frame: str
+) -> int:
+    from handover_dmp.common.files import write_text
+    from handover_dmp.tracking.calibration_figure import draw_calibration
+    from handover_dmp.tracking.calibration_file import node_parameters, outcome, tells_delay
+    from rich.console import Console
+
+    figure = options.output.with_suffix('.png')
+    draw_calibration(found, figure)
+    console = Console(soft_wrap=True, highlight=False)
+    _show(console, found)
+    if 'delay' not in found.undetermined and not tells_delay(found):
+        console.print(
+            f'the tracker stamps {-1e3 * found.delay_s:.1f} ms before it measures: its clock is '
+            'ahead; set it, since the nodes take no negative delay',
+            style='yellow',
+        )
+    for warning in found.warnings:
+        console.print(warning, style='yellow')
+    determined = not {'rotation', 'position'} & set(found.undetermined)
+    result: dict[str, Any] = outcome(found) | {'figure': str(figure)}
+    if determined:
+        _, _, body = options.tracker.partition(':')
+        write_text(options.output, node_parameters(found, frame, body, reference_frame))
+        result['parameters'] = str(options.output)
+        console.print(f'parameters: {options.output}, figure: {figure}')
+    else:
+        console.print(f'not determined, no parameters written; figure: {figure}', style='red')
+    if options.json:
+        import json
+
+        write_text(options.json, json.dumps(result, indent=1) + '\n')
+    return 0 if determined else 1
+
+
+def _show(console: Any, found: Calibration) -> None:
+    from rich.table import Table
+    from scipy.spatial.transform import Rotation
+
+    def millimetres(values: Any) -> str:
+        return ', '.join(f'{1e3 * value:.1f}' for value in values)
+
+    roll, pitch, yaw = Rotation.from_quat(found.quaternion).as_euler('xyz', degrees=True)
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    for heading in ('', 'found', '95 %'):
+        table.add_column(heading)
+    table.add_row(
+        "tracker's frame, mm",
+        millimetres(found.position),
+        f'± {millimetres(found.position_interval_m)}',
+    )
+    table.add_row(
+        'roll, pitch, yaw, °',
+        f'{roll:.2f}, {pitch:.2f}, {yaw:.2f}',
+        f'± {found.rotation_interval_deg:.3f} about any axis',
+    )
+    table.add_row(
+        'stamped too late, ms',
+        f'{1e3 * found.delay_s:.2f}',
+        f'± {1e3 * found.delay_interval_s:.2f}',
+    )
+    table.add_row(
+        'marker on the body, mm',
+        millimetres(found.marker),
+        f'± {millimetres(found.marker_interval_m)}' if found.marker_estimated else 'as told',
+    )
+    table.add_row(
+        'residual, mm',
+        f'{1e3 * found.residual_m:.2f} (root mean square)',
+        f'95 % within {1e3 * found.residual_95_m:.2f}',
+    )
+    left_out = int((~found.counted).sum())
+    table.add_row('poses', f'{len(found.times)}, {left_out} of them left out', '')
+    console.print(table)

@@ -1,0 +1,158 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The path of one body that was tracked: places over time, and how it was turned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from handover_dmp.common.errors import DataError
+from handover_dmp.mocap.no_pose import no_pose
+from handover_dmp.mocap.tables import parse_number, read_records
+import numpy as np
+from numpy.typing import NDArray
+
+PLACE_COLUMNS = ('t', 'x', 'y', 'z')
+TURN_COLUMNS = ('qx', 'qy', 'qz', 'qw')
+MIN_POSES = 20
+
+
+@dataclass(frozen=True, eq=False)
+class BodyPath:
+    """
+    Where a body was, as one source tells it; poses that are none are left out.
+
+    Attributes:
+        label: what it is, for messages.
+        frame: that the poses are given in; empty where nothing tells it.
+        times: (n,) s, strictly increasing.
+        positions: (n, 3) m.
+        quaternions: (n, 4) x, y, z, w, of norm 1; None where there are none.
+        lost: poses that were none.
+        delay_s: median time from the stamp to the recording, s; 0 where that is not known.
+
+    """
+
+    label: str
+    frame: str
+    times: NDArray[np.float64]
+    positions: NDArray[np.float64]
+    quaternions: NDArray[np.float64] | None = None
+    lost: int = 0
+    delay_s: float = 0.0
+
+    def checked(self) -> BodyPath:
+        """
+        Check that there is something to work with.
+
+        Returns:
+            The same path.
+
+        Raises:
+            DataError: too few poses.
+
+        """
+        if len(self.times) < MIN_POSES:
+            lost = f' beside {self.lost} that are none' if self.lost else ''
+            raise DataError(
+                f'{self.label}: {len(self.times)} poses{lost}; at least {MIN_POSES} are needed'
+            )
+        return self
+
+
+def make_body_path(
+    label: str,
+    frame: str,
+    times: NDArray[np.float64],
+    positions: NDArray[np.float64],
+    quaternions: NDArray[np.float64],
+    delay_s: float = 0.0,
+) -> BodyPath:
+    """
+    Make a path out of poses as they came.
+
+    Args:
+        label: what it is, for messages.
+        frame: that the poses are given in.
+        times: (n,) s, in any order; of two poses of one time the first counts.
+        positions: (n, 3) m, NaN where the body was not seen.
+        quaternions: (n, 4) x, y, z, w, NaN where there are none.
+        delay_s: median time from the stamp to the recording, s.
+
+    Returns:
+        The path.
+
+    Raises:
+        DataError: too few poses.
+
+    """
+    order = np.argsort(times, kind='stable')
+    once = order[np.concatenate([[True], np.diff(times[order]) > 0.0])] if len(order) else order
+    seen = once[np.isfinite(positions[once]).all(axis=1)]
+    turns = quaternions[seen]
+    norms = np.linalg.norm(turns, axis=1, keepdims=True)
+    turned = bool(len(seen)) and bool(np.isfinite(norms).all()) and bool((norms > 0.0).all())
+    return BodyPath(
+        label,
+        frame,
+        times[seen],
+        positions[seen],
+        turns / norms if turned else None,
+        len(once) - len(seen),
+        delay_s,
+    ).checked()
+
+
+def read_body_csv(path: str | Path) -> BodyPath:
+    """
+    Read a path from a CSV file.
+
+    Args:
+        path: of the file; its columns `t,x,y,z`, in s and m, and where there are orientations
+            `qx,qy,qz,qw`, in any order, with others or without. A cell that is empty or `nan`,
+            and exact zeros, mean that the body was not seen.
+
+    Returns:
+        The path; its frame is empty.
+
+    Raises:
+        DataError: names file, line and fault; or there are too few poses.
+
+    """
+    path = Path(path)
+    records = read_records(path, PLACE_COLUMNS)
+    if not records:
+        raise DataError(f'{path}: no poses')
+    turned = all(column in records[0][1] for column in TURN_COLUMNS)
+    rows = []
+    for number, record in records:
+        where = f'{path}: line {number}'
+        time = parse_number(record['t'], 't', where)
+        place = tuple(_number(record[column], column, where) for column in PLACE_COLUMNS[1:])
+        turn = tuple(
+            _number(record[column], column, where) if turned else float('nan')
+            for column in TURN_COLUMNS
+        )
+        seen = not no_pose(place, turn if turned else None)
+        rows.append((time, *(place if seen else (float('nan'),) * 3), *turn))
+    table = np.array(rows)
+    return make_body_path(path.name, '', table[:, 0], table[:, 1:4], table[:, 4:])
+
+
+def _number(cell: str, name: str, where: str) -> float:
+    if cell.strip().lower() in ('', 'nan'):
+        return float('nan')
+    return parse_number(cell, name, where)

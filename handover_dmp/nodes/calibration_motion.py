@@ -1,0 +1,253 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Node `calibration_motion`: moves the arm so that a tracker can be calibrated, in place of the IK.
+
+It answers each joint state with joint velocities, zero before the motion and after it, and says
+where the wrist is. With `simulated_tracker.enabled` it says too what a tracker would have seen.
+"""
+
+from __future__ import annotations
+
+import sys
+from time import sleep
+
+from builtin_interfaces.msg import Time
+from handover_dmp.nodes.arm import limits_told, load_arm
+from handover_dmp.nodes.conversions import (
+    NANOSECONDS,
+    nanoseconds,
+    pose_message,
+    quaternion_of,
+    stamp,
+    to_joint_command,
+)
+from handover_dmp.nodes.diagnostics import Diagnostics, Periods
+from handover_dmp.nodes.node import HandoverNode
+from handover_dmp.nodes.parameters import ARM, DRIVER, Parameter
+from handover_dmp.nodes.spin import run
+from handover_dmp.robot.calibration_motion import (
+    MotionFollower,
+    plan_calibration_motion,
+    wrist_box,
+)
+from handover_dmp.robot.errors import UnreachableError
+from handover_dmp.robot.joint_states import JointStateReader
+from handover_dmp.topics import HAND_POSE, JOINT_COMMAND, JOINT_STATES, WRIST_POSE
+from handover_dmp.tracking.simulated_tracker import SimulatedTracker, TrackerPlace
+import numpy as np
+from sensor_msgs.msg import JointState
+
+TRACKER = 'simulated_tracker.'
+MAX_STEP = 4.0
+"""Longest time, in periods, that a command is meant for after a late joint state."""
+LOOK_S = 0.02
+SETTLE_S = 0.5
+"""How long the arm is held after the motion."""
+
+
+class CalibrationMotionNode(HandoverNode):
+    """The motion as a node."""
+
+    NAME = 'calibration_motion'
+    PARAMETERS = (
+        *ARM,
+        *DRIVER,
+        Parameter('rate_hz', 'of the joint states, Hz', 10.0, 1000.0, read_only=True),
+        Parameter('duration_s', 'of the motion, s', 5.0, 600.0, read_only=True),
+        Parameter('wrist_speed', 'that the wrist keeps to, m/s', 0.01, 1.0, read_only=True),
+        Parameter(
+            'start', 'auto: with the first joint states; service: when ~/start is called',
+            choices=('auto', 'service'), read_only=True,
+        ),
+        Parameter(
+            'joint_state_timeout_s', 'older: the arm brakes, s', 0.005, 10.0, read_only=True
+        ),
+        Parameter(TRACKER + 'enabled', 'whether to play the tracker, too', read_only=True),
+        Parameter(TRACKER + 'frame', 'of its poses', read_only=True),
+        Parameter(TRACKER + 'position', 'of that frame in the room, m', read_only=True),
+        Parameter(
+            TRACKER + 'quaternion', 'from its axes to those of the room, x, y, z, w',
+            read_only=True,
+        ),
+        Parameter(
+            TRACKER + 'delay_s', 'how much too late its poses are stamped, s', 0.0, 10.0,
+            read_only=True,
+        ),
+        Parameter(
+            TRACKER + 'noise_m', 'standard deviation on each axis, m', 0.0, 1.0, read_only=True
+        ),
+        Parameter(TRACKER + 'marker', "in the wrist's axes, m", read_only=True),
+        Parameter(TRACKER + 'seed', 'of the noise', 0, 2**31 - 1, read_only=True),
+    )  # fmt: skip
+
+    def __init__(self) -> None:
+        """Load the arm, connect the topics, wait for joint states."""
+        super().__init__()
+        values = self.values
+        self._model = load_arm(self)
+        self._limits_told = limits_told(self._model)
+        self._reader = JointStateReader(self._model.joint_names, values['joint_prefix'])
+        self._period_s = 1.0 / values['rate_hz']
+        self._periods = Periods(self._period_s)
+        self.ended = False
+        self.exit_code = 0
+        self._wanted = values['start'] == 'auto'
+        self._follower: MotionFollower | None = None
+        self._positions = self._model.home
+        self._began_s = self._told_s = self._heard_s = 0.0
+        self._told_ns = -1
+        self._fault = ''
+        self._tracker: SimulatedTracker | None = None
+        if values[TRACKER + 'enabled']:
+            place = {
+                name.removeprefix(TRACKER): value
+                for name, value in values.items()
+                if name.startswith(TRACKER)
+            }
+            self._tracker_frame: str = place.pop('frame')
+            del place['enabled']
+            self._tracker = SimulatedTracker(TrackerPlace(**place))
+            self._hand = self.advertise(HAND_POSE)
+        self._command = self.advertise(JOINT_COMMAND)
+        self._wrist = self.advertise(WRIST_POSE)
+        self.subscribe(JOINT_STATES, self._on_joint_states)
+        self.serve('start', self._start)
+        if not self.lockstep:
+            self.every(LOOK_S, self._watch)
+        Diagnostics(self, self._periods, self._condition)
+
+    def _start(self) -> str:
+        self._wanted = True
+        return ''
+
+    def _on_joint_states(self, message: JointState) -> None:
+        if not self._reader.concerns(message.name):
+            return
+        found = self._reader.read(message.name, message.position, message.velocity)
+        if isinstance(found, str):
+            self._end(found)
+            return
+        self._positions = found[0]
+        time_ns = nanoseconds(message.header.stamp)
+        self._heard_s = self.arrival_s()
+        now_s = time_ns / NANOSECONDS if self.lockstep else self._heard_s
+        again = self.lockstep and time_ns == self._told_ns
+        self._periods.tick()
+        self._tell_where(message.header.stamp, now_s, again)
+        if self._follower is None and self._wanted and not again:
+            self._plan()
+            # planning takes a while, in which the arm rests
+            now_s = now_s if self.lockstep else self.arrival_s()
+            self._began_s = self._told_s = now_s
+        self._answer(time_ns, now_s)
+
+    def _tell_where(self, time: Time, now_s: float, again: bool) -> None:
+        position, rotation = self._model.wrist_pose(self._positions)
+        turn = quaternion_of(rotation)
+        self._wrist.publish(pose_message(time, position, turn, frame=self.frame))
+        if self._tracker is None or again:
+            return
+        for stamp_s, seen in self._tracker.see(now_s, position, rotation):
+            time_ns = round(stamp_s * NANOSECONDS)
+            if not self.lockstep:
+                # ages are counted on another clock than stamps
+                time_ns += self.now_ns() - round(now_s * NANOSECONDS)
+            self._hand.publish(pose_message(stamp(time_ns), seen, frame=self._tracker_frame))
+
+    def _plan(self) -> None:
+        try:
+            motion = plan_calibration_motion(
+                self._model,
+                self._positions,
+                self.values['duration_s'],
+                self.values['wrist_speed'],
+            )
+        except UnreachableError as error:
+            self._end(str(error))
+            return
+        low, high = wrist_box(self._model, motion).tolist()
+        self.get_logger().info(
+            'the wrist will move within '
+            + ', '.join(
+                f'{axis} {a:.2f} to {b:.2f} m' for axis, a, b in zip('xyz', low, high, strict=True)
+            )
+        )
+        self._follower = MotionFollower(self._model, motion)
+
+    def _answer(self, time_ns: int, now_s: float) -> None:
+        velocities = np.zeros(self._model.dof)
+        if self._follower is not None and not self.ended:
+            dt = min(max(now_s - self._told_s, 1e-3), MAX_STEP * self._period_s)
+            if self._fault:
+                velocities = self._follower.brake(self._positions, dt)
+                self.ended = self._follower.resting
+            else:
+                time_s = now_s - self._began_s
+                velocities, self._fault = self._follower.follow(time_s, self._positions, dt)
+                self._look_for_others()
+                self.ended = time_s >= self.values['duration_s'] + SETTLE_S
+        self._told_s, self._told_ns = now_s, time_ns
+        self._command.publish(to_joint_command(time_ns, velocities.tolist()))
+
+    def _look_for_others(self) -> None:
+        if not self._fault and self.count_publishers(self._command.topic_name) > 1:
+            self._fault = 'another node commands the arm too: end priority_ik first'
+        if self._fault:
+            self._end(self._fault)
+
+    def _watch(self) -> None:
+        """Brake without looking where joint states stay away."""
+        moving = self._follower is not None and not self._follower.resting
+        late_s = self.arrival_s() - self._heard_s
+        if moving and late_s > self.values['joint_state_timeout_s']:
+            self._end(f'no joint states for {late_s:.2f} s')
+            self.finish_motion()
+            self.ended = True
+
+    def _end(self, fault: str) -> None:
+        """Say what is wrong; the arm is braked, then the node ends."""
+        if not self.exit_code:
+            self.get_logger().error(fault)
+        self._fault, self.exit_code = fault, 1
+        self.ended = self._follower is None
+
+    def finish_motion(self) -> None:
+        """Bring the arm to rest within its limits, whether or not it is seen."""
+        while self._follower is not None and not self._follower.resting:
+            velocities = self._follower.brake(self._positions, self._period_s)
+            self._command.publish(to_joint_command(self.now_ns(), velocities.tolist()))
+            sleep(self._period_s)
+
+    def finish(self) -> None:
+        """Bring the arm to rest, then end."""
+        if not self.lockstep:
+            self.finish_motion()
+        super().finish()
+
+    def _condition(self) -> tuple[str, dict[str, str]]:
+        return self._fault, {
+            'moving': str(self._follower is not None and not self.ended),
+            **self._limits_told,
+        }
+
+
+def main() -> int:
+    """Run the node."""
+    return run(CalibrationMotionNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,470 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Where a tracker stands and how late its stamps are, from one body that two sources saw.
+
+The reference says where a body is in the frame that counts (an arm its wrist, by its joints; a
+tracker that is calibrated a hand), the tracker sees a marker on it:
+
+    p(t_i - d) + R_w(t_i - d)·m = R·y_i + x ,
+
+with p, R_w the reference's position and rotation, y_i what the tracker says with stamp t_i, R, x
+the place of the tracker's frame, d how much too late it stamps, m the marker in the axes of the
+body. The lag that fits best is searched first (`lag_search`); from there R (Kabsch), x, m and d
+are found jointly by least squares, without the poses that lie more than four standard deviations
+off. The intervals are those of the least squares, their covariance the sandwich of Newey and West
+(1987), since neither noise nor faults of a tracker are independent from one pose to the next.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from warnings import catch_warnings, simplefilter
+
+from handover_dmp.common.errors import DataError
+from handover_dmp.mocap.body_path import BodyPath
+from handover_dmp.tracking.lag_search import LagSearch, search_lag
+from handover_dmp.tracking.reference_path import ReferencePath
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+from scipy.stats import t as student
+
+Array = NDArray[np.float64]
+Place = tuple[float, float, float]
+
+MIN_SPREAD_M = 0.02
+"""Standard deviation of a motion along a direction, below which there is none."""
+MAX_TURN_DEG = 1.0
+MAX_SHIFT_M = 0.01
+MAX_DELAY_S = 0.02
+"""A quantity whose 95 % interval reaches further than this to either side is not determined."""
+MIN_TURN_RAD = 0.1
+"""Standard deviation of the body's rotation, below which it tells nothing of the marker."""
+OUTLIER = 4.0
+"""In standard deviations of a pose."""
+MAX_LEFT_OUT = 0.2
+MAX_SCALE = 0.05
+MISFIT = 0.35
+"""Residual, relative to the motion, beyond which both are not of one body."""
+AMBIGUOUS_S = 0.1
+AMBIGUOUS = 1.5
+"""A lag as far off whose error is within this factor of the best fits about as well."""
+CORRELATED_S = 1.0
+"""Errors of poses that are further apart in time are taken to be independent."""
+ROUNDS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """
+    What was found. Each interval reaches so far to either side with 95 % probability.
+
+    Attributes:
+        position: (3,) m, of the tracker's frame in that of the reference.
+        position_interval_m: (3,).
+        quaternion: (4,) x, y, z, w, from the tracker's axes to those of the reference.
+        rotation_interval_deg: about the axis that is known least.
+        delay_s: how much too late the tracker stamps its poses, by the reference's clock.
+        delay_interval_s: of it.
+        marker: (3,) m, of the marker in the axes of the reference's body.
+        marker_interval_m: (3,); 0 along what was not estimated.
+        marker_estimated: whether any of it was.
+        residual_m: root mean square distance of marker and pose, of the poses that count.
+        residual_95_m: 95 % of these are nearer.
+        times: (n,) s, of the tracker's poses on the reference's clock.
+        expected: (n, 3) m, where the marker was by the reference.
+        seen: (n, 3) m, where the tracker saw it, in the reference's frame.
+        counted: (n,) which poses count.
+        search: the search for the lag.
+        undetermined: what the motion does not determine: `rotation`, `position`, `delay`.
+        warnings: what a user should know.
+
+    """
+
+    position: Array
+    position_interval_m: Array
+    quaternion: Array
+    rotation_interval_deg: float
+    delay_s: float
+    delay_interval_s: float
+    marker: Array
+    marker_interval_m: Array
+    marker_estimated: bool
+    residual_m: float
+    residual_95_m: float
+    times: Array
+    expected: Array
+    seen: Array
+    counted: NDArray[np.bool_]
+    search: LagSearch
+    undetermined: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+
+def calibrate(
+    reference: BodyPath,
+    tracker: BodyPath,
+    *,
+    max_delay_s: float = 2.0,
+    marker: Place | None = None,
+) -> Calibration:
+    """
+    Find place and delay of a tracker.
+
+    Args:
+        reference: the body in the frame that counts.
+        tracker: the same body as the tracker says.
+        max_delay_s: how far to search for the delay to either side, around what the times of
+            recording tell, s.
+        marker: where the marker is in the axes of the body, m; if left out, it is estimated as
+            far as the body was turned, and zero beyond that.
+
+    Returns:
+        Both, with intervals and warnings.
+
+    Raises:
+        DataError: the paths do not overlap, the body was at rest, or they are not of one body.
+
+    """
+    known = ReferencePath(reference)
+    search = search_lag(known, tracker, reference.delay_s - tracker.delay_s, max_delay_s)
+    _refuse_other_metres(known, tracker, search)
+    fit = _Fit(known, tracker, search, marker)
+    fit.solve()
+    return fit.judged()
+
+
+def _refuse_other_metres(known: ReferencePath, tracker: BodyPath, search: LagSearch) -> None:
+    """Refuse what no rigid transform can mend: a mirrored frame, other units of length."""
+    places = known.positions(tracker.times[search.inside] - search.best_s)
+    seen = tracker.positions[search.inside]
+    spread = np.linalg.norm(places - places.mean(axis=0), axis=1)
+    if np.sqrt(np.square(spread).mean()) < MIN_SPREAD_M:
+        raise DataError(
+            f'the body stays within {1e3 * spread.max():.0f} mm: carry it about for half a '
+            'minute, in all directions'
+        )
+    ratio = float(spread.sum() / np.linalg.norm(seen - seen.mean(axis=0), axis=1).sum())
+    plain = 10.0 ** round(np.log10(ratio))
+    if abs(ratio - 1.0) > 0.5:
+        hint = {0.001: ' (millimetres?)', 0.01: ' (centimetres?)'}.get(plain, '')
+        raise DataError(
+            f'{tracker.label}: ways {1.0 / ratio:.4g} times as long as those of the reference'
+            f'{hint}: positions are to be in metres'
+        )
+    middle = seen.mean(axis=0)
+    depths = np.linalg.svd(seen - middle, compute_uv=False) / np.sqrt(len(seen))
+    if depths[2] > MIN_SPREAD_M and np.linalg.det(search.matrix) < -0.5:
+        raise DataError(
+            f'{tracker.label}: a mirror image of the reference: its frame is left-handed, or two '
+            'of its axes are exchanged'
+        )
+
+
+class _Fit:
+    """The joint least squares: turn (3), place of the middle (3), delay, marker (0 to 3)."""
+
+    def __init__(
+        self, known: ReferencePath, tracker: BodyPath, search: LagSearch, marker: Place | None
+    ) -> None:
+        self._known, self._tracker, self._search = known, tracker, search
+        inside = search.inside
+        self._middle = tracker.positions[inside].mean(axis=0)
+        self._given = np.zeros(3) if marker is None else np.array(marker, dtype=float)
+        self._axes = _turned_axes(known, tracker.times[inside] - search.best_s)
+        if marker is not None:
+            self._axes = self._axes[:, :0]
+        self._asked = marker is None
+        self.delay_s = search.best_s
+        self.offset = np.zeros(self._axes.shape[1])
+        self.inside = np.zeros(len(tracker.times), dtype=bool)
+        self.inside[inside] = True
+        self._start(inside)
+
+    def _start(self, inside: NDArray[np.intp]) -> None:
+        """Turn about by Kabsch and marker by linear least squares, a few times."""
+        at = self._tracker.times[inside] - self.delay_s
+        places, turns = self._known.positions(at), self._known.rotations(at)
+        seen = self._tracker.positions[inside] - self._middle
+        for _ in range(ROUNDS):
+            marked = places + turns @ self.marker
+            shift = marked.mean(axis=0)
+            off = seen - seen.mean(axis=0)
+            with catch_warnings():
+                # that a line leaves it open is said later
+                simplefilter('ignore', UserWarning)
+                self.turn = Rotation.align_vectors(marked - shift, off)[0]
+            self.shift = shift - self.turn.apply(seen.mean(axis=0))
+            if not len(self.offset):
+                break
+            left = self.turn.apply(seen) - places - turns @ self._given
+            design = turns @ self._axes
+            design = design - design.mean(axis=0)
+            self.offset = np.linalg.lstsq(
+                design.reshape(-1, len(self.offset)),
+                (left - left.mean(axis=0)).ravel(),
+                rcond=None,
+            )[0]
+
+    @property
+    def marker(self) -> Array:
+        return np.asarray(self._given + self._axes @ self.offset)
+
+    def solve(self) -> None:
+        """Solve again and again, without the poses that lie too far off, until they stay."""
+        for _ in range(ROUNDS):
+            self._least_squares()
+            off = self._residuals(np.zeros(self._size), slice(None))
+            valid = self._known.known(self._tracker.times - self.delay_s)
+            # the median of the length of a vector with three normal parts is 1.538
+            deviation = float(np.median(np.linalg.norm(off[valid & self.inside], axis=1))) / 1.538
+            inside = valid & (np.linalg.norm(off, axis=1) <= OUTLIER * deviation + 1e-9)
+            if np.array_equal(inside, self.inside):
+                break
+            self.inside = inside
+        else:
+            self._least_squares()
+
+    @property
+    def _size(self) -> int:
+        return 7 + len(self.offset)
+
+    def _residuals(self, change: Array, rows: NDArray[np.bool_] | slice) -> Array:
+        """Return where the marker was by the reference, minus where it was seen, (n, 3) m."""
+        at = self._tracker.times[rows] - self.delay_s - change[6]
+        marker = self._given + self._axes @ (self.offset + change[7:])
+        expected = self._known.positions(at) + self._known.rotations(at) @ marker
+        turn = Rotation.from_rotvec(change[:3]) * self.turn
+        seen = turn.apply(self._tracker.positions[rows] - self._middle)
+        return np.asarray(expected - seen - self.shift - change[3:6])
+
+    def _jacobian(self, change: Array, rows: NDArray[np.bool_]) -> Array:
+        """Differentiate them, (n, 3, size)."""
+        step_s = 1e-3
+        at = self._tracker.times[rows] - self.delay_s - change[6]
+        marker = self._given + self._axes @ (self.offset + change[7:])
+        turns = self._known.rotations(at)
+        swing = self._known.rotations(at - step_s) - self._known.rotations(at + step_s)
+        turn = Rotation.from_rotvec(change[:3]) * self.turn
+        x, y, z = turn.apply(self._tracker.positions[rows] - self._middle).T
+        jacobian = np.zeros((len(at), 3, self._size))
+        jacobian[:, 0, 1], jacobian[:, 0, 2] = -z, y
+        jacobian[:, 1, 0], jacobian[:, 1, 2] = z, -x
+        jacobian[:, 2, 0], jacobian[:, 2, 1] = -y, x
+        jacobian[:, range(3), range(3, 6)] = -1.0
+        jacobian[:, :, 6] = -self._known.velocities(at) + swing @ marker / (2.0 * step_s)
+        jacobian[:, :, 7:] = turns @ self._axes
+        return jacobian
+
+    def _least_squares(self) -> None:
+        found = least_squares(
+            lambda change: self._residuals(change, self.inside).ravel(),
+            np.zeros(self._size),
+            lambda change: self._jacobian(change, self.inside).reshape(-1, self._size),
+            x_scale='jac',
+        ).x
+        self.turn = Rotation.from_rotvec(found[:3]) * self.turn
+        self.shift = self.shift + found[3:6]
+        self.delay_s += float(found[6])
+        self.offset = self.offset + found[7:]
+
+    def judged(self) -> Calibration:
+        """Put the result together and say what is not determined."""
+        tracker, rows = self._tracker, self.inside
+        times = tracker.times - self.delay_s
+        valid = self._known.known(times)
+        off = self._residuals(np.zeros(self._size), rows)
+        lengths = np.linalg.norm(off, axis=1)
+        covariance, factor = self._covariance(off)
+        rotated_middle = self.turn.apply(self._middle)
+        # x = shift - R·middle, whose turn moves it by middle × turn
+        x, y, z = rotated_middle
+        lever = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        to_origin = np.hstack([lever, np.eye(3)])
+        origin = to_origin @ covariance[:6, :6] @ to_origin.T
+        axes = self._axes
+        expected = self._known.positions(times) + self._known.rotations(times) @ self.marker
+        seen = self.turn.apply(tracker.positions - self._middle) + self.shift
+        turn_deg = np.rad2deg(np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1]))
+        undetermined, warnings = self._verdict(
+            expected[rows], seen[rows], off, factor * np.sqrt(np.diag(covariance)), valid
+        )
+        return Calibration(
+            position=self.shift - rotated_middle,
+            position_interval_m=factor * np.sqrt(np.maximum(np.diag(origin), 0.0)),
+            quaternion=self.turn.as_quat(),
+            rotation_interval_deg=float(factor * turn_deg),
+            delay_s=self.delay_s,
+            delay_interval_s=float(factor * np.sqrt(covariance[6, 6])),
+            marker=self.marker,
+            marker_interval_m=factor
+            * np.sqrt(np.maximum(np.diag(axes @ covariance[7:, 7:] @ axes.T), 0.0)),
+            marker_estimated=bool(len(self.offset)),
+            residual_m=float(np.sqrt(np.square(lengths).mean())),
+            residual_95_m=float(np.quantile(lengths, 0.95)),
+            times=times[valid],
+            expected=expected[valid],
+            seen=seen[valid],
+            counted=rows[valid],
+            search=self._search,
+            undetermined=undetermined,
+            warnings=warnings,
+        )
+
+    def _covariance(self, off: Array) -> tuple[Array, float]:
+        """Return the covariance of all that was solved for, and the factor of a 95 % interval."""
+        jacobian = self._jacobian(np.zeros(self._size), self.inside)
+        flat = jacobian.reshape(-1, self._size)
+        scale = np.maximum(np.linalg.norm(flat, axis=0), 1e-12)
+        values, vectors = np.linalg.eigh((flat / scale).T @ (flat / scale))
+        values = np.maximum(values, 1e-12)
+        inverse = (vectors / values) @ vectors.T
+        scores = np.einsum('nij,ni->nj', jacobian, off) / scale
+        times = self._tracker.times[self.inside]
+        period_s = float(np.median(np.diff(times)))
+        lags = min(int(CORRELATED_S / period_s), len(scores) // 4)
+        middle = scores.T @ scores
+        for lag in range(1, lags + 1):
+            product = scores[lag:].T @ scores[:-lag]
+            middle += (1.0 - lag / (lags + 1)) * (product + product.T)
+        count = len(scores)
+        middle *= count / (count - self._size / 3.0)
+        # what independent errors would give is the least there is
+        plain = float(np.square(off).sum()) / (3 * count - self._size) * inverse
+        robust = inverse @ middle @ inverse
+        short = np.diag(robust) < np.diag(plain)
+        covariance = plain if short.all() else robust
+        grown = np.sqrt(np.maximum(np.diag(plain) / np.maximum(np.diag(covariance), 1e-300), 1.0))
+        covariance = covariance * np.outer(grown, grown) / np.outer(scale, scale)
+        duration_s = float(times[-1] - times[0])
+        factor = float(student.ppf(0.975, max(duration_s / CORRELATED_S, 2.0)))
+        return covariance, factor
+
+    def _verdict(
+        self,
+        expected: Array,
+        seen: Array,
+        off: Array,
+        intervals: Array,
+        valid: NDArray[np.bool_],
+    ) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        undetermined: list[str] = []
+        warnings: list[str] = []
+        deviation = float(np.sqrt(np.square(off).mean()))
+        spreads, directions = _spreads(expected, seen)
+        if np.sqrt(3.0) * deviation > MISFIT * float(np.linalg.norm(spreads)):
+            raise DataError(
+                f'{self._tracker.label}: no transform and delay bring it nearer to the reference '
+                f'than {1e3 * np.sqrt(3.0) * deviation:.0f} mm: are both of one body, and is the '
+                f'delay within the search?'
+            )
+        if spreads[1] < MIN_SPREAD_M:
+            undetermined.append('rotation')
+            line = ', '.join(f'{x:.2f}' for x in directions[0])
+            warnings.append(
+                f'the motion is all on a line, along ({line}): the rotation about it is not '
+                'determined; move in two more directions'
+            )
+        elif np.rad2deg(intervals[:3].max()) > MAX_TURN_DEG:
+            undetermined.append('rotation')
+            warnings.append(
+                f'the rotation is known to {np.rad2deg(intervals[:3].max()):.1f}° only: move '
+                'farther, longer, at changing speeds'
+            )
+        if intervals[3:6].max() > MAX_SHIFT_M:
+            undetermined.append('position')
+            warnings.append(
+                f'the position is known to {1e3 * intervals[3:6].max():.0f} mm only: move farther '
+                'and longer'
+            )
+        warnings += self._delay_verdict(intervals[6], undetermined)
+        warnings += self._marker_verdict(intervals[7:])
+        left_out = 1.0 - self.inside.sum() / max(int(valid.sum()), 1)
+        if left_out > MAX_LEFT_OUT:
+            warnings.append(f'{left_out:.0%} of the poses lie far off and were left out')
+        return tuple(undetermined), tuple(warnings)
+
+    def _delay_verdict(self, interval_s: float, undetermined: list[str]) -> list[str]:
+        search = self._search
+        far = np.abs(search.lags - self.delay_s) > AMBIGUOUS_S
+        rival = int(np.where(far, search.errors, np.inf).argmin())
+        best = float(search.errors.min())
+        if min(abs(self.delay_s - end) for end in search.lags[[0, -1]]) < AMBIGUOUS_S:
+            undetermined.append('delay')
+            return [
+                f'the delay of {self.delay_s:.3f} s lies at the end of the search: widen '
+                '--max-delay'
+            ]
+        if far[rival] and search.errors[rival] < AMBIGUOUS * best + 1e-9:
+            undetermined.append('delay')
+            if 'rotation' not in undetermined:
+                undetermined.append('rotation')
+            return [
+                f'a delay of {search.lags[rival]:.2f} s fits about as well as one of '
+                f'{self.delay_s:.2f} s, with another rotation: the motion repeats itself; move at '
+                'changing speeds'
+            ]
+        if interval_s > MAX_DELAY_S:
+            undetermined.append('delay')
+            return [f'the delay is known to {1e3 * interval_s:.0f} ms only: move faster']
+        return []
+
+    def _marker_verdict(self, intervals: Array) -> list[str]:
+        if not self._asked:
+            return []
+        if not len(self.offset):
+            return [
+                'the body was not turned (or its rotation is not told), so where the marker is on '
+                'it cannot be told: taken to be at its origin'
+            ]
+        warnings = []
+        if len(self.offset) < 3:
+            free = np.linalg.svd(self._axes)[0][:, len(self.offset):]  # fmt: skip
+            along = ' and '.join(
+                '(' + ', '.join(f'{x:.2f}' for x in axis) + ')' for axis in free.T
+            )
+            warnings.append(
+                'the body was turned about too few axes to tell where the marker is along '
+                f'{along} of its axes: taken as 0'
+            )
+        if intervals.max() > MAX_SHIFT_M:
+            warnings.append(
+                f'the place of the marker is known to {1e3 * intervals.max():.0f} mm only: turn '
+                'the body farther, about two axes'
+            )
+        return warnings
+
+
+def _turned_axes(known: ReferencePath, times: Array) -> Array:
+    """Return the directions of the body in which a marker can be told from the frame, (3, k)."""
+    if not known.turns:
+        return np.zeros((3, 0))
+    turns = known.rotations(times)
+    off = turns - turns.mean(axis=0)
+    values, vectors = np.linalg.eigh(np.einsum('nij,nik->jk', off, off) / len(off))
+    return np.asarray(vectors[:, values > MIN_TURN_RAD**2])
+
+
+def _spreads(expected: Array, seen: Array) -> tuple[Array, Array]:
+    """
+    Tell how far the body moved, along which directions.
+
+    From both paths together, so that noise, which they do not share, is no motion.
+    """
+    product = (expected - expected.mean(axis=0)).T @ (seen - seen.mean(axis=0)) / len(seen)
+    values, vectors = np.linalg.eigh((product + product.T) / 2.0)
+    return np.sqrt(np.maximum(values[::-1], 0.0)), vectors[:, ::-1].T

@@ -1,0 +1,102 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A calibration as the parameters of the nodes, and as plain values for other programs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from handover_dmp.common.plain_yaml import dump_plain
+from handover_dmp.common.settings import defaults
+from handover_dmp.topics import FRAME
+from handover_dmp.tracking.calibration import Calibration
+
+DELAY = next(
+    name for name in ('tracker.delay_s', 'hand_filter.delay_s') if name in defaults('dmp')
+)
+
+
+def node_parameters(found: Calibration, frame: str, body: str, reference_frame: str) -> str:
+    """
+    Write the parameter file for `dmp` and `priority_ik`.
+
+    Args:
+        found: the calibration.
+        frame: that the tracker's poses name.
+        body: name or number of the body on the topic; empty where there is one only.
+        reference_frame: that the calibration is in.
+
+    Returns:
+        YAML. A delay that is not determined, or less than nothing, is left out.
+
+    """
+    tracker: dict[str, Any] = {
+        'frame': frame,
+        'position': [round(float(x), 6) for x in found.position],
+        'quaternion': [round(float(x), 9) for x in found.quaternion],
+    }
+    if body:
+        tracker['body'] = body
+    values: dict[str, Any] = {'tracker': tracker}
+    if reference_frame not in ('', FRAME):
+        values['frame'] = reference_frame
+    if tells_delay(found):
+        group, _, name = DELAY.partition('.')
+        values.setdefault(group, {})[name] = round(max(found.delay_s, 0.0), 5)
+    return dump_plain({'/**': {'ros__parameters': values}})
+
+
+def tells_delay(found: Calibration) -> bool:
+    """
+    Tell whether the parameter file holds the delay.
+
+    Args:
+        found: the calibration.
+
+    Returns:
+        Whether it is determined, and not that of a clock which is ahead.
+
+    """
+    return 'delay' not in found.undetermined and found.delay_s > -found.delay_interval_s
+
+
+def outcome(found: Calibration) -> dict[str, Any]:
+    """
+    Tell the result as plain values, for JSON.
+
+    Args:
+        found: the calibration.
+
+    Returns:
+        Name to value, with units in the names.
+
+    """
+    return {
+        'position_m': found.position.tolist(),
+        'position_interval_m': found.position_interval_m.tolist(),
+        'quaternion': found.quaternion.tolist(),
+        'rotation_interval_deg': found.rotation_interval_deg,
+        'delay_s': found.delay_s,
+        'delay_interval_s': found.delay_interval_s,
+        'marker_m': found.marker.tolist(),
+        'marker_interval_m': found.marker_interval_m.tolist(),
+        'marker_estimated': found.marker_estimated,
+        'residual_m': found.residual_m,
+        'residual_95_m': found.residual_95_m,
+        'poses': len(found.times),
+        'left_out': int((~found.counted).sum()),
+        'undetermined': list(found.undetermined),
+        'warnings': list(found.warnings),
+    }

@@ -1,0 +1,167 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The lag that fits best, whatever the poses that fit nothing.
+
+For each lag of a row, the best transform is found by least trimmed squares (P. Rousseeuw, K. Van
+Driessen, Data Min. Knowl. Discov. 12, 2006): from rigid fits (Kabsch) to random handfuls of poses,
+the best is refined by fitting again and again to that share of all poses which it fits best. The
+fit is linear, p = A·y + t − R·m, with any matrix A in place of a rotation, so it is exact for the
+marker's offset m as well, and A tells afterwards whether the frame is a mirror image or its metre
+another one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from handover_dmp.common.errors import DataError
+from handover_dmp.mocap.body_path import BodyPath
+from handover_dmp.tracking.reference_path import ReferencePath
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+STEP_S = 0.04
+MAX_SAMPLES = 250
+HANDFULS = 16
+HANDFUL = 4
+REFITS = 6
+KEPT = 0.6
+"""Share of the poses that is fitted; so many of the others may be wrong."""
+MIN_OVERLAP = 0.4
+"""Share of the poses that has to lie within the other path at a lag, of those that can."""
+MAX_LAGS = 20_000
+
+
+@dataclass(frozen=True, eq=False)
+class LagSearch:
+    """
+    What was found.
+
+    Attributes:
+        lags: (k,) s.
+        errors: (k,) m, root mean square of the best share of the poses at each lag; infinite
+            where the paths hardly overlap.
+        best_s: the lag that fits best, s.
+        matrix: (3, 3), from the tracker's positions to those of the reference, there.
+        inside: (n,) poses of the tracker that were fitted, of all of them.
+
+    """
+
+    lags: Array
+    errors: Array
+    best_s: float
+    matrix: Array
+    inside: NDArray[np.intp]
+
+
+def search_lag(
+    reference: ReferencePath, tracker: BodyPath, centre_s: float, reach_s: float, seed: int = 0
+) -> LagSearch:
+    """
+    Find the lag of a tracker.
+
+    Args:
+        reference: the path that is known.
+        tracker: the path of the same body, of which stamps and frame are to be found.
+        centre_s: lag to search around, s; positive: stamped too late.
+        reach_s: how far to either side, s.
+        seed: of the random handfuls.
+
+    Returns:
+        The lag, and what fits there.
+
+    Raises:
+        DataError: the paths do not overlap in time.
+
+    """
+    count = min(2 * int(np.ceil(reach_s / STEP_S)) + 1, MAX_LAGS)
+    lags = centre_s + np.linspace(-reach_s, reach_s, count)
+    chosen = np.unique(np.linspace(0, len(tracker.times) - 1, MAX_SAMPLES).round().astype(np.intp))
+    times, seen = tracker.times[chosen], tracker.positions[chosen]
+    random = np.random.default_rng(seed)
+    handfuls = random.random((HANDFULS, len(chosen)))
+    masks = [reference.known(times - lag) for lag in lags]
+    most = max(int(mask.sum()) for mask in masks)
+    fewest = max(MIN_OVERLAP * most, 3 * HANDFUL)
+    errors = np.full(count, np.inf)
+    fits: list[tuple[Array, NDArray[np.intp]] | None] = [None] * count
+    for k, (lag, mask) in enumerate(zip(lags, masks, strict=True)):
+        if mask.sum() < fewest:
+            continue
+        at = times[mask] - lag
+        errors[k], matrix, kept = _trimmed(
+            reference.positions(at),
+            reference.rotations(at) if reference.turns else None,
+            seen[mask],
+            handfuls[:, mask],
+        )
+        fits[k] = matrix, chosen[np.flatnonzero(mask)[kept]]
+    best = int(errors.argmin())
+    fit = fits[best]
+    if fit is None:
+        raise DataError(
+            f'{tracker.label}: does not overlap in time with the reference within {reach_s:g} s; '
+            'widen --max-delay, or see whether the two are of one recording'
+        )
+    return LagSearch(lags, errors, float(lags[best]), *fit)
+
+
+def kabsch(known: Array, seen: Array) -> tuple[Array, Array]:
+    """
+    Fit rigid transforms to several sets of points at once (W. Kabsch, Acta Cryst. A 32, 1976).
+
+    Args:
+        known: (b, n, 3) m.
+        seen: (b, n, 3) m, the same points in another frame.
+
+    Returns:
+        Rotations (b, 3, 3) and translations (b, 3), m, that take `seen` to `known`.
+
+    """
+    known_middle, seen_middle = known.mean(axis=1), seen.mean(axis=1)
+    product = np.swapaxes(known - known_middle[:, None], 1, 2) @ (seen - seen_middle[:, None])
+    left, _, right = np.linalg.svd(product)
+    left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]
+    rotations = left @ right
+    return rotations, known_middle - np.einsum('bij,bj->bi', rotations, seen_middle)
+
+
+def _trimmed(
+    known: Array, turns: Array | None, seen: Array, handfuls: Array
+) -> tuple[float, Array, NDArray[np.intp]]:
+    """Fit the best share of the poses; return its error, the matrix and which poses they are."""
+    share = max(int(KEPT * len(seen)), HANDFUL)
+    picked = np.argpartition(handfuls, HANDFUL, axis=1)[:, :HANDFUL]
+    rotations, shifts = kabsch(known[picked], seen[picked])
+    off = known - (seen @ np.swapaxes(rotations, 1, 2) + shifts[:, None])
+    squares = np.square(off).sum(axis=2)
+    kept = np.partition(squares, share - 1, axis=1)[:, :share].sum(axis=1)
+    inside = np.argpartition(squares[kept.argmin()], share - 1)[:share]
+    design = np.zeros((len(seen), 3, 12 if turns is None else 15))
+    design[:, range(3), range(9, 12)] = 1.0
+    for row in range(3):
+        design[:, row, 3 * row: 3 * row + 3] = seen - seen.mean(axis=0)  # fmt: skip
+    if turns is not None:
+        design[:, :, 12:] = -turns
+    for _ in range(REFITS):
+        part = design[inside].reshape(-1, design.shape[2])
+        fit = np.linalg.lstsq(part, known[inside].ravel(), rcond=1e-6)[0]
+        squares = np.square(known - design @ fit).sum(axis=1)
+        inside = np.argpartition(squares, share - 1)[:share]
+    error = float(np.sqrt(squares[inside].mean()))
+    return error, np.asarray(fit[:9].reshape(3, 3), dtype=np.float64), inside

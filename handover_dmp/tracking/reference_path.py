@@ -1,0 +1,152 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A path that can be asked for any time: smooth, honest about its gaps."""
+
+from __future__ import annotations
+
+from handover_dmp.mocap.body_path import BodyPath
+from handover_dmp.mocap.filtering import interpolate, smooth
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+Array = NDArray[np.float64]
+
+CUTOFF_HZ = 8.0
+"""People and arms move slower; noise that is left in favours the times between samples."""
+SHARE_OF_RATE = 0.3
+"""The cut-off lies at most here, in units of the sampling rate."""
+MAX_GAP_S = 0.15
+"""Between two poses farther apart in time than this, and than three periods, nothing is known."""
+SPIKE_M = 0.03
+"""So far beside its neighbours, and five times as far as is usual, a pose is no place."""
+SPIKE_NEIGHBOURS = 5
+RESAMPLED_HZ = 200.0
+
+
+class ReferencePath:
+    """Positions and rotations between the poses of a path."""
+
+    def __init__(self, path: BodyPath) -> None:
+        """
+        Lay curves through a path, without its spikes and low-passed.
+
+        Args:
+            path: of the body.
+
+        """
+        kept = ~spikes(path.positions)
+        self.times = path.times[kept]
+        periods = np.diff(self.times)
+        usual_s = float(np.median(periods))
+        self._max_gap_s = max(MAX_GAP_S, 3.0 * usual_s)
+        cutoff_hz = min(CUTOFF_HZ, SHARE_OF_RATE / usual_s)
+        edges = np.flatnonzero(periods > self._max_gap_s) + 1
+        self._gaps = np.column_stack([self.times[edges - 1], self.times[edges]])
+        columns = [path.positions[kept]]
+        self.turns = path.quaternions is not None
+        """Whether the path says how the body was turned."""
+        if path.quaternions is not None:
+            columns.append(_continuous(path.quaternions[kept]))
+        times, smoothed, _ = smooth(self.times, np.hstack(columns), RESAMPLED_HZ, cutoff_hz)
+        self._position = interpolate(times, smoothed[:, :3])
+        self._quaternion = interpolate(times, smoothed[:, 3:])
+        self._end_s = float(times[-1])
+
+    def known(self, times: Array) -> NDArray[np.bool_]:
+        """
+        Tell when the body was seen.
+
+        Args:
+            times: (n,) s.
+
+        Returns:
+            (n,) whether each lies within the path and in none of its gaps.
+
+        """
+        inside = (times >= self.times[0]) & (times <= self._end_s)
+        for begin, end in self._gaps:
+            inside &= (times <= begin) | (times >= end)
+        return np.asarray(inside)
+
+    def positions(self, times: Array) -> Array:
+        """
+        Give places.
+
+        Args:
+            times: (n,) s; those that are not known get the nearest that is.
+
+        Returns:
+            (n, 3) m.
+
+        """
+        found: Array = self._position(np.clip(times, self.times[0], self._end_s))
+        return found
+
+    def velocities(self, times: Array) -> Array:
+        """
+        Give velocities.
+
+        Args:
+            times: (n,) s, as for `positions`.
+
+        Returns:
+            (n, 3) m/s.
+
+        """
+        found: Array = self._position(np.clip(times, self.times[0], self._end_s), 1)
+        return found
+
+    def rotations(self, times: Array) -> Array:
+        """
+        Give rotations from the body's axes to those of the path's frame.
+
+        Args:
+            times: (n,) s, as for `positions`.
+
+        Returns:
+            (n, 3, 3); the identity where the path does not say how the body was turned.
+
+        """
+        if not self.turns:
+            return np.broadcast_to(np.eye(3), (len(times), 3, 3))
+        clipped = np.clip(times, self.times[0], self._end_s)
+        found: Array = Rotation.from_quat(self._quaternion(clipped)).as_matrix()
+        return found
+
+
+def _continuous(quaternions: Array) -> Array:
+    """Choose of the two quaternions of each rotation the one nearer to that before."""
+    turned = np.einsum('ij,ij->i', quaternions[1:], quaternions[:-1]) < 0.0
+    signs = np.concatenate([[1.0], np.cumprod(np.where(turned, -1.0, 1.0))])
+    return np.asarray(quaternions * signs[:, None])
+
+
+def spikes(positions: Array) -> NDArray[np.bool_]:
+    """
+    Find single poses that lie far beside those before and after them.
+
+    Args:
+        positions: (n, 3) m, in the order of time.
+
+    Returns:
+        (n,) which they are.
+
+    """
+    half = SPIKE_NEIGHBOURS // 2
+    padded = np.pad(positions, ((half, half), (0, 0)), mode='edge')
+    windows = np.lib.stride_tricks.sliding_window_view(padded, SPIKE_NEIGHBOURS, axis=0)
+    beside = np.linalg.norm(positions - np.median(windows, axis=2), axis=1)
+    return np.asarray(beside > max(SPIKE_M, 5.0 * float(np.median(beside))))

@@ -1,0 +1,91 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A tracker that stands somewhere, sees a marker on a moving body, and says so too late."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from handover_dmp.common.settings import setting
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+Array = NDArray[np.float64]
+NODE = 'calibration_motion'
+
+
+@dataclass(frozen=True)
+class TrackerPlace:
+    """
+    What is to be found out about the tracker.
+
+    Attributes:
+        position: (3,) m, of its frame in the room.
+        quaternion: x, y, z, w, from its axes to those of the room.
+        delay_s: how much later than the truth it stamps its poses, s.
+        noise_m: standard deviation on each axis, m.
+        marker: (3,) m, where the marker is in the axes of the body.
+        seed: of the noise.
+
+    """
+
+    position: Sequence[float] = setting(NODE, 'simulated_tracker.position')
+    quaternion: Sequence[float] = setting(NODE, 'simulated_tracker.quaternion')
+    delay_s: float = setting(NODE, 'simulated_tracker.delay_s')
+    noise_m: float = setting(NODE, 'simulated_tracker.noise_m')
+    marker: Sequence[float] = setting(NODE, 'simulated_tracker.marker')
+    seed: int = setting(NODE, 'simulated_tracker.seed')
+
+
+class SimulatedTracker:
+    """Sees the marker, pose by pose."""
+
+    def __init__(self, place: TrackerPlace) -> None:
+        """
+        Set the tracker up.
+
+        Args:
+            place: of it.
+
+        """
+        self._turn = Rotation.from_quat(place.quaternion).as_matrix()
+        self._place = place
+        self._random = np.random.default_rng(place.seed)
+        self._waiting: deque[tuple[float, Array]] = deque()
+
+    def see(self, time_s: float, position: Array, rotation: Array) -> list[tuple[float, Array]]:
+        """
+        Look at the body now.
+
+        Args:
+            time_s: now, s.
+            position: (3,) m, of the body.
+            rotation: (3, 3), from its axes to those of the room.
+
+        Returns:
+            What the tracker publishes now: stamp, s, and place of the marker in its frame, m.
+
+        """
+        marker = position + rotation @ np.array(self._place.marker)
+        seen = (marker - np.array(self._place.position)) @ self._turn
+        noisy = seen + self._place.noise_m * self._random.standard_normal(3)
+        self._waiting.append((time_s + self._place.delay_s, noisy))
+        ready = []
+        while self._waiting and self._waiting[0][0] <= time_s + 1e-9:
+            ready.append(self._waiting.popleft())
+        return ready
