@@ -35,6 +35,7 @@ from warnings import catch_warnings, simplefilter
 
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.body_path import BodyPath
+from handover_dmp.tracking.frames import Place
 from handover_dmp.tracking.lag_search import LagSearch, search_lag
 from handover_dmp.tracking.reference_path import ReferencePath
 import numpy as np
@@ -44,7 +45,6 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import t as student
 
 Array = NDArray[np.float64]
-Place = tuple[float, float, float]
 
 MIN_SPREAD_M = 0.02
 """Standard deviation of a motion along a direction, below which there is none."""

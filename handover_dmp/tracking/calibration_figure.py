@@ -53,14 +53,15 @@ def draw_calibration(found: Calibration, path: str | Path) -> None:
         edges = {'bottom': 0.075, 'top': 0.94}
         left = figure.add_gridspec(4, 1, left=0.075, right=0.6, hspace=0.3, **edges)
         right = figure.add_gridspec(2, 1, left=0.68, right=0.985, hspace=0.3, **edges)
-        rows = left.subplots(sharex=True)
+        rows = [figure.add_subplot(left[row]) for row in range(4)]
         for axis, axes in enumerate(rows[:3]):
+            axes.sharex(rows[3])
+            axes.tick_params(labelbottom=False)
             _draw_axis(found, axis, axes)
         rows[0].legend(loc='lower right', bbox_to_anchor=(1.0, 1.0), ncols=3, fontsize=9)
         _draw_residual(found, rows[3])
-        lags, plan = right.subplots()
-        _draw_lags(found, lags)
-        _draw_plan(found, plan)
+        _draw_lags(found, figure.add_subplot(right[0]))
+        _draw_plan(found, figure.add_subplot(right[1]))
         with replacing(path) as temporary:
             figure.savefig(temporary, dpi=110)
 
