@@ -28,6 +28,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
+from math import pi
 from typing import Any
 
 FRAME = 'world'
@@ -94,6 +95,18 @@ HAND_POSE = Topic(
     'geometry_msgs/msg/PoseStamped',
     Quality.SENSOR,
     "the partner's wrist as tracked, m",
+)
+HAND_FUSED = Topic(
+    '/hand/fused',
+    'geometry_msgs/msg/PoseWithCovarianceStamped',
+    Quality.REPORT,
+    'where the hand is, by all trackers, m; nothing is known of its orientation',
+)
+HAND_TRUTH = Topic(
+    '/hand/truth',
+    'geometry_msgs/msg/PoseStamped',
+    Quality.REPORT,
+    'where the hand of a trial is, whatever its trackers say, m',
 )
 DEMONSTRATOR_POSE = Topic(
     '/human/pose',
@@ -182,10 +195,27 @@ DIAGNOSTICS = Topic(
 )
 
 TOPICS = (
-    CLOCK, HAND_POSE, DEMONSTRATOR_POSE, SIGNAL, WRIST_POSE, POSE_COMMAND, TWIST_COMMAND,
-    IK_STATUS, JOINT_STATES, JOINT_COMMAND, STATE, PHASE, MARKERS, INFO,
+    CLOCK, HAND_POSE, HAND_FUSED, HAND_TRUTH, DEMONSTRATOR_POSE, SIGNAL, WRIST_POSE, POSE_COMMAND,
+    TWIST_COMMAND, IK_STATUS, JOINT_STATES, JOINT_COMMAND, STATE, PHASE, MARKERS, INFO,
     ROBOT_DESCRIPTION, DIAGNOSTICS,
 )  # fmt: skip
+
+
+def position_covariance(deviation_m: float) -> list[float]:
+    """
+    Make the covariance of a pose whose orientation is not known.
+
+    Args:
+        deviation_m: standard deviation of the position on each axis, m.
+
+    Returns:
+        (36,), row by row, m² and rad².
+
+    """
+    # of an angle that may be any, from -pi to pi
+    anyhow = pi**2 / 3.0
+    diagonal = [deviation_m**2] * 3 + [anyhow] * 3
+    return [diagonal[k // 6] if k % 7 == 0 else 0.0 for k in range(36)]
 
 
 def label_of(names: Iterable[str]) -> str:

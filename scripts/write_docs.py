@@ -35,7 +35,8 @@ from handover_dmp import topics
 from handover_dmp.bench.measurement import Measurement
 from handover_dmp.bench.report import cells, markdown, read_json
 from handover_dmp.common.settings import ANYWHERE, defaults
-from handover_dmp.nodes.parameters import ARM, COMMON, DRIVER, HAND, Parameter
+from handover_dmp.nodes.parameters import ARM, COMMON, DRIVER, Parameter
+from handover_dmp.nodes.tracker_parameters import HAND
 from handover_dmp.topics import Topic, TOPICS
 
 ROOT = Path(__file__).resolve().parents[1]

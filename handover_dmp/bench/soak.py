@@ -236,7 +236,7 @@ class Soak:
         for span in spans:
             fault = faults.get(span.name.removeprefix('tracker '))
             if fault is not None and span.name.startswith('tracker '):
-                handover.hand = FaultyHand(handover.hand, fault, span.from_s, span.until_s)
+                handover.hands[0] = FaultyHand(handover.hands[0], fault, span.from_s, span.until_s)
         return handover
 
     def _run(self, handover: Handover, spans: Sequence[Span]) -> None:
@@ -266,7 +266,7 @@ class Soak:
             )
             self.stops += was_stopped_s is None and stopped_since_s is not None
             broken += _not_still(period, stopped_since_s, now_s)
-            idle = handover.controller.state not in MOVING and now_s > handover.hand.start_s
+            idle = handover.controller.state not in MOVING and now_s > handover.hands[0].start_s
             idle_since_s = self._since(idle, idle_since_s, now_s)
             if stopped_since_s is not None and now_s - stopped_since_s > STOPPED_S + TAKEN_UP_S:
                 handover.arm.resume()

@@ -25,7 +25,7 @@ from handover_dmp.cli.robot_arguments import add_robot_arguments, chosen_arm
 from handover_dmp.common.errors import UsageError
 
 Tell = Callable[[str, float], None]
-RunGraph = Callable[[Path, Any, dict[str, Any], Tell], None]
+RunGraph = Callable[[Path, Any, dict[str, Any], Tell, list[Any]], None]
 
 
 def add_run_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,6 +34,13 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
     add_robot_arguments(parser, 'lwr4')
     parser.add_argument('--seed', type=int, default=0, help='of the synthetic data')
     parser.add_argument('--scale', type=float, default=1.0, help='factor on the recorded motion')
+    parser.add_argument(
+        '--tracker',
+        action='append',
+        metavar='NAME',
+        help='how the hand is seen: mocap, depth_camera, webcam, or a .yaml file like theirs; '
+        'several times: by several at once; default: perfectly',
+    )
     parser.add_argument('--json', type=Path, help='write the report there too')
 
 
@@ -59,9 +66,11 @@ def run_and_report(
     from handover_dmp.cli.progress import progress_bar
     from handover_dmp.handover.scenario import make_scenario
     from handover_dmp.runs.folder import finish, keep_inputs, new_run_folder, run_info, save_json
+    from handover_dmp.tracking.tracker_preset import read_trackers
 
     if not 0.01 <= options.scale <= 100.0:
         raise UsageError(f'--scale {options.scale:g} is not between 0.01 and 100')
+    trackers = read_trackers(options.tracker or (), options.seed)
     with progress_bar() as bar:
         task = bar.add_task('placing the arm', total=1.0)
 
@@ -77,7 +86,9 @@ def run_and_report(
             )
         folder = new_run_folder(options.output, scenario.trial)
         keep_inputs(folder, scenario)
-        run_graph(folder, scenario, run_info(scenario, options.scale), tell)
+        topics = {one.name: one.absolute_topic for one in trackers}
+        info = run_info(scenario, options.scale, topics)
+        run_graph(folder, scenario, info, tell, trackers)
         tell('drawing and reporting', 0.95)
         report = finish(folder, scenario)
     save_json(report, options.json)

@@ -56,9 +56,13 @@ def _check_definitions() -> None:
         message_definition(topic.type_name)
 
 
-def _conduct(folder: Path, scenario: Scenario, info: dict[str, Any], tell: Tell) -> None:
+def _conduct(
+    folder: Path, scenario: Scenario, info: dict[str, Any], tell: Tell, trackers: list[Any]
+) -> None:
     from handover_dmp.handover.lockstep import simulate
     from handover_dmp.runs.bag import write_run_bag
+    from handover_dmp.topics import HAND_POSE
 
-    periods = simulate(scenario, lambda share: tell('handing over', share))
-    write_run_bag(folder / 'bag', scenario, periods, info)
+    periods = simulate(scenario, lambda share: tell('handing over', share), trackers)
+    topics = [one.absolute_topic for one in trackers] or [HAND_POSE.name]
+    write_run_bag(folder / 'bag', scenario, periods, info, topics)

@@ -33,7 +33,7 @@ from typing import NamedTuple
 from handover_dmp.common.settings import setting
 from handover_dmp.dmp import DecoupledDmp, DmpState
 from handover_dmp.handover.approach import ApproachOptions, bounded, step_towards
-from handover_dmp.tracking import GoalEstimator, HandEstimate
+from handover_dmp.tracking import GoalEstimator, HandEstimate, TrackerReport
 
 Vector = tuple[float, ...]
 
@@ -220,9 +220,43 @@ class HandoverController:
         self._hand_arrival_s = None
 
     @property
+    def hand_timeout_s(self) -> float:
+        """Age of the hand beyond which the wrist brakes, s: more for a tracker that is slow."""
+        return max(self.options.hand_timeout_s, self.tracker_timeout_s)
+
+    @property
+    def tracker_timeout_s(self) -> float:
+        """Age of the hand up to which no tracker misses a pose, s."""
+        return self._estimator.timeout_s
+
+    @property
     def refused(self) -> Counter[str]:
         """How many poses of the hand were not used, ever, by reason."""
         return self._estimator.rejected
+
+    def refuse_hand(self, reason: str, tracker: str = '') -> None:
+        """
+        Count a pose of the hand that cannot be used.
+
+        Args:
+            reason: why, in a word.
+            tracker: name of the one it is from; the first one if left out.
+
+        """
+        self._estimator.refuse(reason, tracker)
+
+    def report_trackers(self, now_s: float) -> list[TrackerReport]:
+        """
+        Tell how each tracker did since the last report.
+
+        Args:
+            now_s: the time, s, on the clock of the stamps.
+
+        Returns:
+            Of each tracker, in their order.
+
+        """
+        return self._estimator.report(now_s)
 
     @property
     def hand_unchanged_s(self) -> float:
@@ -237,6 +271,7 @@ class HandoverController:
         arrival_s: float,
         orientation: Sequence[float] | None = None,
         covariance: Sequence[float] | None = None,
+        tracker: str = '',
     ) -> str:
         """
         Take a pose of the partner's hand.
@@ -248,6 +283,7 @@ class HandoverController:
             arrival_s: the time, s, on the clock of the arrivals.
             orientation: quaternion x, y, z, w, where there is one; of norm 0 it tells of no pose.
             covariance: (36,), where there is one; unknown, it tells the same.
+            tracker: name of the one it is from; the first one if left out.
 
         Returns:
             Why it was not used, in a word; empty if it was.
@@ -255,9 +291,9 @@ class HandoverController:
         """
         # also where it is no number
         if not abs(stamp_s - now_s) <= self.options.stamp_tolerance_s:
-            self.refused['other_time'] += 1
+            self.refuse_hand('other_time', tracker)
             return 'other_time'
-        reason = self._estimator.update(stamp_s, position, now_s, orientation, covariance)
+        reason = self._estimator.update(stamp_s, position, now_s, orientation, covariance, tracker)
         if reason:
             return reason
         self._hand = position
@@ -342,7 +378,7 @@ class HandoverController:
         hand = self.estimate(now_s)
         age = self.hand_age_s(now_s if arrival_s is None else arrival_s)
         self._start_if_signalled(now_s, hand)
-        fresh = hand is not None and age <= self.options.hand_timeout_s
+        fresh = hand is not None and age <= self.hand_timeout_s
         if self.state in MOVING and hand is not None and fresh:
             rate = phase_rate if self.options.phase_stopping else 1.0
             self._primitive = self._follow(self._primitive, hand, dt, rate)

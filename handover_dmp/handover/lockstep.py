@@ -21,7 +21,7 @@ motion; and the same result every time.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from handover_dmp.handover.controller import (
@@ -36,8 +36,9 @@ from handover_dmp.robot.priority_ik import PriorityIk
 from handover_dmp.robot.tasks import WristTarget
 from handover_dmp.robot.wrist_controller import JointCommand, WristController
 from handover_dmp.simulation.arm import SimulatedArm
+from handover_dmp.tracking import GoalEstimator, HandEstimate
 from handover_dmp.tracking.playback import HandSample, Replay, TrackedHand
-from handover_dmp.tracking.sensor_model import SensorModel
+from handover_dmp.tracking.tracker_preset import TrackerPreset
 import numpy as np
 from numpy.typing import NDArray
 
@@ -60,7 +61,8 @@ class Period(NamedTuple):
         joint_velocities: (n,), rad/s, measured.
         wrist_position: (3,), m, measured.
         wrist_rotation: (3, 3), measured.
-        hand: poses of the partner's hand that arrived.
+        hands: of each tracker, the poses of the partner's hand that arrived.
+        estimate: of the hand, by all of them; None before the first.
         command: of the wrist.
         answer: of the inverse kinematics.
 
@@ -71,7 +73,8 @@ class Period(NamedTuple):
     joint_velocities: Array
     wrist_position: Array
     wrist_rotation: Array
-    hand: list[HandSample]
+    hands: list[list[HandSample]]
+    estimate: HandEstimate | None
     command: WristCommand
     answer: JointCommand
 
@@ -84,7 +87,7 @@ class Handover:
         scenario: Scenario,
         *,
         options: HandoverOptions | None = None,
-        sensor: SensorModel | None = None,
+        trackers: Sequence[TrackerPreset] = (),
         rate_hz: float = 200.0,
     ) -> None:
         """
@@ -93,18 +96,22 @@ class Handover:
         Args:
             scenario: trial, movement and arm.
             options: the rules of the handover.
-            sensor: how the tracker sees the hand.
+            trackers: that see the hand; a perfect one if left out.
             rate_hz: of the periods, Hz.
 
         """
         trial = scenario.trial
         self.scenario = scenario
         self.period_s = 1.0 / rate_hz
-        self.controller = HandoverController(scenario.model, options)
+        trackers = trackers or (TrackerPreset(),)
+        told = [one.tracker for one in trackers]
+        self.controller = HandoverController(scenario.model, options, GoalEstimator(trackers=told))
         self.wrist_controller = WristController(scenario.robot, PriorityIk(scenario.robot))
         self.arm = SimulatedArm(scenario.robot)
         self.arm.reset(scenario.q_start)
-        self.hand = TrackedHand(Replay.from_trial(trial), sensor)
+        replay = Replay.from_trial(trial)
+        self._names = [one.name for one in trackers]
+        self.hands = [TrackedHand(replay, one.sensor) for one in trackers]
         self._time_ns = 0
         self._phase_rate = 1.0
         self._rotation: Array | None = None
@@ -117,7 +124,7 @@ class Handover:
     @property
     def max_duration_s(self) -> float:
         """Return the simulated time after which a handover that is not done will not be, s."""
-        return self.hand.start_s + self.scenario.trial.duration_s + MAX_EXTRA_S
+        return self.hands[0].start_s + self.scenario.trial.duration_s + MAX_EXTRA_S
 
     def begin(self, replay_at_s: float = REPLAY_AT_S) -> None:
         """
@@ -127,7 +134,8 @@ class Handover:
             replay_at_s: when the recording starts, s.
 
         """
-        self.hand.start(replay_at_s)
+        for hand in self.hands:
+            hand.start(replay_at_s)
         self.controller.signal(replay_at_s)
 
     def step(self) -> Period:
@@ -144,13 +152,8 @@ class Handover:
         wrist, rotation = robot.wrist_pose(positions)
         if self._rotation is None:
             self._rotation = rotation
-        samples = self.hand.due(now_s)
-        seen = False
-        for sample in samples:
-            hand = tuple(sample.position.tolist())
-            seen |= not self.controller.set_hand(
-                sample.stamp_s, hand, now_s, now_s, sample.orientation
-            )
+        samples = [hand.due(now_s) for hand in self.hands]
+        seen = self._take(samples, now_s)
         self.controller.set_wrist(tuple(wrist.tolist()))
         command = self.controller.step(now_s, self.period_s, self._phase_rate)
         assert command is not None
@@ -160,18 +163,38 @@ class Handover:
         estimate = self.controller.estimate(now_s)
         if seen and estimate is not None:
             known = Partner(np.array(estimate.position), np.array(estimate.velocity))
-            self.wrist_controller.set_hand(known, now_s)
+            self.wrist_controller.set_hand(known, now_s, self.controller.tracker_timeout_s)
         answer = self.wrist_controller.update(now_s, self.period_s)
         self._phase_rate = answer.speed_scale
         if answer.velocities is not None:
             self.arm.command(answer.velocities)
         period = Period(
-            self._time_ns, positions, velocities, wrist, rotation, samples, command,
-            answer,
+            self._time_ns, positions, velocities, wrist, rotation, samples, estimate,
+            command, answer,
         )  # fmt: skip
         self.arm.advance(self.period_s)
         self._time_ns += round(self.period_s * NANOSECONDS)
         return period
+
+    def _take(self, hands: Sequence[Sequence[HandSample]], now_s: float) -> bool:
+        """Take the poses of a period, in the order of the nodes; tell whether one was used."""
+        poses = [
+            (sample.stamp_s, number, sample)
+            for number, samples in enumerate(hands)
+            for sample in samples
+        ]
+        refusals = [
+            self.controller.set_hand(
+                sample.stamp_s,
+                tuple(sample.position.tolist()),
+                now_s,
+                now_s,
+                sample.orientation,
+                tracker=self._names[number],
+            )
+            for _, number, sample in sorted(poses, key=lambda pose: pose[:2])
+        ]
+        return not all(refusals)
 
     def run(self, progress: Callable[[float], None] = lambda _share: None) -> list[Period]:
         """
@@ -200,7 +223,9 @@ class Handover:
 
 
 def simulate(
-    scenario: Scenario | None = None, progress: Callable[[float], None] = lambda _share: None
+    scenario: Scenario | None = None,
+    progress: Callable[[float], None] = lambda _share: None,
+    trackers: Sequence[TrackerPreset] = (),
 ) -> list[Period]:
     """
     Simulate one handover from start to end.
@@ -208,6 +233,7 @@ def simulate(
     Args:
         scenario: trial, movement and arm, see `scenario.make_scenario`; the example if left out.
         progress: is told the share that is done.
+        trackers: that see the hand; a perfect one if left out.
 
     Returns:
         What every period saw and said, in order.
@@ -216,7 +242,7 @@ def simulate(
         UnreachableError: the arm of the example reaches the path from nowhere.
 
     """
-    handover = Handover(scenario or make_scenario())
+    handover = Handover(scenario or make_scenario(), trackers=trackers)
     try:
         return handover.run(progress)
     finally:

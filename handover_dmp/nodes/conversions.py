@@ -20,8 +20,8 @@ from array import array
 from collections.abc import Iterable, Mapping
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseStamped, TwistStamped
-from handover_dmp.topics import FRAME, label_of, names_of_values
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, TwistStamped
+from handover_dmp.topics import FRAME, label_of, names_of_values, position_covariance
 import numpy as np
 from numpy.typing import NDArray
 import pinocchio
@@ -72,6 +72,36 @@ def pose_message(
     place, turn = message.pose.position, message.pose.orientation
     place.x, place.y, place.z = map(float, position)
     turn.x, turn.y, turn.z, turn.w = UNIT if orientation is None else orientation
+    return message
+
+
+def pose_with_covariance(
+    time: Time,
+    position: Iterable[float],
+    deviation_m: float,
+    *,
+    frame: str = FRAME,
+    into: PoseWithCovarianceStamped | None = None,
+) -> PoseWithCovarianceStamped:
+    """
+    Make a position of which it is known how well it is known.
+
+    Args:
+        time: its stamp.
+        position: (3,), m.
+        deviation_m: standard deviation on each axis, m.
+        frame: that it is told in.
+        into: an older message to be filled anew.
+
+    Returns:
+        The message; any orientation is as likely.
+
+    """
+    message = PoseWithCovarianceStamped(header=Header(frame_id=frame)) if into is None else into
+    message.header.stamp = time
+    place = message.pose.pose.position
+    place.x, place.y, place.z = map(float, position)
+    message.pose.covariance = position_covariance(deviation_m)
     return message
 
 

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 import os
 from statistics import quantiles
 from time import perf_counter
@@ -24,6 +24,7 @@ from time import perf_counter
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.topics import DIAGNOSTICS, HARDWARE_ID
+from handover_dmp.tracking import TrackerReport
 from rclpy.node import Node
 
 OVERRUN = 1.5
@@ -56,6 +57,31 @@ def refusals(refused: Mapping[str, int]) -> dict[str, str]:
     """
     told = {f'hand refused, {reason}': str(refused[reason]) for reason in sorted(refused)}
     return {'hand refused': str(sum(refused.values())), **told}
+
+
+def of_trackers(reports: Sequence[TrackerReport]) -> dict[str, str]:
+    """
+    Word how each tracker of the hand does.
+
+    Args:
+        reports: of each.
+
+    Returns:
+        Name to value: rate, age, bias, share of its poses that were refused, and how far these are
+        from the hand.
+
+    """
+    values: dict[str, str] = {}
+    for report in reports:
+        bias = ', '.join(f'{1e3 * axis:.1f}' for axis in report.bias_m)
+        values |= {
+            f'{report.name}: rate (Hz)': f'{report.rate_hz:.1f}',
+            f'{report.name}: age (s)': f'{report.age_s:.3f}',
+            f'{report.name}: bias (mm)': bias,
+            f'{report.name}: refused (%)': f'{100.0 * report.refused:.0f}',
+            f'{report.name}: distance (mm)': f'{1e3 * report.distance_m:.1f}',
+        }
+    return values
 
 
 class Periods:

@@ -23,7 +23,6 @@ from pathlib import Path
 import sys
 from time import monotonic
 
-from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
 from handover_dmp.dmp import DecoupledDmp, relearn
 from handover_dmp.dmp.parameters import RANGES
@@ -40,6 +39,7 @@ from handover_dmp.nodes.conversions import (
     NANOSECONDS,
     nanoseconds,
     pose_message,
+    pose_with_covariance,
     position_of,
     Quaternion,
     quaternion_of,
@@ -49,21 +49,16 @@ from handover_dmp.nodes.conversions import (
     twist_message,
     values_of,
 )
-from handover_dmp.nodes.diagnostics import Diagnostics, Periods, refusals
-from handover_dmp.nodes.hand_input import HandInput
+from handover_dmp.nodes.diagnostics import Diagnostics, of_trackers, Periods, refusals
+from handover_dmp.nodes.hand_input import HandInputs, HandPose
 from handover_dmp.nodes.lockstep import Lockstep
 from handover_dmp.nodes.markers import Markers
 from handover_dmp.nodes.node import HandoverNode
-from handover_dmp.nodes.parameters import (
-    declare,
-    goal_estimator,
-    HAND,
-    on_change,
-    Parameter,
-    Values,
-)
+from handover_dmp.nodes.parameters import declare, on_change, Parameter, Values
 from handover_dmp.nodes.spin import run
+from handover_dmp.nodes.tracker_parameters import goal_estimator, HAND, ONE_TRACKER
 from handover_dmp.topics import (
+    HAND_FUSED,
     IK_STATUS,
     PHASE,
     POSE_COMMAND,
@@ -73,7 +68,6 @@ from handover_dmp.topics import (
     TWIST_COMMAND,
     WRIST_POSE,
 )
-from handover_dmp.tracking.pose_messages import SeenPose
 import numpy as np
 from std_msgs.msg import Float64MultiArray, Header, String
 
@@ -137,6 +131,7 @@ class Dmp(HandoverNode):
         *HANDOVER,
         *APPROACH,
     )
+    OF_EACH_TRACKER = ONE_TRACKER
 
     def __init__(self) -> None:
         """Load the model, connect the topics, wait for hand and wrist."""
@@ -153,10 +148,9 @@ class Dmp(HandoverNode):
         period_s = 1.0 / self.values['rate_hz']
         self._period_ns = round(period_s * NANOSECONDS)
         self._periods = Periods(period_s)
-        self._hands: list[tuple[float, SeenPose]] = []
-        self._newest_hand_ns = -1
         self._phase_rate = 1.0
         self._phase_rate_ns = -1
+        self._lockstep_s = 0.0
         self._orientation: Quaternion | None = None
         self._wrist_arrival_s = -inf
         self._last_s: float | None = None
@@ -177,7 +171,7 @@ class Dmp(HandoverNode):
             self._answer,
             self._publish,
             patience_s=self.patience_s,
-            begun=lambda: self._newest_hand_ns >= 0,
+            begun=lambda: self._hands.begun,
             ready=self._ready,
             jumped=self._jumped,
         )
@@ -190,10 +184,13 @@ class Dmp(HandoverNode):
         self._pose_command = self.advertise(POSE_COMMAND)
         self._twist_command = self.advertise(TWIST_COMMAND)
         self._phase = self.advertise(PHASE)
+        self._fused = self.advertise(HAND_FUSED)
         self._state = self.advertise(STATE)
-        self._pose = self._twist = self._values = None
+        self._pose = self._twist = self._values = self._seen = None
         self._said = ''
-        HandInput(self, self._on_hand, self._refuse_hand)
+        self._hands = HandInputs(
+            self, self._on_hand, self._refuse_hand, lambda: self._clock_of_periods.look()
+        )
         self.subscribe(WRIST_POSE, self._on_wrist)
         self.subscribe(IK_STATUS, self._on_ik_status)
         self.subscribe(SIGNAL, self._on_stamped_signal)
@@ -205,29 +202,23 @@ class Dmp(HandoverNode):
 
     # Inputs
 
-    def _refuse_hand(self, reason: str, text: str) -> None:
-        self._controller.refused[reason] += 1
+    def _refuse_hand(self, tracker: str, reason: str, text: str) -> None:
+        self._controller.refuse_hand(reason, tracker)
         self._fault(text)
 
-    def _on_hand(self, time: Time, pose: SeenPose) -> None:
-        time_ns = self.hand_stamp_ns(time)
-        # in lockstep one is told again, as it may have been lost
-        if not (self.lockstep and time_ns == self._newest_hand_ns):
-            self._hands.append((time_ns / NANOSECONDS, pose))
-        self._newest_hand_ns = time_ns
-        if self.lockstep:
-            self._clock_of_periods.look()
-        else:
-            self._take_hands(self.now_s(), self.arrival_s())
-
-    def _take_hands(self, now_s: float, arrival_s: float) -> None:
-        for stamp_s, pose in self._hands:
-            reason = self._controller.set_hand(
-                stamp_s, pose.position, now_s, arrival_s, pose.orientation, pose.covariance
-            )
-            if reason and reason != 'repeated':
-                self._fault(f'hand refused, {reason}')
-        self._hands.clear()
+    def _on_hand(self, hand: HandPose) -> None:
+        now_s, pose = self._lockstep_s if self.lockstep else self.now_s(), hand.pose
+        reason = self._controller.set_hand(
+            hand.stamp_ns / NANOSECONDS,
+            pose.position,
+            now_s,
+            now_s if self.lockstep else self.arrival_s(),
+            pose.orientation,
+            pose.covariance,
+            hand.tracker,
+        )
+        if reason and reason != 'repeated':
+            self._fault(f'hand refused, {reason}')
 
     def _on_wrist(self, message: PoseStamped) -> None:
         self._controller.set_wrist(position_of(message))
@@ -290,9 +281,7 @@ class Dmp(HandoverNode):
 
     def _ready(self, tick_ns: int) -> bool:
         """Whether the hand of this period and the arm's answer to the last one are there."""
-        hand = self.hand_is_there(
-            tick_ns, self._newest_hand_ns, self._controller.options.hand_timeout_s
-        )
+        hand = self._hands.are_there(tick_ns, self._controller.options.hand_timeout_s)
         answered_ns = self._clock_of_periods.answered_ns
         followed = answered_ns is None or self._phase_rate_ns >= answered_ns
         # time that went on without an answer went on without the arm's, too
@@ -301,7 +290,8 @@ class Dmp(HandoverNode):
 
     def _answer(self, tick_ns: int, elapsed_s: float) -> None:
         now_s = tick_ns / NANOSECONDS
-        self._take_hands(now_s, now_s)
+        self._lockstep_s = now_s
+        self._hands.release()
         self._step(now_s, now_s, elapsed_s, tick_ns)
 
     def _tick(self) -> None:
@@ -327,6 +317,11 @@ class Dmp(HandoverNode):
         self._twist = twist_message(time, command.velocity, frame=self.frame, into=self._twist)
         known = {'hand_stamp_s': self._controller.hand_stamp_s, 'period': self._periods.count}
         self._values = to_float_array({**command.status_values(now_s), **known}, into=self._values)
+        hand = self._controller.estimate(now_s)
+        if hand is not None:
+            self._seen = pose_with_covariance(
+                time, hand.position, hand.deviation_m, frame=self.frame, into=self._seen
+            )
         self._publish()
         self._publish_state()
         self._exit_when_done(now_s)
@@ -374,6 +369,8 @@ class Dmp(HandoverNode):
             self._pose_command.publish(self._pose)
             self._twist_command.publish(self._twist)
             self._phase.publish(self._values)
+        if self._seen is not None:
+            self._fused.publish(self._seen)
 
     def _publish_state(self) -> None:
         state = self._controller.state.value
@@ -394,17 +391,20 @@ class Dmp(HandoverNode):
         faults, self._faults = self._faults, {}
         now_s = self.arrival_s()
         age_s = self._controller.hand_age_s(now_s)
-        if age_s > self._controller.options.hand_timeout_s:
+        if age_s > self._controller.hand_timeout_s:
             faults['no fresh hand: braking'] = 1
         unchanged_s = self._controller.hand_unchanged_s
         if self._controller.state in MOVING and unchanged_s > self.values['hand_filter.frozen_s']:
             faults['hand unchanged to the last bit: a replay at rest, or a tracker that hangs'] = 1
+        trackers = self._controller.report_trackers(self.now_s())
+        faults |= {tracker.fault: 1 for tracker in trackers if tracker.fault}
         values = {
             'state': self._controller.state.value,
             'age of the hand (s)': f'{age_s:.3f}',
             'age of the wrist (s)': f'{now_s - self._wrist_arrival_s:.3f}',
             'hand unchanged (s)': f'{unchanged_s:.3f}',
             **refusals(self._controller.refused),
+            **of_trackers(trackers),
         }
         return '; '.join(f'{fault} ({count} times)' for fault, count in faults.items()), values
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The hand as a tracker tells it: of any type, in any frame, one body among several.
+The hand as trackers tell it: of any type, in any frame, one body among several.
 
 For every node that follows the hand. What type the topic has is looked up once a second, so that a
 tracker may be there first or come later.
@@ -22,15 +22,17 @@ tracker may be there first or come later.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
 from handover_dmp.common.errors import UsageError
 from handover_dmp.mocap.no_pose import no_pose
+from handover_dmp.nodes.conversions import NANOSECONDS
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.topics import HAND_POSE
 from handover_dmp.tracking.pose_messages import BodyChooser, READERS, SeenPose
+from handover_dmp.tracking.tracker import PATIENCE_PERIODS
 from rclpy.subscription import Subscription
 from rclpy.time import Time as RosTime
 
@@ -40,12 +42,120 @@ except ImportError:  # never required: the wheels of ROS 2 have none
     tf2_ros = None
 
 
-class HandInput:
-    """Hands on each pose of the hand, its position in the frame of the node."""
+ROUNDING_S = 1e-6
+
+
+class HandPose(NamedTuple):
+    """
+    What a tracker said of the hand.
+
+    Attributes:
+        stamp_ns: when it was measured, ns; the present where it says nothing of that.
+        tracker: name of the tracker.
+        pose: in the frame of the node.
+
+    """
+
+    stamp_ns: int
+    tracker: str
+    pose: SeenPose
+
+
+class HandInputs:
+    """
+    Hands on each pose of each tracker; in lockstep, those of a period together.
+
+    Attributes:
+        begun: whether there was one.
+
+    """
 
     def __init__(
         self,
         node: HandoverNode,
+        take: Callable[[HandPose], None],
+        refuse: Callable[[str, str, str], None],
+        look: Callable[[], None],
+    ) -> None:
+        """
+        Subscribe.
+
+        Args:
+            node: with the parameters `HAND`, and `ONE_TRACKER` of each.
+            take: gets each pose, also one that is none; in lockstep when `release` is called.
+            refuse: gets, of each message that was not used, the tracker, and the reason, as a word
+                and a sentence.
+            look: is called in lockstep when one has come.
+
+        Raises:
+            UsageError: the parameters of a tracker make no sense.
+
+        """
+        self._node = node
+        self._take = take
+        self._look = look
+        self._waiting: list[HandPose] = []
+        self._names: list[str] = list(node.values['trackers'])
+        self._newest_ns: dict[str, int] = {}
+        self._inputs = [
+            HandInput(node, name, partial(self._on_hand, name), partial(refuse, name))
+            for name in self._names
+        ]
+
+    @property
+    def begun(self) -> bool:
+        """Whether a tracker has said something."""
+        return bool(self._newest_ns)
+
+    def are_there(self, tick_ns: int, timeout_s: float) -> bool:
+        """
+        Tell, in lockstep, whether there is no pose to be waited for.
+
+        Args:
+            tick_ns: time of the period, ns.
+            timeout_s: age at which the hand is given up, s.
+
+        Returns:
+            Whether every tracker's newest pose is there, or given up.
+
+        """
+        values = self._node.values
+        for name in self._names:
+            age_s = (tick_ns - self._newest_ns.get(name, -NANOSECONDS)) / NANOSECONDS
+            age_s -= values[f'{name}.latency_s']
+            period_s = 1.0 / values[f'{name}.rate_hz']
+            if period_s - ROUNDING_S <= age_s < max(timeout_s, PATIENCE_PERIODS * period_s):
+                return False
+        return True
+
+    def release(self) -> None:
+        """Hand on what has come for a period of lockstep, in an order that is always the same."""
+        waiting, self._waiting = self._waiting, []
+        for pose in sorted(
+            waiting, key=lambda one: (one.stamp_ns, self._names.index(one.tracker))
+        ):
+            self._take(pose)
+
+    def _on_hand(self, name: str, time: Time, pose: SeenPose) -> None:
+        node = self._node
+        heard = HandPose(node.hand_stamp_ns(time), name, pose)
+        if not node.lockstep:
+            self._take(heard)
+        # one is told again, as it may have been lost
+        elif heard.stamp_ns != self._newest_ns.get(name):
+            self._waiting.append(heard)
+        self._newest_ns[name] = heard.stamp_ns
+        if node.lockstep:
+            self._look()
+
+
+class HandInput:
+    """Hands on each pose of one tracker, its position in the frame of the node."""
+
+    def __init__(
+        self,
+        node: HandoverNode,
+        name: str,
         take: Callable[[Time, SeenPose], None],
         refuse: Callable[[str, str], None],
     ) -> None:
@@ -53,29 +163,32 @@ class HandInput:
         Subscribe.
 
         Args:
-            node: with the parameters `HAND`.
+            node: with the parameters `ONE_TRACKER` of it.
+            name: of the tracker.
             take: gets the stamp of each pose, and the pose; also one that is none.
             refuse: gets, of each message that was not used, the reason, as a word and a sentence.
 
         Raises:
-            UsageError: the parameters `tracker.*` make no sense.
+            UsageError: the parameters of the tracker make no sense.
 
         """
         self._node = node
+        self._name = name
+        self._topic: str = node.values[f'{name}.topic']
         self._take = take
         self._refuse = refuse
-        self._chooser = BodyChooser(node.values['tracker.body'])
+        self._chooser = BodyChooser(node.values[f'{name}.body'])
         self._transforms: dict[str, Callable[[Any], tuple[float, float, float]]] = {}
-        if node.values['tracker.frame']:
+        if frame := node.values[f'{name}.frame']:
             from handover_dmp.tracking.frames import FixedTransform
 
-            self._transforms[node.values['tracker.frame']] = FixedTransform(
-                node.values['tracker.position'], node.values['tracker.quaternion']
+            self._transforms[frame] = FixedTransform(
+                node.values[f'{name}.position'], node.values[f'{name}.quaternion']
             )
         self._buffer: Any = None
-        self._type = node.values['tracker.type'] or HAND_POSE.type_name
+        self._type = node.values[f'{name}.type'] or HAND_POSE.type_name
         self._subscription = self._listen(self._type)
-        if not node.values['tracker.type']:
+        if not node.values[f'{name}.type']:
             node.once_per_second.add(self._look)
 
     def _listen(self, type_name: str) -> Subscription:
@@ -86,9 +199,7 @@ class HandInput:
             self._on(type_name, message)
 
         try:
-            if type_name == HAND_POSE.type_name:
-                return self._node.subscribe(HAND_POSE, heard)
-            return self._node.subscribe(replace(HAND_POSE, type_name=type_name), heard)
+            return self._node.subscribe(HAND_POSE, heard, self._topic, type_name)
         except ImportError as error:
             raise UsageError(
                 f'messages of type {type_name}: their package is not installed here'
@@ -96,7 +207,7 @@ class HandInput:
 
     def _look(self) -> None:
         """Listen to what is published where that is of another type."""
-        name = self._node.resolve_topic_name(HAND_POSE.relative)
+        name = self._node.resolve_topic_name(self._topic)
         publishers = self._node.get_publishers_info_by_topic(name)
         types = {publisher.topic_type for publisher in publishers}
         if not types or self._type in types:
@@ -154,9 +265,10 @@ class HandInput:
         missing = 'tf2_ros is not installed' if tf2_ros is None else 'which knows none'
         return (
             f'hand in frame {frame!r}, not {self._node.frame!r}: tell its transform by '
-            f'tracker.frame, tracker.position and tracker.quaternion, or by tf2 ({missing})'
+            f'{self._name}.frame, {self._name}.position and {self._name}.quaternion, or by tf2 '
+            f'({missing})'
         )
 
     def _of_the_bodies(self, reason: str) -> str:
         names = ', '.join(sorted(self._chooser.names)) or 'none'
-        return f'hand {reason.replace("_", " ")}: choose by tracker.body; seen are {names}'
+        return f'hand {reason.replace("_", " ")}: choose by {self._name}.body; seen are {names}'

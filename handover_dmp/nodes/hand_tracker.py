@@ -28,12 +28,36 @@ from handover_dmp.nodes.lockstep import Lockstep
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import Parameter, Values
 from handover_dmp.nodes.spin import run
-from handover_dmp.topics import CLOCK, DEMONSTRATOR_POSE, HAND_POSE, SIGNAL, WRIST_POSE
+from handover_dmp.nodes.tracker_parameters import plain, TOPIC, TRACKERS
+from handover_dmp.topics import (
+    CLOCK,
+    DEMONSTRATOR_POSE,
+    HAND_POSE,
+    HAND_TRUTH,
+    SIGNAL,
+    WRIST_POSE,
+)
 from handover_dmp.tracking.playback import HandSample, PlayedBag, PlayedTrial
-from handover_dmp.tracking.sensor_model import SensorModel
+from handover_dmp.tracking.sensor_model import FAULTS, SensorModel
+from rclpy.publisher import Publisher
 from std_msgs.msg import Header
 
 LOOK_S = 0.1
+SENSOR = (
+    Parameter('sensor.rate_hz', 'of the poses, Hz; 0: of the node', 0.0, 1000.0, read_only=True),
+    Parameter('sensor.noise_m', 'standard deviation an axis, m', 0.0, 1.0, read_only=True),
+    Parameter('sensor.delay_s', 'from measurement to arrival, s', 0.0, 5.0, read_only=True),
+    Parameter('sensor.dropout', 'share of poses lost', 0.0, 1.0, read_only=True),
+    Parameter('sensor.outliers', 'share of poses far off', 0.0, 1.0, read_only=True),
+    Parameter('sensor.seed', 'of the random numbers', 0, 2**31 - 1, read_only=True),
+    Parameter('sensor.offset_m', 'by which all poses are off, m', read_only=True),
+    Parameter(
+        'sensor.clock_s', 'how much too late they are stamped, s', -5.0, 5.0, read_only=True
+    ),
+    Parameter('sensor.fault', 'what happens to it in mid motion', choices=FAULTS, read_only=True),
+    Parameter('sensor.fault_at_s', 'when, after the start, s', 0.0, 60.0, read_only=True),
+    Parameter('sensor.fault_m', 'by how much it jumps or drifts, m', read_only=True),
+)
 
 
 class HandTracker(HandoverNode):
@@ -62,12 +86,11 @@ class HandTracker(HandoverNode):
         ),
         Parameter('lead_s', 'from the signal to the start, s', 0.0, 60.0, read_only=True),
         Parameter('rate_hz', 'of the tracker, Hz', 1.0, 1000.0, read_only=True),
-        Parameter('sensor.noise_m', 'standard deviation an axis, m', 0.0, 1.0, read_only=True),
-        Parameter('sensor.delay_s', 'from measurement to arrival, s', 0.0, 5.0, read_only=True),
-        Parameter('sensor.dropout', 'share of poses lost', 0.0, 1.0, read_only=True),
-        Parameter('sensor.outliers', 'share of poses far off', 0.0, 1.0, read_only=True),
-        Parameter('sensor.seed', 'of the random numbers', 0, 2**31 - 1, read_only=True),
+        TRACKERS,
+        TOPIC,
+        *SENSOR,
     )
+    OF_EACH_TRACKER = (TOPIC, *SENSOR)
 
     def __init__(self) -> None:
         """Read the recording, show the hand at rest, wait for the start."""
@@ -75,9 +98,10 @@ class HandTracker(HandoverNode):
         values = self.values
         self._played = _played(values)
         self._periods = Periods(1.0 / values['rate_hz'])
-        self._messages: list[PoseStamped] = []
-        self._person: list[PoseStamped] = []
-        self._hand_pose = self.advertise(HAND_POSE)
+        self._messages: list[tuple[Publisher, PoseStamped]] = []
+        topics = [values[f'{name}.topic'] for name in values['trackers']]
+        self._hand_poses = [self.advertise(HAND_POSE, name) for name in topics]
+        self._truth = self.advertise(HAND_TRUTH)
         self._demonstrator_pose = self.advertise(DEMONSTRATOR_POSE)
         self._signal = self.advertise(SIGNAL)
         self.serve('replay', self._replay)
@@ -120,8 +144,17 @@ class HandTracker(HandoverNode):
     def _answer(self, time_ns: int, _elapsed_s: float) -> None:
         self._periods.tick()
         now_s = time_ns / NANOSECONDS
-        self._messages = [self._message(sample) for sample in self._played.hand(now_s)]
-        self._person = [self._message(sample) for sample in self._played.demonstrator(now_s)]
+        played = self._played
+        streams = [
+            *zip(self._hand_poses, played.hands(now_s), strict=False),
+            (self._truth, played.truth(now_s)),
+            (self._demonstrator_pose, played.demonstrator(now_s)),
+        ]
+        self._messages = [
+            (publisher, self._message(sample))
+            for publisher, samples in streams
+            for sample in samples
+        ]
         self._publish()
 
     def _message(self, sample: HandSample) -> PoseStamped:
@@ -129,10 +162,8 @@ class HandTracker(HandoverNode):
         return pose_message(time, sample.position, sample.orientation, frame=frame)
 
     def _publish(self) -> None:
-        for message in self._messages:
-            self._hand_pose.publish(message)
-        for message in self._person:
-            self._demonstrator_pose.publish(message)
+        for publisher, message in self._messages:
+            publisher.publish(message)
 
     def _condition(self) -> tuple[str, dict[str, str]]:
         return '', {'replay starts at (s)': f'{self._played.start_s:.3f}'}
@@ -144,11 +175,17 @@ def _played(values: Values) -> PlayedTrial | PlayedBag:
             raise UsageError('hand_tracker: source is bag, but the parameter bag names none')
         return PlayedBag(values['bag'])
     trial = recorded_trial(values['trial'], cutoff_hz=values['cutoff_hz'])
-    worse = {
-        name: values[f'sensor.{name}']
-        for name in ('noise_m', 'delay_s', 'dropout', 'outliers', 'seed')
+    sensors = [_sensor(name, values) for name in values['trackers']]
+    return PlayedTrial(trial, sensors, tells_lost=values['lockstep'])
+
+
+def _sensor(name: str, values: Values) -> SensorModel:
+    told = {
+        parameter.name.removeprefix('sensor.'): plain(values[f'{name}.{parameter.name}'])
+        for parameter in SENSOR
     }
-    return PlayedTrial(trial, SensorModel(rate_hz=values['rate_hz'], **worse))
+    told['rate_hz'] = told['rate_hz'] or values['rate_hz']
+    return SensorModel(**told)
 
 
 def main() -> int:

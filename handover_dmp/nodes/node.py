@@ -27,6 +27,7 @@ from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
 from handover_dmp.nodes.once_per_second import OncePerSecond
 from handover_dmp.nodes.parameters import check_names, COMMON, declare, Parameter
 from handover_dmp.nodes.qos import message_class, qos_profile
+from handover_dmp.nodes.tracker_parameters import declare_trackers
 from handover_dmp.topics import Topic
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
@@ -37,8 +38,6 @@ from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 from std_srvs.srv import SetBool, Trigger
 
-ROUNDING_S = 1e-6
-
 
 class HandoverNode(Node):  # type: ignore[misc]
     """
@@ -47,19 +46,23 @@ class HandoverNode(Node):  # type: ignore[misc]
     Attributes:
         NAME: of the node, and of its section in `config/handover.yaml`.
         PARAMETERS: what it declares beyond what all nodes do.
+        OF_EACH_TRACKER: those that it has for each of its `trackers`.
         MAKES_TIME: whether the others follow its `/clock` in lockstep.
 
     """
 
     NAME: ClassVar[str]
     PARAMETERS: ClassVar[tuple[Parameter, ...]]
+    OF_EACH_TRACKER: ClassVar[tuple[Parameter, ...]] = ()
     MAKES_TIME: ClassVar[bool] = False
 
     def __init__(self) -> None:
         """Declare the parameters; their values at the start are in `self.values`."""
         super().__init__(self.NAME)
-        check_names(self, sys.argv)
         self.values = declare(self, COMMON + self.PARAMETERS)
+        if self.OF_EACH_TRACKER:
+            self.values |= declare_trackers(self, self.values, self.OF_EACH_TRACKER)
+        check_names(self, sys.argv, self.values)
         self.frame: str = self.values['frame']
         self.lockstep: bool = self.values['lockstep']
         self.simulated: bool = self.get_parameter('use_sim_time').value
@@ -72,35 +75,43 @@ class HandoverNode(Node):  # type: ignore[misc]
         """Do what is to be done before the end, while all others can still hear of it."""
         self.once_per_second.finish()
 
-    def advertise(self, topic: Topic) -> Publisher:
+    def advertise(self, topic: Topic, name: str = '') -> Publisher:
         """
         Publish a topic.
 
         Args:
             topic: which.
+            name: where it has another one.
 
         Returns:
             Its publisher.
 
         """
         return self.create_publisher(
-            message_class(topic.type_name), topic.relative, qos_profile(topic.quality)
+            message_class(topic.type_name), name or topic.relative, qos_profile(topic.quality)
         )
 
-    def subscribe(self, topic: Topic, callback: Callable[[Any], None]) -> Subscription:
+    def subscribe(
+        self, topic: Topic, callback: Callable[[Any], None], name: str = '', type_name: str = ''
+    ) -> Subscription:
         """
         Subscribe to a topic.
 
         Args:
             topic: which.
             callback: gets each message.
+            name: where it has another one.
+            type_name: of its messages, where that is another.
 
         Returns:
             Its subscription.
 
         """
         return self.create_subscription(
-            message_class(topic.type_name), topic.relative, callback, qos_profile(topic.quality)
+            message_class(type_name or topic.type_name),
+            name or topic.relative,
+            callback,
+            qos_profile(topic.quality),
         )
 
     def serve(self, name: str, action: Callable[[], str]) -> None:
@@ -162,22 +173,6 @@ class HandoverNode(Node):  # type: ignore[misc]
     def patience_s(self) -> float:
         """Return how long to wait for another node in lockstep, s; may change at any time."""
         return float(self.get_parameter('patience_s').value)
-
-    def hand_is_there(self, tick_ns: int, newest_ns: int, timeout_s: float) -> bool:
-        """
-        Tell, in lockstep, whether there is no pose of the hand to be waited for.
-
-        Args:
-            tick_ns: time of the period, ns.
-            newest_ns: stamp of the newest pose, ns.
-            timeout_s: age at which the hand is given up, s.
-
-        Returns:
-            Whether it is there, or given up.
-
-        """
-        age_s = (tick_ns - newest_ns) / NANOSECONDS
-        return age_s < self.values['lockstep_hand_period_s'] - ROUNDING_S or age_s >= timeout_s
 
     def hand_stamp_ns(self, stamp: Time) -> int:
         """

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -27,7 +27,6 @@ from handover_dmp.common.plain_yaml import load_plain
 from handover_dmp.common.ros_parameters import sections, unknown_parameter
 from handover_dmp.common.settings import ANYWHERE, defaults, node_names
 from handover_dmp.dmp.parameter_file import DURATION_SCALE
-from handover_dmp.tracking import GoalEstimator, HandFilter
 from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
@@ -38,7 +37,6 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 Values = dict[str, Any]
-HAND_FILTER = 'hand_filter.'
 
 
 @dataclass(frozen=True)
@@ -92,9 +90,6 @@ class Parameter:
 COMMON = (
     Parameter('frame', 'of all positions', read_only=True),
     Parameter('lockstep', 'wait for each other on simulated time', read_only=True),
-    Parameter(
-        'lockstep_hand_period_s', 'how often the hand comes then, s', 0.001, 1.0, read_only=True
-    ),
     Parameter('patience_s', 'how long to wait for another node then, s', 0.05, 600.0),
     Parameter(
         'executor', 'which executor of rclpy', choices=('events', 'default'), read_only=True
@@ -108,43 +103,6 @@ COMMON = (
     ),
 )
 
-
-def _filter(
-    name: str, description: str, low: float | None = None, high: float | None = None
-) -> Parameter:
-    return Parameter(HAND_FILTER + name, description, low, high, read_only=True)
-
-
-HAND = (
-    Parameter(
-        'tracker.type', 'of the messages about the hand; empty: what they have', read_only=True
-    ),
-    Parameter(
-        'tracker.body', 'name or number of the hand, where there are several', read_only=True
-    ),
-    Parameter('tracker.frame', "of the tracker's poses, if that is another", read_only=True),
-    Parameter('tracker.position', 'of that frame in ours, m', read_only=True),
-    Parameter('tracker.quaternion', 'from its axes to ours, x, y, z, w', read_only=True),
-    Parameter(
-        'hand_stamps',
-        'time of a pose of the hand: of its header, or of its arrival',
-        choices=('header', 'arrival'),
-        read_only=True,
-    ),
-    _filter('acceleration_noise', 'of the hand, m/s2/sqrt(Hz)', 1e-6, 1e3),
-    _filter('measurement_noise_m', 'of a pose, standard deviation, m', 1e-9, 1.0),
-    _filter('outlier_distance_m', 'from what is expected, m', 1e-6, 100.0),
-    _filter('hand_acceleration', 'widens that with time, m/s2', 0.0, 1e3),
-    _filter('hand_speed', 'within which a hand that is back is believed at once, m/s', 1e-3, 1e3),
-    _filter('reacquire_poses', 'that agree, before one further off is believed', 1, 1_000_000),
-    _filter('frozen_s', 'a pose unchanged to the last bit for longer is frozen, s', 1e-3, 1e6),
-    _filter('refuse_frozen', 'whether that is no pose; a replay at rest may be frozen'),
-    _filter('max_deviation_m', 'of a covariance, beyond which there is no pose, m', 1e-6, 1e3),
-    _filter('lost_s', 'without a pose, all is forgotten, s', 1e-3, 60.0),
-    _filter('late_limit_s', 'age up to which late poses are used, s', 0.0, 10.0),
-    _filter('prediction_limit_s', 'how far ahead the hand moves on, s', 0.0, 10.0),
-    _filter('delay_s', 'how much too late poses are stamped, s', 0.0, 10.0),
-)
 
 ARM = (
     Parameter(
@@ -204,43 +162,45 @@ def declare(
     return values
 
 
-def goal_estimator(values: Values) -> GoalEstimator:
+TRACKER = 'tracker.'
+"""What the names of the parameters of a tracker begin with where no other name is told."""
+
+
+def is_of_tracker(name: str) -> bool:
     """
-    Make the estimator of the hand that a node's parameters describe.
+    Tell whether a parameter is one that each tracker has.
 
     Args:
-        values: of the parameters `HAND`.
+        name: of the parameter, whatever the name of the tracker.
 
     Returns:
-        The estimator; it knows of no hand yet.
+        Whether.
 
     """
-    named = {
-        name.removeprefix(HAND_FILTER): value
-        for name, value in values.items()
-        if name.startswith(HAND_FILTER)
-    }
-    return GoalEstimator(HandFilter(**named))
+    _, _, of_tracker = name.partition('.')
+    known = {*defaults('dmp'), *defaults('hand_tracker')}
+    return TRACKER + of_tracker in known or (of_tracker in known and of_tracker != name)
 
 
 WITHOUT_DEFAULT = ('initial_positions',)
 """Parameters whose default the arm has, and not `config/handover.yaml`."""
 
 
-def check_names(node: Node, arguments: Sequence[str]) -> None:
+def check_names(node: Node, arguments: Sequence[str], own: Collection[str] = ()) -> None:
     """
     Refuse a parameter file that gives the node a parameter which it does not have.
 
     Args:
         node: the node, by its class's `NAME`.
         arguments: words of the process; files are those after `--params-file`.
+        own: parameters that it has beside those of `config/handover.yaml`.
 
     Raises:
         UsageError: such a name in a section of this node; in one of many nodes, a name that is
             nearly the one of a parameter, for others may have those that are not.
 
     """
-    own = {*defaults(node.NAME), DURATION_SCALE, *WITHOUT_DEFAULT}
+    own = {*defaults(node.NAME), DURATION_SCALE, *WITHOUT_DEFAULT, *own}
     everybody = own.union(*(defaults(name) for name in node_names()))
     for option, file in pairwise(arguments):
         if option != '--params-file':
@@ -260,9 +220,9 @@ def check_names(node: Node, arguments: Sequence[str]) -> None:
         for section in found:
             if section.is_for(name):
                 many = section.is_for_many
-                fault = unknown_parameter(
-                    section.values, everybody if many else own, for_many=many
-                )
+                # what is told of trackers there, others may follow
+                names = [name for name in section.values if not (many and is_of_tracker(name))]
+                fault = unknown_parameter(names, everybody if many else own, for_many=many)
                 if fault:
                     raise UsageError(f'{node.NAME}: {file}: {section.node}: {fault}')
 

@@ -36,20 +36,19 @@ from handover_dmp.nodes.conversions import (
     to_joint_command,
     velocities_of,
 )
-from handover_dmp.nodes.diagnostics import Diagnostics, Periods, refusals
-from handover_dmp.nodes.hand_input import HandInput
+from handover_dmp.nodes.diagnostics import Diagnostics, of_trackers, Periods, refusals
+from handover_dmp.nodes.hand_input import HandInputs, HandPose
 from handover_dmp.nodes.lockstep import HEAD_START_S, Lockstep
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import (
     ARM,
     DRIVER,
-    goal_estimator,
-    HAND,
     on_change,
     Parameter,
     Values,
 )
 from handover_dmp.nodes.spin import run
+from handover_dmp.nodes.tracker_parameters import goal_estimator, HAND, ONE_TRACKER
 from handover_dmp.robot.orientation_task import ORIENTATIONS
 from handover_dmp.robot.partner import Partner
 from handover_dmp.robot.priority_ik import PriorityIk
@@ -63,7 +62,6 @@ from handover_dmp.topics import (
     TWIST_COMMAND,
     WRIST_POSE,
 )
-from handover_dmp.tracking.pose_messages import SeenPose
 import numpy as np
 from sensor_msgs.msg import JointState
 
@@ -120,6 +118,8 @@ class PriorityIkNode(HandoverNode):
         ),
     )
 
+    OF_EACH_TRACKER = ONE_TRACKER
+
     def __init__(self) -> None:
         """Load the arm, connect the topics, wait for joint states and commands."""
         super().__init__()
@@ -134,12 +134,12 @@ class PriorityIkNode(HandoverNode):
         self._period_s = 1.0 / self.values['rate_hz']
         self._periods = Periods(self._period_s)
         self._hand = goal_estimator(self.values)
-        self._newest_hand_ns = -NANOSECONDS
         self._pose: PoseStamped | None = None
         self._twist: TwistStamped | None = None
         self._pair: tuple[PoseStamped, TwistStamped, float] | None = None
         self._answered_s: float | None = None
         self._commanded = False
+        self._lockstep_s = 0.0
         self._followed_s = self._follows_since_s = nan
         self._measured_stamp: Time | None = None
         self._wrist: PoseStamped | None = None
@@ -172,7 +172,9 @@ class PriorityIkNode(HandoverNode):
         self.subscribe(JOINT_STATES, self._on_joint_states)
         self.subscribe(POSE_COMMAND, self._on_pose)
         self.subscribe(TWIST_COMMAND, self._on_twist)
-        HandInput(self, self._on_hand, self._refuse_hand)
+        self._hands = HandInputs(
+            self, self._on_hand, self._refuse_hand, lambda: self._lockstep.look()
+        )
 
     # Inputs
 
@@ -224,31 +226,27 @@ class PriorityIkNode(HandoverNode):
                 self._tick()
                 self._commanded = True
 
-    def _refuse_hand(self, reason: str, text: str) -> None:
-        self._hand.rejected[reason] += 1
+    def _refuse_hand(self, tracker: str, reason: str, text: str) -> None:
+        self._hand.refuse(reason, tracker)
         self._refuse(text)
 
-    def _on_hand(self, time: Time, pose: SeenPose) -> None:
-        time_ns = self.hand_stamp_ns(time)
-        stamp_s = time_ns / NANOSECONDS
-        # in lockstep one is told again, as it may have been lost
-        if not (self.lockstep and time_ns == self._newest_hand_ns):
-            self._take_hand(stamp_s, pose)
-        self._newest_hand_ns = time_ns
-        if self.lockstep:
-            self._lockstep.look()
-
-    def _take_hand(self, stamp_s: float, pose: SeenPose) -> None:
-        now_s = None if self.lockstep else self.now_s()
+    def _on_hand(self, hand: HandPose) -> None:
+        now_s, pose = self._lockstep_s if self.lockstep else self.now_s(), hand.pose
         reason = self._hand.update(
-            stamp_s, pose.position, now_s, pose.orientation, pose.covariance
+            hand.stamp_ns / NANOSECONDS,
+            pose.position,
+            now_s,
+            pose.orientation,
+            pose.covariance,
+            hand.tracker,
         )
-        estimate = self._hand.estimate(stamp_s)
+        estimate = self._hand.estimate(now_s)
         if reason and reason != 'repeated':
             self._refuse(f'hand, {reason}')
         elif not reason and estimate is not None:
             known = Partner(np.array(estimate.position), np.array(estimate.velocity))
-            self._controller.set_hand(known, stamp_s if self.lockstep else self.arrival_s())
+            arrival_s = now_s if self.lockstep else self.arrival_s()
+            self._controller.set_hand(known, arrival_s, self._hand.timeout_s)
 
     def _twist_of_pose(self) -> TwistStamped | None:
         """Return the twist of the same command as the newest pose, if both are there."""
@@ -288,13 +286,15 @@ class PriorityIkNode(HandoverNode):
     def _ready(self, tick_ns: int) -> bool:
         options, pose = self._controller.options, self._pose
         if self._twist_of_pose() and pose and nanoseconds(pose.header.stamp) == tick_ns:
-            return self.hand_is_there(tick_ns, self._newest_hand_ns, options.hand_timeout_s)
+            return self._hands.are_there(tick_ns, options.hand_timeout_s)
         # who has not commanded for so long is gone, and is not waited for
         timeout_ns = round(options.command_timeout_s * NANOSECONDS)
         return self._taken_ns is not None and tick_ns - self._taken_ns > timeout_ns
 
     def _answer(self, tick_ns: int, elapsed_s: float) -> None:
         now_s = tick_ns / NANOSECONDS
+        self._lockstep_s = now_s
+        self._hands.release()
         if self._pose is not None:
             # a dmp that wakes from a stall first answers what it was asked before
             age_s = now_s - nanoseconds(self._pose.header.stamp) / NANOSECONDS
@@ -381,6 +381,7 @@ class PriorityIkNode(HandoverNode):
             'messages refused': str(refused),
             'hand unchanged (s)': f'{self._hand.unchanged_s:.3f}',
             **refusals(self._hand.rejected),
+            **of_trackers(self._hand.report(self.now_s())),
             **limits_told(self._model),
         }
 

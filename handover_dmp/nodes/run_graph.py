@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 import json
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ from typing import Any
 from handover_dmp.handover.lockstep import AFTERWARDS_S, MAX_EXTRA_S, REPLAY_AT_S
 from handover_dmp.handover.scenario import Scenario
 from handover_dmp.nodes.graph import Graph
+from handover_dmp.tracking.tracker_preset import SENSOR, TrackerPreset
 
 
 def run_graph(
@@ -31,6 +32,7 @@ def run_graph(
     scenario: Scenario,
     info: dict[str, Any],
     tell: Callable[[str, float], None],
+    trackers: Sequence[TrackerPreset] = (),
     *,
     lockstep: bool = True,
 ) -> None:
@@ -42,6 +44,7 @@ def run_graph(
         scenario: what is run.
         info: what `/handover/info` says.
         tell: is told what goes on, and the share done.
+        trackers: that see the hand; a perfect one if left out.
         lockstep: on simulated time; else on the wall clock.
 
     Raises:
@@ -50,7 +53,8 @@ def run_graph(
     """
     max_duration_s = REPLAY_AT_S + scenario.trial.duration_s + MAX_EXTRA_S
     tell('starting five nodes', 0.05)
-    with Graph(folder, graph_parameters(folder, scenario, info, lockstep), lockstep=lockstep) as g:
+    parameters = graph_parameters(folder, scenario, info, lockstep, trackers)
+    with Graph(folder, parameters, lockstep=lockstep) as g:
         tell('handing over', 0.2)
         begun_s = g.time_s
         if lockstep:
@@ -67,7 +71,11 @@ def run_graph(
 
 
 def graph_parameters(
-    folder: Path, scenario: Scenario, info: dict[str, Any], lockstep: bool
+    folder: Path,
+    scenario: Scenario,
+    info: dict[str, Any],
+    lockstep: bool,
+    trackers: Sequence[TrackerPreset] = (),
 ) -> dict[str, dict[str, Any]]:
     """
     Make the parameters of the five nodes for a run.
@@ -77,6 +85,7 @@ def graph_parameters(
         scenario: what is run.
         info: what `/handover/info` says.
         lockstep: on simulated time; else on the wall clock.
+        trackers: that see the hand; a perfect one if left out.
 
     Returns:
         Node to name to value.
@@ -92,15 +101,27 @@ def graph_parameters(
         'base_pitch': float(robot.base.pitch),
         'base_yaw': float(robot.base.yaw),
     }
+    seen: dict[str, Any] = {}
+    replayed: dict[str, Any] = {}
+    if trackers:
+        seen['trackers'] = replayed['trackers'] = [one.name for one in trackers]
+    for one in trackers:
+        told = dict(one.parameters) | {'sensor.seed': one.sensor.seed}
+        for name, value in told.items():
+            if name.startswith(SENSOR) or name == 'topic':
+                replayed[f'{one.name}.{name}'] = value
+            if not name.startswith(SENSOR):
+                seen[f'{one.name}.{name}'] = value
     return {
         'recorder': {'folder': str(folder / 'bag'), 'info': json.dumps(info)},
         'hand_tracker': {
             'trial': str(folder / 'trial.csv'),
             'cutoff_hz': 0.0,
             'replay_at_s': REPLAY_AT_S if lockstep else -1.0,
+            **replayed,
         },
-        'dmp': {'model': str(folder / 'model.json')},
-        'priority_ik': arm,
+        'dmp': {'model': str(folder / 'model.json'), **seen},
+        'priority_ik': {**arm, **seen},
         'robot_sim': {
             **arm,
             'initial_positions': scenario.q_start.tolist(),

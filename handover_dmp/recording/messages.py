@@ -21,7 +21,7 @@ from functools import cache
 from typing import Any
 
 from handover_dmp.recording.message_definitions import message_definition
-from handover_dmp.topics import label_of
+from handover_dmp.topics import label_of, position_covariance
 
 # The library that decodes also encodes, but shows only a writer of whole files. Ours must put
 # quality of service and type hashes into them too, so its encoder is taken from within.
@@ -89,6 +89,27 @@ def pose_stamped(
             'orientation': _named(orientation, 'xyzw'),
         },
     }
+
+
+def pose_with_covariance_stamped(
+    time_ns: int, position: Sequence[float], deviation_m: float, frame: str = 'world'
+) -> dict[str, Any]:
+    """
+    Return a `geometry_msgs/PoseWithCovarianceStamped` whose orientation is not known.
+
+    Args:
+        time_ns: stamp in nanoseconds.
+        position: (3,), m.
+        deviation_m: standard deviation of the position on each axis, m.
+        frame: that it is told in.
+
+    Returns:
+        The message.
+
+    """
+    pose = pose_stamped(time_ns, position, frame=frame)
+    covariance = position_covariance(deviation_m)
+    return {'header': pose['header'], 'pose': {'pose': pose['pose'], 'covariance': covariance}}
 
 
 def twist_stamped(

@@ -24,8 +24,8 @@ from typing import Any
 
 from handover_dmp.common.files import replacing
 from handover_dmp.common.plot_style import EXCHANGE_COLOUR, PLOT_STYLE
-from handover_dmp.report.metrics import FEEDBACK_WEIGHT, goal_at
-from handover_dmp.report.motion import bell_of, velocity
+from handover_dmp.report.metrics import FEEDBACK_WEIGHT, FUSED, goal_at, seen_hands, tracker_errors
+from handover_dmp.report.motion import bell_of, resample, velocity
 from handover_dmp.report.recorded_run import Array, RunRecord
 from handover_dmp.topics import (
     HAND_POSE,
@@ -37,7 +37,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from matplotlib.ticker import MaxNLocator, NullLocator
+from matplotlib.ticker import FormatStrFormatter, MaxNLocator, NullLocator
 import numpy as np
 
 Style = dict[str, Any]
@@ -61,6 +61,14 @@ HAND_NAME, ROBOT_NAME, DEMONSTRATOR_NAME = (
     'human in its place (P2)',
 )
 
+# Of trackers, marks of a shape and a colour of their own.
+SEEN: tuple[Style, ...] = (
+    {'color': '#8a5a00', 'linestyle': '', 'marker': '.', 'markersize': 3.0, 'zorder': 2.0},
+    {'color': '#1f4e9c', 'linestyle': '', 'marker': 'x', 'markersize': 4.5, 'zorder': 2.15},
+    {'color': '#59626d', 'linestyle': '', 'marker': '+', 'markersize': 5.0, 'zorder': 2.1},
+)
+
+SMALL_MM = 0.1
 DPI = 120
 WIDTH = 9.0
 # before the arm begins to move there is little to see
@@ -103,6 +111,15 @@ def write_figures(run: RunRecord, folder: Path) -> list[Picture]:
                 'The exchange is shaded.',
             ),
             draw_positions,
+        ),
+        (
+            Picture(
+                'trackers',
+                'What each tracker saw of the hand (marks, when it was measured) beside where it '
+                'was (red), and what was made of it (black): along the axis on which it moved '
+                'most, and as a distance.',
+            ),
+            draw_trackers,
         ),
         (Picture('paths', 'The same paths in space, from above and from the side.'), draw_paths),
         (
@@ -161,6 +178,30 @@ def draw_positions(run: RunRecord) -> Figure:
             for times, positions, style, name in _tracks(run):
                 ax.plot(times, positions[:, axis], **style, label=name)
             ax.set_ylabel(f'{"XYZ"[axis]}, m')
+    return figure
+
+
+def draw_trackers(run: RunRecord) -> Figure | None:
+    """Draw what each tracker saw beside where the hand was, unless that was always the same."""
+    if not tracker_errors(run):
+        return None
+    axis = int(np.argmax(np.ptp(run.hand_positions, axis=0)))
+    with _panels(2, 2.6, run) as (figure, (place, apart)):
+        place.plot(run.hand_times, run.hand_positions[:, axis], **HAND, label=HAND_NAME)
+        for number, (name, (times, positions)) in enumerate(seen_hands(run).items()):
+            if not len(times):
+                continue
+            fused = name == FUSED
+            style = COMMAND | {'linestyle': '-'} if fused else SEEN[number % len(SEEN)]
+            off = positions - resample(run.hand_times, run.hand_positions, times)
+            label = 'fused' if fused else name.replace('_', ' ')
+            place.plot(times, positions[:, axis], **style, label=label)
+            apart.plot(times, np.linalg.norm(off, axis=1) * 1e3, **style)
+        place.set_ylabel(f'{"XYZ"[axis]}, m')
+        # what is far out is to be seen, too, and is not to hide the rest
+        apart.set(ylabel='from the hand, mm', yscale='log')
+        apart.set_ylim(bottom=SMALL_MM)
+        apart.yaxis.set_major_formatter(FormatStrFormatter('%g'))
     return figure
 
 

@@ -21,7 +21,7 @@ from typing import Any
 
 from handover_dmp.report.motion import bell_of, RATE_HZ, resample, velocity
 from handover_dmp.report.recorded_run import Array, RecordedLimits, RunRecord
-from handover_dmp.topics import DIAGNOSTICS
+from handover_dmp.topics import DIAGNOSTICS, HAND_TRUTH
 import numpy as np
 
 # the wrist follows the hand alone where the goal has all the weight
@@ -43,6 +43,10 @@ LIMIT_TOLERANCE = 0.01
 BELIEF_TOLERANCE = 1e-6
 
 Numbers = dict[str, Any]
+
+PERFECT_M = 1e-5
+FUSED = 'fused'
+"""Name, among those of the trackers, of what was made of all of them."""
 
 
 def measure(run: RunRecord) -> Numbers:
@@ -68,6 +72,7 @@ def measure(run: RunRecord) -> Numbers:
         'to_human': _to_demonstrator(run),
         'limits': joint_limits(run),
         **_hand_age(run),
+        'trackers': tracker_errors(run),
         'inverse_kinematics': _inverse_kinematics(run),
         'topics': topic_rates(run),
         'nodes': node_status(run),
@@ -447,6 +452,55 @@ def _to_demonstrator(run: RunRecord) -> Numbers:
         'largest_m': float(apart.max()),
         'at_exchange_m': float(distance(np.array([span[0]]))[0]) if span else None,
     }
+
+
+def tracker_errors(run: RunRecord) -> dict[str, Numbers]:
+    """
+    Compare what each tracker saw, and what was made of it, with where the hand was.
+
+    Args:
+        run: the run.
+
+    Returns:
+        Name of the tracker, or `fused`, to `poses`, `rate_hz`, `rms_m` from the hand, the constant
+        part of it `bias_m` and the standard deviation of the rest, `noise_m`; empty where it was
+        not recorded where the hand was, or where all saw it there.
+
+    """
+    if run.hand_topic != HAND_TRUTH.name:
+        return {}
+    found: dict[str, Numbers] = {}
+    for name, (times, positions) in seen_hands(run).items():
+        known = (times >= run.hand_times[0]) & (times <= run.hand_times[-1])
+        if known.sum() < 2:
+            continue
+        times, positions = times[known], positions[known]
+        off = positions - resample(run.hand_times, run.hand_positions, times)
+        bias = off.mean(axis=0)
+        found[name] = {
+            'poses': len(times),
+            'rate_hz': float((len(times) - 1) / (times[-1] - times[0])),
+            'rms_m': float(np.sqrt(np.square(off).sum(axis=1).mean())),
+            'bias_m': float(np.linalg.norm(bias)),
+            'noise_m': float(np.sqrt(np.square(off - bias).sum(axis=1).mean())),
+        }
+    perfect = all(seen['rms_m'] < PERFECT_M for name, seen in found.items() if name != FUSED)
+    return {} if perfect else found
+
+
+def seen_hands(run: RunRecord) -> dict[str, tuple[Array, Array]]:
+    """
+    List what was seen of the hand.
+
+    Args:
+        run: the run.
+
+    Returns:
+        Name of the tracker to times (k,) s and positions (k, 3) m; last `fused`, as `dmp` took
+        the hand to be.
+
+    """
+    return {**run.trackers, FUSED: (run.fused_times, run.fused_positions)}
 
 
 def _hand_age(run: RunRecord) -> Numbers:

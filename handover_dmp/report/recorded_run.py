@@ -18,12 +18,13 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import json
 from pathlib import Path
 from typing import Any
 
 from handover_dmp.common.errors import DataError
+from handover_dmp.mocap.message_bodies import bodies
 from handover_dmp.recording import bag_files, read_bag, recorded_namespace
 from handover_dmp.robot.chain import described_limits
 from handover_dmp.robot.effective_limits import DEFAULT, source_summary
@@ -32,7 +33,9 @@ from handover_dmp.topics import (
     CLOCK,
     DEMONSTRATOR_POSE,
     DIAGNOSTICS,
+    HAND_FUSED,
     HAND_POSE,
+    HAND_TRUTH,
     HARDWARE_ID,
     IK_STATUS,
     INFO,
@@ -43,6 +46,7 @@ from handover_dmp.topics import (
     POSE_COMMAND,
     ROBOT_DESCRIPTION,
     STATE,
+    Topic,
     TOPICS,
     TWIST_COMMAND,
     WRIST_POSE,
@@ -52,11 +56,12 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-NEEDED = (HAND_POSE, WRIST_POSE, JOINT_STATES)
+NEEDED = (WRIST_POSE, JOINT_STATES)
 # the log time of a message and the clock of its graph are the same up to delays of this size,
 # or the recorder used another clock
 SAME_CLOCK_NS = 10**9
 MIN_SAMPLES = 5
+TRACKER = 'tracker'
 MAX_JOINTS = 64
 
 
@@ -121,7 +126,12 @@ class RunRecord:
         simulated_clock: whether the graph ran on `/clock`.
         start_ns: time of zero, ns.
         hand_times: (a,) s, and
-        hand_positions: (a, 3) m, the partner's wrist as tracked.
+        hand_positions: (a, 3) m, the partner's wrist: where it was, if that was recorded, else as
+            it was tracked, by several trackers as they were fused.
+        hand_topic: which of these it is.
+        fused_times: (z,) s, and
+        fused_positions: (z, 3) m, the same as `dmp` took it to be.
+        trackers: name to (k,) s and (k, 3) m, the same as each tracker saw it.
         demonstrator_times: (b,) s, and
         demonstrator_positions: (b, 3) m, where the person was whose place the robot takes.
         wrist_times: (c,) s, and
@@ -159,6 +169,10 @@ class RunRecord:
     start_ns: int
     hand_times: Array
     hand_positions: Array
+    hand_topic: str
+    fused_times: Array
+    fused_positions: Array
+    trackers: dict[str, tuple[Array, Array]]
     demonstrator_times: Array
     demonstrator_positions: Array
     wrist_times: Array
@@ -247,12 +261,31 @@ def load_run(path: Path | str, namespace: str | None = None) -> RunRecord:
     """
     path = Path(path)
     bag_files(path)
-    samples = _collect(path, recorded_namespace(path, NEEDED, namespace))
-    for topic in NEEDED:
+    space = recorded_namespace(path, NEEDED, namespace)
+    trackers = _trackers(path, space)
+    samples = _collect(path, space, list(trackers.values()))
+    hand = _topic_of_hand(samples, list(trackers.values()))
+    for topic in (hand, *NEEDED):
         if len(samples.values[topic.name]) < MIN_SAMPLES:
             count = len(samples.values[topic.name])
             raise DataError(f'{path}: not a recorded run: {count} messages on {topic.name}')
-    return _assemble(path, samples)
+    return _assemble(path, samples, hand, trackers)
+
+
+def _trackers(path: Path, namespace: str) -> dict[str, Topic]:
+    """Return the trackers of a run and the topics of their poses, as it says itself."""
+    texts = [str(message.data) for _, message, _ in read_bag(path, [INFO.within(namespace)])]
+    told = _info(path, texts).get('trackers') or {TRACKER: HAND_POSE.name}
+    if not isinstance(told, dict) or not all(isinstance(name, str) for name in told.values()):
+        raise DataError(f'{path}: {INFO.name}: trackers: not names with topics')
+    return {name: replace(HAND_POSE, name=topic) for name, topic in told.items()}
+
+
+def _topic_of_hand(samples: _Samples, trackers: Sequence[Topic]) -> Topic:
+    """Return the topic that tells best where the hand was."""
+    tracked = trackers[0] if len(trackers) == 1 else HAND_FUSED
+    known = [topic for topic in (HAND_TRUTH, tracked) if samples.values[topic.name]]
+    return known[0] if known else HAND_POSE
 
 
 class _Samples:
@@ -285,11 +318,13 @@ class _Samples:
         return convert
 
 
-def _collect(path: Path, namespace: str) -> _Samples:
+def _collect(path: Path, namespace: str, trackers: Sequence[Topic]) -> _Samples:
     samples = _Samples()
     readers: dict[str, Callable[[Any], Any]] = {
         CLOCK.name: lambda message: _nanoseconds(message.clock),
-        HAND_POSE.name: _position,
+        **{topic.name: _seen for topic in trackers},
+        HAND_TRUTH.name: _position,
+        HAND_FUSED.name: lambda message: _xyz(message.pose.pose.position),
         DEMONSTRATOR_POSE.name: _position,
         WRIST_POSE.name: _position,
         POSE_COMMAND.name: _position,
@@ -305,7 +340,11 @@ def _collect(path: Path, namespace: str) -> _Samples:
         ROBOT_DESCRIPTION.name: lambda message: str(message.data),
         INFO.name: lambda message: str(message.data),
     }  # fmt: skip
-    names = {topic.within(namespace): topic.name for topic in TOPICS if topic.name in readers}
+    names = {
+        topic.within(namespace): topic.name
+        for topic in (*TOPICS, *trackers)
+        if topic.name in readers
+    }
     samples.namespace = namespace
     for name, message, log_ns in read_bag(path, names):
         topic = names[name]
@@ -325,7 +364,9 @@ def _collect(path: Path, namespace: str) -> _Samples:
     return samples
 
 
-def _assemble(path: Path, samples: _Samples) -> RunRecord:
+def _assemble(
+    path: Path, samples: _Samples, hand_topic: Topic, trackers: dict[str, Topic]
+) -> RunRecord:
     graph_time = samples.graph_time()
     arrivals_ns = {topic: graph_time(times) for topic, times in samples.logs_ns.items()}
     stamps_ns = {
@@ -338,7 +379,8 @@ def _assemble(path: Path, samples: _Samples) -> RunRecord:
             column = samples.labels[topic].index('time_s')
             seconds = np.array([row[column] for row in samples.values[topic]])
             stamps_ns[topic] = np.rint(seconds * 1e9).astype(np.int64)
-    start_ns = int(min(stamps_ns[topic.name].min() for topic in NEEDED))
+    needed = (hand_topic, *NEEDED)
+    start_ns = int(min(stamps_ns[topic.name].min() for topic in needed))
     stamps = _seconds(stamps_ns, start_ns)
     arrivals = _seconds(arrivals_ns, start_ns)
     none = np.zeros(0)
@@ -364,7 +406,8 @@ def _assemble(path: Path, samples: _Samples) -> RunRecord:
         joint_command_times, joint_commands = track(JOINT_COMMAND.name, count)
     else:
         joint_command_times, joint_commands = none, np.zeros((0, count))
-    hand_times, hand = track(HAND_POSE.name, 3)
+    hand_times, hand = track(hand_topic.name, 3)
+    fused_times, fused = track(HAND_FUSED.name, 3)
     demonstrator_times, demonstrator = track(DEMONSTRATOR_POSE.name, 3)
     wrist_times, wrist = track(WRIST_POSE.name, 3)
     command_times, command = track(POSE_COMMAND.name, 3)
@@ -375,9 +418,9 @@ def _assemble(path: Path, samples: _Samples) -> RunRecord:
     # an arm whose joints are not known still says that it is not commanded
     ik_times, ik = track(IK_STATUS.name, len(ik_labels) or 1, partly=True)
     believed = _believed_limits(path, info, names)
-    for needed, times in zip(NEEDED, (hand_times, wrist_times, joint_times), strict=True):
+    for wanted, times in zip(needed, (hand_times, wrist_times, joint_times), strict=True):
         if len(times) < MIN_SAMPLES:
-            raise DataError(f'{path}: not a recorded run: {needed.name} has no proper positions')
+            raise DataError(f'{path}: not a recorded run: {wanted.name} has no proper positions')
     return RunRecord(
         source=path,
         namespace=samples.namespace,
@@ -387,6 +430,10 @@ def _assemble(path: Path, samples: _Samples) -> RunRecord:
         start_ns=start_ns,
         hand_times=hand_times,
         hand_positions=hand,
+        hand_topic=hand_topic.name,
+        fused_times=fused_times,
+        fused_positions=fused,
+        trackers={name: track(topic.name, 3) for name, topic in trackers.items()},
         demonstrator_times=demonstrator_times,
         demonstrator_positions=demonstrator,
         wrist_times=wrist_times,
@@ -557,6 +604,14 @@ def _nanoseconds(stamp: Any) -> int:
 
 def _xyz(vector: Any) -> tuple[float, float, float]:
     return (vector.x, vector.y, vector.z)
+
+
+def _seen(message: Any) -> tuple[float, float, float]:
+    """Return where a tracker saw the hand, NaN where it saw none, in a message of any type."""
+    found = bodies(message)
+    if found is None:
+        raise AttributeError(f'{type(message).__name__} holds no position')
+    return found[0].position if found else (np.nan,) * 3
 
 
 def _position(message: Any) -> tuple[float, float, float]:

@@ -25,7 +25,7 @@ from handover_dmp.common.errors import DataError
 from handover_dmp.common.files import write_text
 from handover_dmp.recording import bag_information
 from handover_dmp.report.figures import Picture, write_figures
-from handover_dmp.report.metrics import measure, Numbers
+from handover_dmp.report.metrics import FUSED, measure, Numbers
 from handover_dmp.report.motion_tables import motion_tables
 from handover_dmp.report.motions import compare_motions
 from handover_dmp.report.page import as_html, as_markdown, Page, Section, Table
@@ -127,6 +127,8 @@ def _page(run: RunRecord, report: Numbers, pictures: list[Picture], scenes: list
             figures=tuple((f'figures/{one.name}.png', one.caption) for one in pictures),
         )
     )
+    if report['trackers']:
+        sections.append(Section('The hand as it was seen', tables=(_trackers(report),)))
     if run.joint_limits is not None:
         sections.append(
             Section(
@@ -208,6 +210,21 @@ def _summary(report: Numbers) -> Table:
         ),
     ]
     return Table((), tuple(rows))
+
+
+def _trackers(report: Numbers) -> Table:
+    return Table(
+        ('seen by', 'poses', 'rate, Hz', 'from the hand, RMS', 'bias', 'noise, RMS'),
+        tuple(
+            (
+                'all, fused' if name == FUSED else name,
+                str(seen['poses']),
+                f'{seen["rate_hz"]:.1f}',
+                *(_number(seen[key], 1e3, 'mm', 1) for key in ('rms_m', 'bias_m', 'noise_m')),
+            )
+            for name, seen in report['trackers'].items()
+        ),
+    )
 
 
 def _nearer_or_farther(share: float | None) -> str:

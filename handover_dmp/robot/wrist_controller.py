@@ -150,6 +150,7 @@ class WristController:
         self._target_arrival_s = float('-inf')
         self._hand: Partner | None = None
         self._hand_arrival_s = float('-inf')
+        self._hand_timeout_s = 0.0
 
     @property
     def positions(self) -> Array | None:
@@ -225,18 +226,21 @@ class WristController:
         self._target_arrival_s = arrival_s
         return True
 
-    def set_hand(self, hand: Partner, arrival_s: float) -> None:
+    def set_hand(self, hand: Partner, arrival_s: float, timeout_s: float = 0.0) -> None:
         """
         Take what is known of the partner's hand, for separation and for what points at it.
 
         Args:
             hand: its position, and its velocity where that is known.
             arrival_s: when it came, s.
+            timeout_s: age up to which no newer one is missed, where that is more than
+                `hand_timeout_s`, s.
 
         """
         if all_finite(hand.position) and all_finite(hand.velocity):
             self._hand = hand
             self._hand_arrival_s = arrival_s
+            self._hand_timeout_s = timeout_s
 
     def update(self, now_s: float, dt: float) -> JointCommand:
         """
@@ -262,7 +266,8 @@ class WristController:
         age = now_s - self._target_arrival_s
         if age > self.options.command_timeout_s:
             return self._brake(f'wrist command is {age:.3f} s old', dt)
-        seen = now_s - self._hand_arrival_s <= self.options.hand_timeout_s
+        timeout_s = max(self.options.hand_timeout_s, self._hand_timeout_s)
+        seen = now_s - self._hand_arrival_s <= timeout_s
         hand = self._hand if seen else None
         if self._holds(self._target):
             return self._brake('', dt)

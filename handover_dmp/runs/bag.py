@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 import json
 from pathlib import Path
 from typing import Any
@@ -31,13 +32,16 @@ from handover_dmp.recording.messages import (
     joint_state,
     Message,
     pose_stamped,
+    pose_with_covariance_stamped,
     string,
     twist_stamped,
 )
 from handover_dmp.topics import (
     CLOCK,
     DEMONSTRATOR_POSE,
+    HAND_FUSED,
     HAND_POSE,
+    HAND_TRUTH,
     IK_STATUS,
     INFO,
     JOINT_COMMAND,
@@ -51,11 +55,16 @@ from handover_dmp.topics import (
     WRIST_POSE,
 )
 import numpy as np
+from numpy.typing import NDArray
 import pinocchio
 
 
 def write_run_bag(
-    folder: Path, scenario: Scenario, periods: Sequence[Period], info: dict[str, Any]
+    folder: Path,
+    scenario: Scenario,
+    periods: Sequence[Period],
+    info: dict[str, Any],
+    topics: Sequence[str] = (HAND_POSE.name,),
 ) -> None:
     """
     Write the bag of a run.
@@ -65,6 +74,7 @@ def write_run_bag(
         scenario: what was run.
         periods: what every period saw and said.
         info: what `/handover/info` says.
+        topics: of the poses of each tracker.
 
     Raises:
         DataError: the folder exists or cannot be written.
@@ -76,12 +86,19 @@ def write_run_bag(
         _write(bag, INFO, string(json.dumps(info)), start_ns)
         state = None
         rotation = periods[0].wrist_rotation
-        for period, demonstrator in zip(
-            periods, _demonstrator_path(scenario, periods), strict=True
-        ):
-            _write(
-                bag, DEMONSTRATOR_POSE, pose_stamped(period.time_ns, demonstrator), period.time_ns
-            )
+        heard = [replace(HAND_POSE, name=name) for name in topics]
+        trial = scenario.trial
+        truth, demonstrator = (
+            _path(scenario, periods, path) for path in (trial.partner, trial.demonstrator)
+        )
+        for period, hand, person in zip(periods, truth, demonstrator, strict=True):
+            time_ns = period.time_ns
+            _write(bag, DEMONSTRATOR_POSE, pose_stamped(time_ns, person), time_ns)
+            _write(bag, HAND_TRUTH, pose_stamped(time_ns, hand), time_ns)
+            for topic, samples in zip(heard, period.hands, strict=True):
+                for sample in samples:
+                    stamp_ns, place = round(sample.stamp_s * NANOSECONDS), sample.position.tolist()
+                    _write(bag, topic, pose_stamped(stamp_ns, place), time_ns)
             for topic, message in _messages(period, scenario.robot.joint_names, rotation):
                 _write(bag, topic, message, period.time_ns)
             if period.command.state is not state:
@@ -89,12 +106,14 @@ def write_run_bag(
                 _write(bag, STATE, string(state.value), period.time_ns)
 
 
-def _demonstrator_path(scenario: Scenario, periods: Sequence[Period]) -> list[list[float]]:
-    """Where P2 was in the recording at each period, at rest before and after."""
+def _path(
+    scenario: Scenario, periods: Sequence[Period], positions: NDArray[np.float64]
+) -> list[list[float]]:
+    """Where somebody was in the recording at each period, at rest before and after."""
     trial = scenario.trial
     since = np.array([period.time_ns for period in periods]) / NANOSECONDS - REPLAY_AT_S
     times = trial.times[0] + np.clip(since, 0.0, trial.duration_s)
-    path: list[list[float]] = interpolate(trial.times, trial.demonstrator)(times).tolist()
+    path: list[list[float]] = interpolate(trial.times, positions)(times).tolist()
     return path
 
 
@@ -113,11 +132,9 @@ def _messages(
         ),
     )
     yield WRIST_POSE, _pose(time_ns, period.wrist_position.tolist(), period.wrist_rotation)
-    for sample in period.hand:
-        yield (
-            HAND_POSE,
-            pose_stamped(round(sample.stamp_s * NANOSECONDS), sample.position.tolist()),
-        )
+    if period.estimate is not None:
+        place, deviation_m = period.estimate.position, period.estimate.deviation_m
+        yield HAND_FUSED, pose_with_covariance_stamped(time_ns, place, deviation_m)
     yield POSE_COMMAND, _pose(time_ns, command.position, commanded_rotation)
     yield TWIST_COMMAND, twist_stamped(time_ns, command.velocity)
     yield PHASE, _float_array(command.status_values(time_ns / NANOSECONDS))

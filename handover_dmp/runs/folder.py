@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from datetime import datetime
 import json
 import math
@@ -77,13 +78,16 @@ def keep_inputs(folder: Path, scenario: Scenario) -> None:
     save_model(scenario.model, folder / 'model.json')
 
 
-def run_info(scenario: Scenario, scale: float) -> dict[str, Any]:
+def run_info(
+    scenario: Scenario, scale: float, trackers: Mapping[str, str] | None = None
+) -> dict[str, Any]:
     """
     Describe a run, for `/handover/info`.
 
     Args:
         scenario: what is run.
         scale: of the recorded motion.
+        trackers: name to topic of those that see the hand; none: one, on the usual topic.
 
     Returns:
         Plain types.
@@ -102,6 +106,7 @@ def run_info(scenario: Scenario, scale: float) -> dict[str, Any]:
         'learnt_distance_m': math.dist(scenario.model.start, scenario.model.goal),
         'seed': scenario.seed,
         'scale': scale,
+        'trackers': dict(trackers or {}),
         'robot': robot.name,
         'robot_description': robot.description.asked_for,
         'wrist_frame': robot.wrist_frame,

@@ -26,18 +26,23 @@ from typing import TYPE_CHECKING
 from handover_dmp.common.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from handover_dmp.tracking.goal_estimator import GoalEstimator, HandEstimate, HandFilter
+    from handover_dmp.tracking.goal_estimator import GoalEstimator, HandEstimate
+    from handover_dmp.tracking.hand_filter import HandFilter
     from handover_dmp.tracking.playback import HandSample, Replay
     from handover_dmp.tracking.sensor_model import Observation, SensorModel
+    from handover_dmp.tracking.tracker import Tracker
+    from handover_dmp.tracking.tracker_watch import TrackerReport
 
 _HOMES = {
     'GoalEstimator': 'goal_estimator',
     'HandEstimate': 'goal_estimator',
-    'HandFilter': 'goal_estimator',
+    'HandFilter': 'hand_filter',
     'HandSample': 'playback',
     'Observation': 'sensor_model',
     'Replay': 'playback',
     'SensorModel': 'sensor_model',
+    'Tracker': 'tracker',
+    'TrackerReport': 'tracker_watch',
 }
 
 __all__ = [
@@ -48,6 +53,8 @@ __all__ = [
     'Observation',
     'Replay',
     'SensorModel',
+    'Tracker',
+    'TrackerReport',
 ]
 
 __getattr__, __dir__ = lazy_names(__name__, _HOMES)

@@ -216,17 +216,26 @@ class TrackedHand:
     was first seen, after the end where it was last seen.
     """
 
-    def __init__(self, replay: Replay, sensor: SensorModel | None = None) -> None:
+    def __init__(
+        self,
+        replay: Replay,
+        sensor: SensorModel | None = None,
+        *,
+        tells_lost: bool = False,
+    ) -> None:
         """
         Take the recording and the tracker.
 
         Args:
             replay: the hand, for any time.
-            sensor: rate, noise, delay, drop-outs and outliers; jitter and duplicates are for
+            sensor: rate, noise, delay, faults; jitter and duplicates are for
                 `SensorModel.observe` alone.
+            tells_lost: whether it says NaN of a pose that is lost, where others say nothing: who
+                waits for one in lockstep need not wait for ever.
 
         """
         self._replay = replay
+        self._tells_lost = tells_lost
         self._sensor = sensor or SensorModel()
         self._start_s = math.inf
         self._hidden = False
@@ -266,18 +275,36 @@ class TrackedHand:
             self._next = newest
         numbers = range(self._next, newest + 1)
         self._next = newest + 1
-        seen = (self._measure(number) for number in numbers if number >= 0)
+        seen = (self._measure(number) for number in numbers)
         return [sample for sample in seen if sample is not None]
 
     def _measure(self, number: int) -> HandSample | None:
         sensor = self._sensor
         stamp_s = number / sensor.rate_hz
-        sample = self._replay.newest(max(0.0, stamp_s - self._start_s))
+        if number < 0:
+            # measured before there was a time
+            return HandSample(0.0, np.full(3, np.nan)) if self._tells_lost else None
+        position = self._seen(number, stamp_s - self._start_s)
+        if position is None and not self._tells_lost:
+            return None
+        hidden = self._hidden and stamp_s < self._start_s - SEEN_BEFORE_S
+        if position is None or hidden:
+            position = np.full(3, np.nan)
+        return HandSample(stamp_s + sensor.clock_s, position)
+
+    def _seen(self, number: int, elapsed_s: float) -> NDArray[np.float64] | None:
+        """Give where a pose of the tracker is, so long after the start; None where it has none."""
+        sensor = self._sensor
+        if sensor.is_dead(elapsed_s):
+            return None
+        seen_s = sensor.seen_at(elapsed_s)
+        if seen_s < elapsed_s:
+            number = max(math.floor((self._start_s + seen_s) * sensor.rate_hz + ROUNDING), 0)
+            elapsed_s = number / sensor.rate_hz - self._start_s
+        sample = self._replay.newest(max(0.0, elapsed_s))
         if sample is None:
             return None
-        position = sample.position
-        if self._hidden and stamp_s < self._start_s - SEEN_BEFORE_S:
-            position = np.full(3, np.nan)
+        position = sample.position + sensor.off_by(elapsed_s)
         if sensor.noise_m or sensor.dropout or sensor.outliers:
             random = np.random.default_rng((sensor.seed, number))
             if random.uniform() < sensor.dropout:
@@ -288,41 +315,56 @@ class TrackedHand:
                 position = position + (
                     sensor.outlier_distance_m * direction / np.linalg.norm(direction)
                 )
-        return HandSample(stamp_s, position)
+        return position
 
 
 class PlayedTrial:
-    """A trial as a tracker sees it: at rest before, in motion, at rest after."""
+    """A trial as trackers see it: at rest before, in motion, at rest after."""
 
-    def __init__(self, trial: HandoverTrial, sensor: SensorModel) -> None:
+    def __init__(
+        self,
+        trial: HandoverTrial,
+        sensors: Sequence[SensorModel] = (SensorModel(),),
+        *,
+        tells_lost: bool = False,
+    ) -> None:
         """
-        Take the recording and the tracker.
+        Take the recording and the trackers.
 
         Args:
             trial: the recording.
-            sensor: how the tracker sees the hand.
+            sensors: how each tracker sees the hand.
+            tells_lost: whether they say NaN of a pose that is lost.
 
         """
-        self._hand = TrackedHand(Replay.from_trial(trial), sensor)
+        replay = Replay.from_trial(trial)
+        self._truth = replay
+        self._hands = [TrackedHand(replay, sensor, tells_lost=tells_lost) for sensor in sensors]
         self._demonstrator = Replay.from_motion(trial.times, trial.demonstrator)
 
     @property
     def start_s(self) -> float:
         """When the trial starts, s; infinite until it is told."""
-        return self._hand.start_s
+        return self._hands[0].start_s
 
     @property
     def signal_s(self) -> float:
         """When the handover is to start, s."""
-        return self._hand.start_s
+        return self.start_s
 
     def start(self, at_s: float) -> None:
         """Start the trial at a time, s."""
-        self._hand.start(at_s)
+        for hand in self._hands:
+            hand.start(at_s)
 
-    def hand(self, now_s: float) -> list[HandSample]:
-        """Give the poses of the hand that arrived since the last call, at a time, s."""
-        return self._hand.due(now_s)
+    def hands(self, now_s: float) -> list[list[HandSample]]:
+        """Give, of each tracker, the poses that arrived since the last call, at a time, s."""
+        return [hand.due(now_s) for hand in self._hands]
+
+    def truth(self, now_s: float) -> list[HandSample]:
+        """Give where the hand is at a time, s, whatever the trackers say."""
+        sample = self._truth.newest(max(0.0, now_s - self.start_s))
+        return [] if sample is None else [HandSample(now_s, sample.position)]
 
     def demonstrator(self, now_s: float) -> list[HandSample]:
         """Give where the person is whose place the robot takes, at a time, s."""
@@ -366,9 +408,13 @@ class PlayedBag:
         """Start the bag with its first pose of the hand at a time, s."""
         self.start_s = at_s
 
-    def hand(self, now_s: float) -> list[HandSample]:
-        """Give the poses of the hand that became due since the last call, at a time, s."""
-        return self._hand.due(now_s, self.start_s)
+    def hands(self, now_s: float) -> list[list[HandSample]]:
+        """Give the poses that became due since the last call, at a time, s: of one tracker."""
+        return [self._hand.due(now_s, self.start_s)]
+
+    def truth(self, _now_s: float) -> list[HandSample]:
+        """Give nothing, for nobody knows where that hand was."""
+        return []
 
     def demonstrator(self, now_s: float) -> list[HandSample]:
         """Give the same of the person whose place the robot takes."""

@@ -12,7 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A tracker with the faults of real ones, for tests: rate, noise, delay, drop-outs, outliers."""
+"""
+A tracker with the faults of real ones, for tests.
+
+Rate, noise, delay, drop-outs, outliers, an offset, a wrong clock; and what happens to one in mid
+motion: it dies, freezes, jumps, drifts.
+"""
 
 from __future__ import annotations
 
@@ -44,6 +49,11 @@ class Observation(NamedTuple):
     position: NDArray[np.float64]
 
 
+FAULTS = ('none', 'dies', 'freezes', 'jumps', 'drifts')
+DRIFT_S = 1.0
+"""How long a tracker that drifts takes for it, s."""
+
+
 @dataclass(frozen=True)
 class SensorModel:
     """
@@ -60,6 +70,12 @@ class SensorModel:
             out of order.
         duplicates: share of poses that arrive twice, 0 to 1.
         outlier_distance_m: how far off an outlier lies, m.
+        offset_m: (3,), m, by which all poses are off.
+        clock_s: how much later than the truth poses are stamped, s.
+        fault: what happens to it in motion: it `dies`, `freezes` (goes on with its last pose),
+            `jumps` or `drifts` (by `fault_m`), or `none`.
+        fault_at_s: when, after the start of the motion, s.
+        fault_m: (3,), m.
 
     Raises:
         UsageError: a value is out of range.
@@ -75,6 +91,11 @@ class SensorModel:
     jitter_s: float = 0.0
     duplicates: float = 0.0
     outlier_distance_m: float = 1.0
+    offset_m: tuple[float, ...] = (0.0, 0.0, 0.0)
+    clock_s: float = 0.0
+    fault: str = 'none'
+    fault_at_s: float = 0.0
+    fault_m: tuple[float, ...] = (0.0, 0.5, 0.0)
 
     def __post_init__(self) -> None:
         if not 0.0 < self.rate_hz <= 10_000.0:
@@ -86,8 +107,34 @@ class SensorModel:
         for name in ('dropout', 'outliers', 'duplicates'):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise UsageError(f'sensor {name}: {getattr(self, name)} is not between 0 and 1')
+        for name in ('offset_m', 'fault_m'):
+            value = getattr(self, name)
+            if len(value) != 3 or not all(map(math.isfinite, value)):
+                raise UsageError(f'sensor {name}: {list(value)} is not three numbers')
+        if not (math.isfinite(self.clock_s) and math.isfinite(self.fault_at_s)):
+            raise UsageError('sensor clock_s and fault_at_s: not both are finite')
+        if self.fault not in FAULTS:
+            raise UsageError(f'sensor fault {self.fault!r} is none of {", ".join(FAULTS)}')
         if not 0 <= self.seed < 2**32:
             raise UsageError(f'sensor seed: {self.seed} is not between 0 and {2**32 - 1}')
+
+    def is_dead(self, elapsed_s: float) -> bool:
+        """Tell whether it sees nothing any more, some time after the start of the motion, s."""
+        return self.fault == 'dies' and elapsed_s >= self.fault_at_s
+
+    def seen_at(self, elapsed_s: float) -> float:
+        """Tell from when the pose is that it gives some time after the start, both in s."""
+        return min(elapsed_s, self.fault_at_s) if self.fault == 'freezes' else elapsed_s
+
+    def off_by(self, elapsed_s: float) -> NDArray[np.float64]:
+        """Tell by how much it is off some time after the start (s), its noise aside: (3,) m."""
+        off = np.array(self.offset_m, dtype=float)
+        if self.fault == 'jumps' and elapsed_s >= self.fault_at_s:
+            off += self.fault_m
+        elif self.fault == 'drifts':
+            share = min(max((elapsed_s - self.fault_at_s) / DRIFT_S, 0.0), 1.0)
+            off += share * np.array(self.fault_m)
+        return off
 
     def observe(self, trial: HandoverTrial) -> list[Observation]:
         """
@@ -126,11 +173,17 @@ class SensorModel:
         off = random.uniform(size=count) < self.outliers
         seen[off] += self.outlier_distance_m * directions[off]
         lost = random.uniform(size=count) < self.dropout
+        elapsed = stamps - times[0]
+        seen += [self.off_by(time) for time in elapsed]
+        # the pose that it hangs at, its noise and all
+        seen = seen[[math.floor(self.seen_at(time) * self.rate_hz + 1e-6) for time in elapsed]]
+        lost |= np.array([self.is_dead(time) for time in elapsed])
         twice = random.uniform(size=count) < self.duplicates
         arrivals = stamps + self.delay_s + self.jitter_s * random.uniform(size=(2, count))
         observations = []
         for k in np.flatnonzero(~lost):
             for copy in range(1 + int(twice[k])):
                 arrival = float(arrivals[copy, k])
-                observations.append(Observation(arrival, float(stamps[k]), seen[k]))
+                stamp = float(stamps[k]) + self.clock_s
+                observations.append(Observation(arrival, stamp, seen[k]))
         return sorted(observations, key=lambda observation: observation[:2])

@@ -75,7 +75,7 @@ def speeds(periods: list[Period]) -> np.ndarray:
 
 @pytest.mark.parametrize('name', sorted(tracker_faults(0)))
 def test_no_fault_of_the_tracker_breaks_an_invariant(handover: Handover, name: str) -> None:
-    handover.hand = FaultyHand(handover.hand, tracker_faults(1)[name], FROM_S, UNTIL_S)
+    handover.hands[0] = FaultyHand(handover.hands[0], tracker_faults(1)[name], FROM_S, UNTIL_S)
     handover.begin()
     periods = go(handover, 6.0)
     assert handover.controller.state is HandoverState.DONE
@@ -91,7 +91,7 @@ def test_no_fault_of_the_tracker_breaks_an_invariant(handover: Handover, name: s
 
 def test_a_jump_is_not_followed_at_once(handover: Handover) -> None:
     jump = tracker_faults(0)['jumped by 1 m']
-    handover.hand = FaultyHand(handover.hand, jump, 1.7, 1.75)
+    handover.hands[0] = FaultyHand(handover.hands[0], jump, 1.7, 1.75)
     handover.begin()
     periods = go(handover, 5.0)
     way = np.array([period.wrist_position for period in periods])
@@ -114,8 +114,8 @@ def test_a_hand_where_no_hand_can_be_served_gives_a_calm_stop(
         'inside': base + [0.0, 0.0, 0.2],
     }[where]
     offset = np.array(handover.scenario.model.goal_offset)
-    handover.hand = FaultyHand(
-        handover.hand,
+    handover.hands[0] = FaultyHand(
+        handover.hands[0],
         lambda samples: [s._replace(position=goal - offset) for s in samples],
         -1.0,
         1e9,

@@ -393,7 +393,7 @@ def simulated(meeting: Meeting, shape: Shape, folder: Path) -> tuple[Motion, boo
         handover.close()
     reaching = [p for p in periods if p.command.state.value in ('reaching', 'exchange')]
     wrist = np.array([p.wrist_position for p in reaching])
-    goals = np.array([p.hand[-1].position for p in reaching]) + model.goal_offset
+    goals = np.array([p.hands[0][-1].position for p in reaching]) + model.goal_offset
     motion = Motion(
         wrist,
         np.gradient(wrist, PERIOD_S, axis=0),

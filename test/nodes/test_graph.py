@@ -470,7 +470,7 @@ def trial_bag(tmp_path: Path, scenario: Scenario) -> Path:
     return next(path for path in (tmp_path / 'bags').iterdir() if path.is_dir())
 
 
-SLOW = {'lockstep_hand_period_s': 1.0 / 24.0}
+SLOW = {'tracker.rate_hz': 24.0}
 
 
 @pytest.mark.parametrize(

@@ -35,7 +35,7 @@ from geometry_msgs.msg import (
 from handover_dmp.common.errors import UsageError
 from handover_dmp.nodes.hand_input import HandInput
 from handover_dmp.nodes.node import HandoverNode
-from handover_dmp.nodes.parameters import HAND
+from handover_dmp.nodes.tracker_parameters import HAND, ONE_TRACKER
 from handover_dmp.topics import HAND_POSE
 from handover_dmp.tracking.frames import FixedTransform
 from handover_dmp.tracking.pose_messages import BodyChooser, READERS, SeenPose
@@ -63,6 +63,7 @@ class Listener(HandoverNode):
 
     NAME = 'dmp'
     PARAMETERS = HAND
+    OF_EACH_TRACKER = ONE_TRACKER
 
     def __init__(self) -> None:
         super().__init__()
@@ -70,6 +71,7 @@ class Listener(HandoverNode):
         self.refused: list[tuple[str, str]] = []
         HandInput(
             self,
+            'tracker',
             lambda stamp, pose: self.taken.append((stamp, pose)),
             lambda reason, text: self.refused.append((reason, text)),
         )

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from itertools import pairwise
 import math
 from pathlib import Path
@@ -35,6 +36,7 @@ from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.nodes.recorder import Recorder
 from handover_dmp.nodes.robot_sim import POSTURE, RobotSim
 from handover_dmp.nodes.run_graph import graph_parameters
+from handover_dmp.nodes.tracker_parameters import of
 from handover_dmp.runs.folder import keep_inputs
 from handover_dmp.topics import (
     DIAGNOSTICS,
@@ -144,6 +146,7 @@ def listen(graph: Graph, topic: Topic, seconds: float) -> list[Any]:
 @pytest.mark.parametrize('node', NODES, ids=lambda node: node.NAME)
 def test_every_parameter_is_described(graph: Graph, node: Any) -> None:
     own = COMMON + node.PARAMETERS + {Dmp: PRIMITIVE, RobotSim: POSTURE}.get(node, ())
+    own += tuple(replace(kind, name=of('tracker', kind.name)) for kind in node.OF_EACH_TRACKER)
     known = {parameter.name: parameter for parameter in own}
     listed = ask(graph, ListParameters, f'/{node.NAME}/list_parameters', ListParameters.Request())
     names = [name for name in listed.result.names if name not in OF_ROS]

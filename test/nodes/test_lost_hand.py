@@ -108,7 +108,7 @@ def test_the_arm_brakes_goes_on_and_never_turns_to_where_no_hand_was(
 ) -> None:
     bag = tmp_path / 'played'
     write_bag(bag, scenario)
-    slow = {'lockstep_hand_period_s': 1.0 / RATE_HZ}
+    slow = {'tracker.rate_hz': RATE_HZ}
     frozen = {'hand_filter.frozen_s': 0.2, 'hand_filter.refuse_frozen': True}
     folder, parameters = prepare(
         hand_tracker={'source': 'bag', 'bag': str(bag), 'replay_at_s': 0.0},

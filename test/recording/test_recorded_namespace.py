@@ -50,7 +50,7 @@ def test_the_only_graph_is_found(tmp_path: Path, space: str) -> None:
     np.testing.assert_allclose(read_bag_wrists(bag).partner[:, 0], PLACE[space])
     played = PlayedBag(bag)
     played.start(0.0)
-    assert {sample.position[0] for sample in played.hand(0.1)} == {PLACE[space]}
+    assert {sample.position[0] for sample in played.hands(0.1)[0]} == {PLACE[space]}
 
 
 def test_of_several_one_is_to_be_chosen(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ import math
 from handover_dmp.common.errors import UsageError
 from handover_dmp.mocap import condition, synthesize
 from handover_dmp.mocap.filtering import interpolate
-from handover_dmp.tracking import GoalEstimator, HandFilter, SensorModel
+from handover_dmp.tracking import GoalEstimator, HandFilter, SensorModel, Tracker
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -45,8 +45,8 @@ def test_it_is_the_kalman_filter():
     path = 0.4 * np.sin(np.outer(stamps, [2.0, 3.0, 1.0])) + 1e-3 * random.standard_normal(
         (120, 3)
     )
-    parameters = HandFilter(acceleration_noise=0.7, measurement_noise_m=0.002)
-    estimator = GoalEstimator(parameters)
+    parameters = HandFilter(acceleration_noise=0.7)
+    estimator = GoalEstimator(parameters, [Tracker(noise_m=0.002)])
     state = np.concatenate([path[0], np.zeros(3)])
     spread = np.diag([0.002**2] * 3 + [0.5**2] * 3)
     measure = np.hstack([np.eye(3), np.zeros((3, 3))])
@@ -394,7 +394,7 @@ def test_prediction_ends_in_a_calm_halt():
 
 def test_stamps_that_come_late_by_a_known_delay():
     path = straight()
-    estimator = GoalEstimator(HandFilter(delay_s=0.03))
+    estimator = GoalEstimator(trackers=[Tracker(delay_s=0.03)])
     for stamp in np.arange(0.0, 1.0, 0.005):
         estimator.update(stamp + 0.03, path(stamp), stamp + 0.03)
     estimate = estimator.estimate(1.0)
@@ -447,7 +447,6 @@ def test_the_work_of_an_update_is_bounded():
     'wrong',
     [
         {'acceleration_noise': 0.0},
-        {'measurement_noise_m': -1.0},
         {'hand_speed': math.nan},
         {'reacquire_poses': 0},
         {'lost_s': math.inf},

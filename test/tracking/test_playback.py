@@ -24,7 +24,6 @@ from handover_dmp.mocap import condition, HandoverTrial, synthesize
 from handover_dmp.mocap.trial_bag import write_trial_bag
 from handover_dmp.recording import BagWriter
 from handover_dmp.recording.messages import header, pose_stamped
-from handover_dmp.tracking import SensorModel
 from handover_dmp.tracking.playback import HandSample, PlayedBag, PlayedTrial
 import numpy as np
 import pytest
@@ -62,7 +61,7 @@ def play(played: PlayedBag, until_s: float, from_s: float = 0.0) -> list[HandSam
     """Ask period by period; nothing comes before it is due."""
     got = []
     for number in range(round(from_s / 0.005), round(until_s / 0.005) + 1):
-        for sample in played.hand(number * 0.005):
+        for sample in played.hands(number * 0.005)[0]:
             assert sample.stamp_s <= number * 0.005 + 1e-6
             got.append(sample)
     return got
@@ -72,14 +71,14 @@ def test_a_bag_of_a_trial_is_what_a_tracker_sees_of_the_trial(
     tmp_path: Path, trial: HandoverTrial
 ) -> None:
     write_trial_bag(trial, tmp_path / 'bag')
-    bag, tracked = PlayedBag(tmp_path / 'bag'), PlayedTrial(trial, SensorModel())
+    bag, tracked = PlayedBag(tmp_path / 'bag'), PlayedTrial(trial)
     bag.start(0.0)
     tracked.start(0.5)
     assert bag.signal_s == pytest.approx(tracked.signal_s)
     humans = 0
     for number in range(1200):
         now_s = number * 0.005
-        (seen,), (expected,) = bag.hand(now_s), tracked.hand(now_s)
+        ((seen,),), ((expected,),) = bag.hands(now_s), tracked.hands(now_s)
         assert seen.stamp_s == pytest.approx(expected.stamp_s, abs=1e-8)
         np.testing.assert_allclose(seen.position, expected.position, atol=1e-9)
         person = bag.demonstrator(now_s)
@@ -138,9 +137,9 @@ def test_nothing_long_past_is_played(tmp_path: Path, trial: HandoverTrial) -> No
     write_trial_bag(trial, tmp_path / 'bag')
     played = PlayedBag(tmp_path / 'bag')
     played.start(0.0)
-    assert played.hand(1000.0) == []
+    assert played.hands(1000.0) == [[]]
     played.start(1001.0)
-    assert len(played.hand(1001.0)) == 1
+    assert len(played.hands(1001.0)[0]) == 1
 
 
 def test_bags_that_cannot_be_played(tmp_path: Path) -> None:

@@ -1,0 +1,203 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The parameters about the trackers of the hand, as many of them as the node is told.
+
+`trackers` names them; each has the parameters `NAME.topic`, `NAME.noise_m` and so on, with the
+defaults that stand under `tracker` in `config/handover.yaml`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import fields, replace
+import re
+from typing import Any
+
+from handover_dmp.common.errors import UsageError
+from handover_dmp.common.settings import defaults
+from handover_dmp.nodes.parameters import declare, Parameter, TRACKER, Values
+from handover_dmp.tracking import GoalEstimator, HandFilter, Tracker
+from handover_dmp.tracking.tracker import BIASES
+from rclpy.node import Node
+
+HAND_FILTER = 'hand_filter.'
+SENSOR = 'sensor.'
+TRACKERS = Parameter('trackers', 'names of those that see the hand', read_only=True)
+TOPIC = Parameter(TRACKER + 'topic', 'of its poses', read_only=True)
+
+
+def _tracker(
+    name: str, description: str, low: float | None = None, high: float | None = None
+) -> Parameter:
+    return Parameter(TRACKER + name, description, low, high, read_only=True)
+
+
+def _filter(
+    name: str, description: str, low: float | None = None, high: float | None = None
+) -> Parameter:
+    return Parameter(HAND_FILTER + name, description, low, high, read_only=True)
+
+
+ONE_TRACKER = (
+    TOPIC,
+    _tracker('type', 'of the messages about the hand; empty: what they have'),
+    _tracker('body', 'name or number of the hand, where there are several'),
+    _tracker('frame', "of the tracker's poses, if that is another"),
+    _tracker('position', 'of that frame in ours, m'),
+    _tracker('quaternion', 'from its axes to ours, x, y, z, w'),
+    _tracker('rate_hz', 'how often its poses come, Hz', 0.1, 10_000.0),
+    _tracker(
+        'latency_s', 'from measurement to arrival; in lockstep it is waited for, s', 0.0, 5.0
+    ),
+    _tracker('noise_m', 'of a pose, standard deviation on each axis, m', 1e-9, 1.0),
+    _tracker('use_covariance', 'that of the messages in its place, where they have one'),
+    _tracker('weight', 'of a pose beside what its noise tells', 1e-6, 1e6),
+    _tracker('delay_s', 'how much too late poses are stamped, s', -10.0, 10.0),
+    Parameter(TRACKER + 'bias', 'by which its poses are off', choices=BIASES, read_only=True),
+    _tracker('bias_m', 'it, if fixed; where to begin, if learnt, m'),
+    _tracker('bias_deviation_m', 'how far off from that a learnt one may be, m', 1e-6, 10.0),
+    _tracker('bias_drift', 'how fast a learnt one may change, m/sqrt(s)', 0.0, 1.0),
+)
+
+HAND = (
+    TRACKERS,
+    *ONE_TRACKER,
+    Parameter(
+        'hand_stamps',
+        'time of a pose of the hand: of its header, or of its arrival',
+        choices=('header', 'arrival'),
+        read_only=True,
+    ),
+    _filter('acceleration_noise', 'of the hand, m/s2/sqrt(Hz)', 1e-6, 1e3),
+    _filter('outlier_distance_m', 'from what is expected, m', 1e-6, 100.0),
+    _filter('hand_acceleration', 'widens that with time, m/s2', 0.0, 1e3),
+    _filter('hand_speed', 'within which a hand that is back is believed at once, m/s', 1e-3, 1e3),
+    _filter('reacquire_poses', 'that agree, before one further off is believed', 1, 1_000_000),
+    _filter('frozen_s', 'a pose unchanged to the last bit for longer is frozen, s', 1e-3, 1e6),
+    _filter('refuse_frozen', 'whether that is no pose; a replay at rest may be frozen'),
+    _filter('max_deviation_m', 'of a covariance, beyond which there is no pose, m', 1e-6, 1e3),
+    _filter('lost_s', 'without a pose, all is forgotten, s', 1e-3, 60.0),
+    _filter('late_limit_s', 'age up to which late poses are used, s', 0.0, 10.0),
+    _filter('prediction_limit_s', 'how far ahead the hand moves on, s', 0.0, 10.0),
+)
+
+
+def declare_trackers(node: Node, values: Values, kinds: Sequence[Parameter]) -> Values:
+    """
+    Declare what a node may be told of each of its trackers.
+
+    Args:
+        node: which is told of them.
+        values: of the parameters that it has declared, `trackers` among them.
+        kinds: what each tracker has, by the names of the one that is called `tracker`, or by
+            names that have no tracker, whose values are then the defaults.
+
+    Returns:
+        Name to value, of those that were not declared yet.
+
+    Raises:
+        UsageError: a name is no name, there are two of one name or none at all, or a value is
+            wrong.
+
+    """
+    names = values[TRACKERS.name]
+    for name in names:
+        if not re.fullmatch('[a-z][a-z0-9_]*', name):
+            raise UsageError(
+                f'{node.NAME}: trackers: {name!r:.80} is no name; one has a-z, 0-9 and _ alone'
+            )
+    if not names or len(set(names)) < len(names):
+        raise UsageError(f'{node.NAME}: trackers: {list(names)} is not one name or several')
+    section = defaults(node.NAME)
+    found: Values = {}
+    for name in names:
+        own = [replace(kind, name=of(name, kind.name)) for kind in kinds]
+        usual = {of(name, kind.name): _usual(kind.name, values, section) for kind in kinds}
+        new = [parameter for parameter in own if parameter.name not in values]
+        found |= declare(node, new, defaults_from=usual)
+    return found
+
+
+def _usual(name: str, values: Values, section: Values) -> Any:
+    """Return the default of a parameter, given by another one where that is of no tracker."""
+    if name.startswith(TRACKER):
+        return section[name]
+    told = values[name]
+    return list(plain(told)) if isinstance(section[name], list) else told
+
+
+def of(tracker: str, parameter: str) -> str:
+    """
+    Name the parameter of a tracker.
+
+    Args:
+        tracker: its name.
+        parameter: of the one that is called `tracker`, e.g. `tracker.noise_m`.
+
+    Returns:
+        The same parameter of this one, e.g. `mocap.noise_m`.
+
+    """
+    return f'{tracker}.{parameter.removeprefix(TRACKER)}'
+
+
+def trackers(values: Values) -> list[Tracker]:
+    """
+    Make the trackers that a node's parameters describe.
+
+    Args:
+        values: of the parameters `HAND` and of those of each tracker.
+
+    Returns:
+        What is told of each.
+
+    """
+    return [
+        Tracker(
+            name,
+            **{
+                field.name: plain(values[f'{name}.{field.name}'])
+                for field in fields(Tracker)
+                if field.name != 'name'
+            },
+        )
+        for name in values[TRACKERS.name]
+    ]
+
+
+def goal_estimator(values: Values) -> GoalEstimator:
+    """
+    Make the estimator of the hand that a node's parameters describe.
+
+    Args:
+        values: of the parameters `HAND` and of those of each tracker.
+
+    Returns:
+        The estimator; it knows of no hand yet.
+
+    """
+    named = {
+        name.removeprefix(HAND_FILTER): value
+        for name, value in values.items()
+        if name.startswith(HAND_FILTER)
+    }
+    return GoalEstimator(HandFilter(**named), trackers(values))
+
+
+def plain(value: Any) -> Any:
+    """Return what ROS gives as an array as a tuple of numbers, anything else as it is."""
+    numbers = isinstance(value, Iterable) and not isinstance(value, str)
+    return tuple(map(float, value)) if numbers else value

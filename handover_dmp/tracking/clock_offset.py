@@ -1,0 +1,111 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How far the clocks of two trackers are apart, from the paths of the one hand that both saw."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+MAX_OFFSET_S = 0.6
+STEP_S = 0.02
+MIN_MOTION_M = 0.03
+MIN_SAMPLES = 20
+# The errors of neighbouring poses are alike, so they tell less than as many independent ones.
+_CORRELATION = 3.0
+
+
+class ClockOffset(NamedTuple):
+    """
+    By how much later one tracker stamps what another one saw, too.
+
+    Attributes:
+        offset_s: s.
+        deviation_s: its standard deviation, s.
+
+    """
+
+    offset_s: float
+    deviation_s: float
+
+
+def clock_offset(times: Array, path: Array, of_times: Array, of_path: Array) -> ClockOffset | None:
+    """
+    Find the shift in time by which two paths fit best, up to a constant distance.
+
+    Args:
+        times: (n,) s, increasing, and
+        path: (n, 3) m, of the tracker in question.
+        of_times: (m,) s, increasing, and
+        of_path: (m, 3) m, of the other one.
+
+    Returns:
+        How much later the first one stamps the same; None where the motion does not tell.
+
+    """
+    if len(times) < MIN_SAMPLES or len(of_times) < MIN_SAMPLES:
+        return None
+    inside = (times > of_times[0] + MAX_OFFSET_S) & (times < of_times[-1] - MAX_OFFSET_S)
+    count = int(inside.sum())
+    if count < MIN_SAMPLES:
+        return None
+    times, path = times[inside], path[inside]
+    steps = round(MAX_OFFSET_S / STEP_S)
+    offsets = STEP_S * np.arange(-steps, steps + 1)
+    at = (times[None, :] - offsets[:, None]).ravel()
+    seen = np.column_stack([np.interp(at, of_times, axis) for axis in of_path.T])
+    apart = seen.reshape(len(offsets), count, 3) - path
+    apart -= apart.mean(axis=1, keepdims=True)
+    errors = np.square(apart).sum(axis=(1, 2))
+    best = int(np.argmin(errors))
+    if not 0 < best < len(offsets) - 1:
+        return None
+    spread = np.square(path - path.mean(axis=0)).sum()
+    if spread < count * MIN_MOTION_M**2 or errors[best] > 0.1 * spread:
+        return None
+    before, least, after = errors[best - 1 : best + 2]
+    curvature = (before - 2.0 * least + after) / STEP_S**2
+    if curvature <= 0.0:
+        return None
+    shift = 0.5 * (before - after) / (before - 2.0 * least + after) * STEP_S
+    variance = least / (3.0 * count)
+    deviation = float(np.sqrt(2.0 * variance / curvature)) * _CORRELATION
+    return ClockOffset(float(offsets[best] + shift), deviation)
+
+
+def compare_paths(
+    path: Sequence[tuple[float, tuple[float, float, float]]],
+    other: Sequence[tuple[float, tuple[float, float, float]]],
+) -> ClockOffset | None:
+    """
+    Find the same from stamped places.
+
+    Args:
+        path: stamp (s) and place (m) of each, of the tracker in question.
+        other: of the other one.
+
+    Returns:
+        As `clock_offset`.
+
+    """
+    times, places, of_times, of_places = (
+        np.array([pose[part] for pose in poses]) for poses in (path, other) for part in (0, 1)
+    )
+    return clock_offset(times, places, of_times, of_places)

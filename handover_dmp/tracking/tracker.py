@@ -1,0 +1,89 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What is told of a tracker: how good its poses are, how late, and how often they come."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+import math
+
+from handover_dmp.common.errors import UsageError
+from handover_dmp.common.settings import setting
+
+BIASES = ('none', 'fixed', 'learnt')
+PATIENCE_PERIODS = 2.2
+"""Of a tracker, without a pose: one that is lost does not stop the arm."""
+
+
+@dataclass(frozen=True)
+class Tracker:
+    """
+    One of the trackers that see the hand; the defaults stand in `config/handover.yaml`.
+
+    Attributes:
+        name: of it, for what is said of it.
+        noise_m: standard deviation of a pose on each axis, m.
+        weight: how much a pose counts beside what its noise tells; 2: as much as two of them.
+        use_covariance: whether the covariance of a message, where it has one, takes the place of
+            `noise_m`.
+        delay_s: how much later than the truth its poses are stamped, s; negative: earlier.
+        bias: whether its poses are off by a constant: `none`, `fixed` (by `bias_m`) or `learnt`
+            (found while another tracker sees the hand, from `bias_m` on).
+        bias_m: (3,), m, its poses minus the truth.
+        bias_deviation_m: how far off from that a learnt bias may be, standard deviation, m.
+        bias_drift: how fast a learnt bias may change, m/√s.
+        rate_hz: how often its poses come, Hz, so that it is known when one is missing.
+
+    Raises:
+        UsageError: a value is out of range.
+
+    """
+
+    name: str = 'tracker'
+    noise_m: float = setting('dmp', 'tracker.noise_m')
+    weight: float = setting('dmp', 'tracker.weight')
+    use_covariance: bool = setting('dmp', 'tracker.use_covariance')
+    delay_s: float = setting('dmp', 'tracker.delay_s')
+    bias: str = setting('dmp', 'tracker.bias')
+    bias_m: tuple[float, ...] = setting('dmp', 'tracker.bias_m')
+    bias_deviation_m: float = setting('dmp', 'tracker.bias_deviation_m')
+    bias_drift: float = setting('dmp', 'tracker.bias_drift')
+    rate_hz: float = setting('dmp', 'tracker.rate_hz')
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value, name = getattr(self, item.name), f'{self.name}.{item.name}'
+            if item.name == 'delay_s':
+                if not math.isfinite(value):
+                    raise UsageError(f'{name}: {value} is not finite')
+            elif item.name == 'bias_drift':
+                if not (math.isfinite(value) and value >= 0.0):
+                    raise UsageError(f'{name}: {value} is not 0 or more')
+            elif isinstance(value, float) and not (math.isfinite(value) and value > 0.0):
+                raise UsageError(f'{name}: {value} is not more than 0')
+        if self.bias not in BIASES:
+            raise UsageError(f'{self.name}.bias is {self.bias!r}, not one of {", ".join(BIASES)}')
+        if len(self.bias_m) != 3 or not all(map(math.isfinite, self.bias_m)):
+            raise UsageError(f'{self.name}.bias_m: {list(self.bias_m)} is not three numbers')
+
+    @property
+    def variance(self) -> float:
+        """Of a pose on each axis, as it counts, m²."""
+        return self.noise_m**2 / self.weight
+
+    @property
+    def timeout_s(self) -> float:
+        """How long it may be silent while it still sees the hand, s."""
+        return PATIENCE_PERIODS / self.rate_hz
