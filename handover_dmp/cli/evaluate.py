@@ -24,6 +24,7 @@ from time import monotonic
 from typing import TYPE_CHECKING
 
 from handover_dmp.cli.low_pass import add_low_pass
+from handover_dmp.cli.robot_arguments import add_frame_arguments, WHICH
 from handover_dmp.common.errors import UsageError
 from handover_dmp.evaluation import LEARN
 
@@ -32,6 +33,11 @@ if TYPE_CHECKING:
 
 PATIENCE_S = 2.0
 """A progress bar appears when something takes longer."""
+
+ARM_WIDTH = 116
+"""Characters that the table of an arm needs."""
+CACHE = 'arm_cache'
+"""Folder of the finished trials of an arm."""
 
 PRINTED = {
     'learn': 'single,mean',
@@ -94,6 +100,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_learning_arguments(parser)
     add_running_arguments(parser)
+    arm = parser.add_argument_group('with an arm')
+    arm.add_argument(
+        '--arm',
+        default='',
+        metavar='ARM',
+        help=f'let a simulated arm go through the trials, too: {WHICH}. What is broken off goes '
+        'on where it was when the same is asked for again',
+    )
+    add_frame_arguments(arm)
     parser.add_argument('--no-figures', action='store_true', help='the tables alone')
     parser.add_argument('--json', type=Path, metavar='FILE', help='write the table as JSON, too')
 
@@ -228,11 +243,14 @@ def run(options: argparse.Namespace) -> int:
     if unknown:
         raise UsageError(f'--learn {unknown[0]!r}: known are {", ".join(LEARN)}')
     from handover_dmp.common.files import write_text
+    from handover_dmp.evaluation.arm import evaluate_arm
+    from handover_dmp.evaluation.arm_table import arm_table
     from handover_dmp.evaluation.cases import index_of, make_cases
     from handover_dmp.evaluation.protocol import evaluate, Protocol
     from handover_dmp.evaluation.report import write_evaluation
     from handover_dmp.evaluation.table import renderable, WIDTH
     from handover_dmp.mocap import read_data_set
+    from handover_dmp.robot.descriptions import ArmChoice
     from rich.console import Console
 
     protocol = Protocol(
@@ -251,6 +269,16 @@ def run(options: argparse.Namespace) -> int:
         evaluation = evaluate(
             trials, protocol, jobs=options.jobs, progress=progress('learning and rolling out')
         )
+        arm = None
+        if options.arm:
+            choice = ArmChoice(options.arm, options.wrist_frame, options.base_frame)
+            arm = evaluate_arm(
+                evaluation,
+                choice,
+                options.output / CACHE,
+                jobs=options.jobs,
+                progress=progress('moving the arm'),
+            )
         figures: list[tuple[str, str]] = []
         if not options.no_figures:
             from handover_dmp.evaluation.panels import write_panels
@@ -262,12 +290,16 @@ def run(options: argparse.Namespace) -> int:
                 learnt=options.learnt,
                 tested=options.tested,
             )
-    text = write_evaluation(evaluation, options.data_set.name, options.output, figures)
+    text = write_evaluation(evaluation, options.data_set.name, options.output, figures, arm)
     if options.json is not None:
         write_text(options.json, text)
     console = Console()
     console.width = max(console.width, WIDTH)
     console.print(renderable(evaluation.rows, evaluation.summary))
+    if arm is not None:
+        table = arm_table(arm)
+        console.width = max(console.width, ARM_WIDTH)
+        console.print(table.as_renderable(), table.note, highlight=False)
     print(options.output / 'index.html')
     return 0
 

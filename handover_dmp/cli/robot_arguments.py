@@ -39,7 +39,7 @@ def add_robot_arguments(parser: argparse.ArgumentParser, default: str) -> None:
     add_frame_arguments(parser)
 
 
-def add_frame_arguments(parser: argparse.ArgumentParser) -> None:
+def add_frame_arguments(parser: argparse._ActionsContainer) -> None:
     """
     Declare the options that choose a part of a robot.
 

@@ -67,7 +67,7 @@ def run(options: argparse.Namespace) -> int:
     if options.learn is not None and options.learn not in learns:
         raise UsageError(f'--learn {options.learn!r}: {options.results} has {", ".join(learns)}')
     from handover_dmp.common.files import write_text
-    from handover_dmp.evaluation.why import note, why_table
+    from handover_dmp.evaluation.why import why_table
     from rich.console import Console
 
     chosen = learns if options.learn is None else [options.learn]
@@ -76,9 +76,10 @@ def run(options: argparse.Namespace) -> int:
         write_text(options.json, json.dumps(told, indent=1) + '\n')
     console = Console()
     console.width = max(console.width, WIDTH)
-    for learn in chosen:
-        console.print(why_table(rejections, learn))
-    console.print(note(rejections))
+    tables = [why_table(rejections, learn) for learn in chosen]
+    for table in tables:
+        console.print(table.as_renderable())
+    console.print(tables[0].note)
     return 0
 
 

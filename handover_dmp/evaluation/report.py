@@ -24,20 +24,25 @@ from typing import Any
 
 from handover_dmp import __version__
 from handover_dmp.common.files import write_text
+from handover_dmp.evaluation.arm import ArmEvaluation
+from handover_dmp.evaluation.arm_table import arm_table
 from handover_dmp.evaluation.cases import Case
 from handover_dmp.evaluation.page import page
 from handover_dmp.evaluation.protocol import Evaluation
 from handover_dmp.evaluation.table import as_csv, as_text, PAPER
-from handover_dmp.evaluation.why import why_section
+from handover_dmp.evaluation.why import why_table
 
 
-def as_json(evaluation: Evaluation, data_set: str) -> dict[str, Any]:
+def as_json(
+    evaluation: Evaluation, data_set: str, arm: ArmEvaluation | None = None
+) -> dict[str, Any]:
     """
     Say everything about an evaluation in plain types.
 
     Args:
         evaluation: the table.
         data_set: its name.
+        arm: what an arm did, if one was asked for.
 
     Returns:
         `rows` and `summary` as the table has them, `rejections` as `why` sums them up, and how
@@ -64,6 +69,7 @@ def as_json(evaluation: Evaluation, data_set: str) -> dict[str, Any]:
             for judged in evaluation.cases
             for rejections in judged.rejections.values()
         ],
+        'arm': None if arm is None else arm.as_json(),
         'paper': {
             learn: {str(k): p for k, p in within.items()} for learn, within in PAPER.items()
         },
@@ -72,7 +78,11 @@ def as_json(evaluation: Evaluation, data_set: str) -> dict[str, Any]:
 
 
 def write_evaluation(
-    evaluation: Evaluation, data_set: str, folder: Path, figures: Sequence[tuple[str, str]]
+    evaluation: Evaluation,
+    data_set: str,
+    folder: Path,
+    figures: Sequence[tuple[str, str]],
+    arm: ArmEvaluation | None = None,
 ) -> str:
     """
     Write `table.txt`, `table.csv`, `table.json` and `index.html`.
@@ -82,21 +92,25 @@ def write_evaluation(
         data_set: its name.
         folder: where to.
         figures: name and caption of each figure that lies in `figures/` there.
+        arm: what an arm did, if one was asked for.
 
     Returns:
         The text of `table.json`.
 
     """
     rows, summary = evaluation.rows, evaluation.summary
-    table = as_json(evaluation, data_set)
+    table = as_json(evaluation, data_set, arm)
     text = json.dumps(table, indent=1, allow_nan=False) + '\n'
     write_text(folder / 'table.json', text)
     write_text(folder / 'table.csv', as_csv([*rows, *summary]))
     write_text(folder / 'table.txt', as_text(rows, summary))
     title = f'Handovers by the primitive and by people: {data_set}'
     facts = _facts(evaluation)
-    why = [why_section(table['rejections'], learn) for learn in evaluation.protocol.learn]
-    write_text(folder / 'index.html', page(title, facts, rows, summary, figures, why))
+    tables = [why_table(table['rejections'], learn) for learn in evaluation.protocol.learn]
+    if arm is not None:
+        tables.insert(0, arm_table(arm))
+    sections = [one.as_html() for one in tables]
+    write_text(folder / 'index.html', page(title, facts, rows, summary, figures, sections))
     return text
 
 

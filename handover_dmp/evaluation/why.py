@@ -18,19 +18,16 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from html import escape
 from statistics import median
 from typing import Any
 
+from handover_dmp.evaluation.case_table import CaseTable
 from handover_dmp.evaluation.rejections import AXES
-from rich import box
-from rich.table import Table
 
 HEAD = (
-    'exchange', 'rejected', 'X', 'Y', 'Z', 'learnt from', 'leaves\nat', 'farthest\nat',
-    'beyond,\nmm', 'narrowest,\nmm', 'there', 'still\nout',
+    'configuration', 'exchange', 'rejected', 'X', 'Y', 'Z', 'learnt from', 'leaves\nat',
+    'farthest\nat', 'beyond,\nmm', 'narrowest,\nmm', 'there', 'still\nout',
 )  # fmt: skip
-"""Columns behind the configuration."""
 
 NOTE = (
     'rejected: of how many curves. learnt from: the trials whose models have the most rejected '
@@ -51,7 +48,7 @@ def explanation(rejections: Sequence[Mapping[str, Any]], learn: str) -> list[lis
         learn: what was learnt from.
 
     Returns:
-        A line a case, then one over all: the configuration, and the cells that `HEAD` names.
+        A line a case, then one over all: the cells that `HEAD` names.
 
     """
     cases = [case for case in rejections if case['learn'] == learn]
@@ -99,72 +96,18 @@ def _narrowest(cases: Sequence[Mapping[str, Any]]) -> str:
     return f'{axis} {1e3 * width_m:.0f} at {at:.2f}'
 
 
-def note(rejections: Sequence[Mapping[str, Any]]) -> str:
+def why_table(rejections: Sequence[Mapping[str, Any]], learn: str) -> CaseTable:
     """
-    Say what the columns mean.
-
-    Args:
-        rejections: `rejections` of `table.json`.
-
-    Returns:
-        Some sentences.
-
-    """
-    return NOTE.format(width=1e3 * rejections[0]['min_width_m'])
-
-
-def why_table(rejections: Sequence[Mapping[str, Any]], learn: str) -> Table:
-    """
-    Lay the explanation out for the terminal.
+    Lay the explanation out.
 
     Args:
         rejections: `rejections` of `table.json`.
         learn: what was learnt from.
 
     Returns:
-        What rich can print.
+        A line a case, and one over all.
 
     """
-    title = f'Curves of the decoupled DMP beyond 3σ of P2, learn {learn}'
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), title=title)
-    table.add_column('configuration', no_wrap=True)
-    for name in HEAD:
-        justify: Any = 'left' if name == 'exchange' else 'right'
-        table.add_column(name, justify=justify, no_wrap=True)
     *cases, everything = explanation(rejections, learn)
-    for line in cases:
-        table.add_row(*line)
-    table.add_section()
-    table.add_row(*everything, style='bold')
-    return table
-
-
-def why_section(rejections: Sequence[Mapping[str, Any]], learn: str) -> str:
-    """
-    Lay the explanation out for the page.
-
-    Args:
-        rejections: `rejections` of `table.json`.
-        learn: what was learnt from.
-
-    Returns:
-        A heading, a table and its note.
-
-    """
-    text = ' class="text"'
-    head = ''.join(f'<th{text if name == "exchange" else ""}>{name}</th>' for name in HEAD)
-    lines = explanation(rejections, learn)
-    body = ''.join(
-        f'<tr{" class=" + chr(34) + "sum" + chr(34) if line is lines[-1] else ""}>'
-        + ''.join(
-            f'<td{text if column < 2 else ""}>{escape(cell)}</td>'
-            for column, cell in enumerate(line)
-        )
-        + '</tr>'
-        for line in lines
-    )
-    return (
-        f'<h2>Why curves were rejected, learn {escape(learn)}</h2>\n'
-        f'<p class="soft">{escape(note(rejections))}</p>\n<div class="wide"><table><thead><tr>'
-        f'<th{text}>configuration</th>{head}</tr></thead><tbody>{body}</tbody></table></div>'
-    )
+    note = NOTE.format(width=1e3 * rejections[0]['min_width_m'])
+    return CaseTable(f'Why curves were rejected, learn {learn}', note, HEAD, cases, everything)
