@@ -26,6 +26,7 @@ from handover_dmp.common.files import replacing
 from handover_dmp.common.plot_style import EXCHANGE_COLOUR, PLOT_STYLE
 from handover_dmp.evaluation.cases import Case
 from handover_dmp.evaluation.envelope import Array, Envelope
+from handover_dmp.evaluation.motions import MEASURES, pairs_of, TrialMeasures
 from handover_dmp.evaluation.rejections import Rejections
 from handover_dmp.evaluation.scores import BANDS
 from matplotlib import rc_context
@@ -158,6 +159,23 @@ def draw(panels: Sequence[Panel], folder: Path) -> Iterator[tuple[str, str]]:
         name = f'why_{file}'
         _save(_why, group, title, folder / name)
         yield name, f'{title}: when curves leave the band of people, and how wide it is there'
+
+
+def draw_measures(trials: Sequence[TrialMeasures], folder: Path) -> tuple[str, str]:
+    """
+    Draw the measures of all trials, the primitive beside P2.
+
+    Args:
+        trials: measured.
+        folder: where the files go.
+
+    Returns:
+        Name and caption.
+
+    """
+    with rc_context(STYLE):
+        _write(_measures(trials), folder / 'measures')
+    return 'measures', 'The motions of the primitive and of P2, a line a trial; bars: medians'
 
 
 def figure_count(panels: Sequence[Panel]) -> int:
@@ -355,6 +373,34 @@ def _why(group: Sequence[Panel], title: str) -> Figure:
     return figure
 
 
+def _measures(trials: Sequence[TrialMeasures]) -> Figure:
+    figure, axes = _grid(4, rows=2, width=12.0, height=6.2, top=1.05)
+    for axis, (name, words, _) in zip(axes.ravel(), MEASURES, strict=True):
+        values = pairs_of(trials, name)
+        axis.plot([0, 1], values.T, color='#9aa4af', lw=0.6, alpha=0.5)
+        for place, (column, colour) in enumerate(
+            zip(values.T, (DMP_COLOUR, DEMONSTRATOR_COLOUR), strict=True)
+        ):
+            axis.plot(np.full(len(column), place), column, 'o', ms=3.5, color=colour, alpha=0.5)
+            if len(column):
+                middle = float(np.median(column))
+                axis.plot([place - 0.2, place + 0.2], [middle, middle], color='#111827', lw=2.2)
+        axis.set_title(words, loc='left')
+        axis.set_xlim(-0.4, 1.4)
+        axis.set_xticks([0, 1], ['DMP', 'P2'])
+        axis.yaxis.set_major_locator(MaxNLocator(5))
+    _legend(
+        figure,
+        'The motions of the DMP beside those of P2',
+        [
+            Line2D([], [], color=DMP_COLOUR, marker='o', ls='', ms=5, label='DMP'),
+            Line2D([], [], color=DEMONSTRATOR_COLOUR, marker='o', ls='', ms=5, label='P2'),
+            Line2D([], [], color='#111827', lw=2.2, label='median'),
+        ],
+    )
+    return figure
+
+
 def _grid(
     columns: int,
     *,
@@ -428,7 +474,10 @@ def _save(
     make: Callable[..., Figure], group: Sequence[Panel], title: str, stem: Path, *arguments: str
 ) -> None:
     with rc_context(STYLE):
-        figure = make(group, title, *arguments)
-        for suffix, options in _FORMATS.items():
-            with replacing(stem.with_name(stem.name + suffix)) as temporary:
-                figure.savefig(temporary, **options)
+        _write(make(group, title, *arguments), stem)
+
+
+def _write(figure: Figure, stem: Path) -> None:
+    for suffix, options in _FORMATS.items():
+        with replacing(stem.with_name(stem.name + suffix)) as temporary:
+            figure.savefig(temporary, **options)

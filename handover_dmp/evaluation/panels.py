@@ -20,7 +20,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from handover_dmp.evaluation.cases import index_of
-from handover_dmp.evaluation.figures import draw, figure_count, Panel, Shown
+from handover_dmp.evaluation.figures import draw, draw_measures, figure_count, Panel, Shown
 from handover_dmp.evaluation.protocol import CaseScores, Evaluation, Protocol
 from handover_dmp.evaluation.rollouts import learn_from_case, roll_out
 from handover_dmp.evaluation.scores import BANDS
@@ -59,7 +59,10 @@ def write_panels(
     for figure in draw(panels, folder / 'figures'):
         figures.append(figure)
         if progress is not None:
-            progress(len(figures), figure_count(panels))
+            progress(len(figures), figure_count(panels) + 1)
+    figures.append(draw_measures(evaluation.measures, folder / 'figures'))
+    if progress is not None:
+        progress(len(figures), len(figures))
     return figures
 
 

@@ -26,6 +26,7 @@ from handover_dmp.evaluation.bootstrap import draw_samples, ROUNDS
 from handover_dmp.evaluation.cases import Case, make_cases
 from handover_dmp.evaluation.envelope import Array, Envelope
 from handover_dmp.evaluation.minimum_jerk import minimum_jerk
+from handover_dmp.evaluation.motions import measure_trials, TrialMeasures
 from handover_dmp.evaluation.rejections import (
     bottlenecks,
     excess,
@@ -108,6 +109,7 @@ class Evaluation:
         rows: one for each case, learn and method.
         summary: one for each learn and method, over all cases.
         cases: the cases with every single score.
+        measures: of the motions, trial by trial.
 
     """
 
@@ -115,6 +117,7 @@ class Evaluation:
     rows: list[Row]
     summary: list[Row]
     cases: list[CaseScores]
+    measures: list[TrialMeasures]
 
 
 def evaluate(
@@ -153,7 +156,8 @@ def evaluate(
         if progress is not None:
             progress(done, total)
     judged = [_collect(case, protocol, units, blocks) for case in cases]
-    return Evaluation(protocol, *_tabulate(judged, protocol), judged)
+    measures = measure_trials(cases, protocol.learning)
+    return Evaluation(protocol, *_tabulate(judged, protocol), judged, measures)
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ from handover_dmp.common.files import write_text
 from handover_dmp.evaluation.arm import ArmEvaluation
 from handover_dmp.evaluation.arm_table import arm_table
 from handover_dmp.evaluation.cases import Case
+from handover_dmp.evaluation.motions import measures_table
 from handover_dmp.evaluation.page import page
 from handover_dmp.evaluation.protocol import Evaluation
 from handover_dmp.evaluation.table import as_csv, as_text, PAPER
@@ -69,6 +70,7 @@ def as_json(
             for judged in evaluation.cases
             for rejections in judged.rejections.values()
         ],
+        'measures': [trial.as_json() for trial in evaluation.measures],
         'arm': None if arm is None else arm.as_json(),
         'paper': {
             learn: {str(k): p for k, p in within.items()} for learn, within in PAPER.items()
@@ -107,6 +109,7 @@ def write_evaluation(
     title = f'Handovers by the primitive and by people: {data_set}'
     facts = _facts(evaluation)
     tables = [why_table(table['rejections'], learn) for learn in evaluation.protocol.learn]
+    tables.insert(0, measures_table(evaluation.measures, evaluation.protocol.seed))
     if arm is not None:
         tables.insert(0, arm_table(arm))
     sections = [one.as_html() for one in tables]

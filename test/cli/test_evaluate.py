@@ -88,6 +88,7 @@ def test_every_figure_is_there_twice_and_on_the_page(results):
         'fig10-12_learn_mean_engine_bay',
         'fig13_learn_representative_engine_bay',
         'why_engine_bay',
+        'measures',
     }
     assert {path.stem for path in (results / 'figures').iterdir()} == expected
     for name in expected:

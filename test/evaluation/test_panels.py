@@ -48,10 +48,11 @@ def test_names_stay_within_the_folder(pictures):
         'fig07-09_learn_single_odd-na-me',
         'fig10-12_learn_mean_odd-na-me',
         'why_odd-na-me',
+        'measures',
     ]
     assert {path.name for path in folder.iterdir()} == {'figures'}
-    assert len(list((folder / 'figures').iterdir())) == 10
-    assert told == [(done, 5) for done in range(1, 6)]
+    assert len(list((folder / 'figures').iterdir())) == 12
+    assert told == [(done, 6) for done in range(1, 7)]
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,63 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The motions of an evaluation, measured where they are known."""
+
+from __future__ import annotations
+
+from math import log
+
+from handover_dmp.evaluation.cases import make_cases
+from handover_dmp.evaluation.motions import measure_trials, measures_table, pairs_of
+from handover_dmp.evaluation.rollouts import Learning
+from handover_dmp.mocap import HandoverTrial
+import numpy as np
+import pytest
+
+
+def reach(number: int, length_m: float, late_s: float) -> HandoverTrial:
+    """Two minimum-jerk reaches, that of P2 later than that of P1."""
+    times = np.arange(0.0, 2.0 + 1e-9, 0.005)
+
+    def along(begin_s: float) -> np.ndarray:
+        u = np.clip((times - begin_s) / 1.2, 0.0, 1.0)
+        return (10 * u**3 - 15 * u**4 + 6 * u**5)[:, None]
+
+    partner = np.array([1.0, 0.0, 1.0]) - along(0.2) * np.array([length_m, 0.0, 0.0])
+    demonstrator = np.array([-0.5, 0.1, 0.9]) + along(0.2 + late_s) * np.array([0.9, -0.1, 0.1])
+    return HandoverTrial(times, partner, demonstrator, 'bench', 'give', number)
+
+
+def test_people_who_move_in_minimum_jerk_are_measured_so() -> None:
+    trials = [reach(1, 0.5, 0.2), reach(2, 0.4, 0.2), reach(3, 0.6, 0.3)]
+    cases = make_cases(trials, cutoff_hz=None)
+    found = measure_trials(cases, Learning(cutoff_hz=None))
+    for one, late_s in zip(found, (0.2, 0.2, 0.3), strict=True):
+        assert one.person is not None and one.person_synchrony is not None
+        assert one.person.path_ratio == pytest.approx(1.0, abs=1e-4)
+        assert one.person.peaks == 1
+        # the rest before and after counts as duration: D³ is (2.0/1.2)³ as large
+        expected = -log(204.8 * (2.0 / 1.2) ** 3)
+        assert one.person.log_dimensionless_jerk == pytest.approx(expected, abs=0.1)
+        assert one.person_synchrony.lag_s == pytest.approx(late_s, abs=0.006)
+    # the first is nearest to the mean, and what was learnt from it reproduces it
+    own = found[0]
+    assert own.primitive is not None and own.person is not None
+    assert own.primitive.path_ratio == pytest.approx(1.0, abs=2e-3)
+    assert own.primitive.peak_speed == pytest.approx(own.person.peak_speed, rel=0.02)
+    pairs = pairs_of(found, 'lag_s')
+    assert pairs[:, 1] == pytest.approx([0.2, 0.2, 0.3], abs=0.006)
+    (line,) = [one for one in measures_table(found, 0).lines if 'partner' in one[0]]
+    assert line[3] == '0.20'
+    assert line[2] == f'{np.median(pairs[:, 0]):.2f}'
