@@ -20,9 +20,9 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from time import monotonic
-from types import TracebackType
 
 from handover_dmp import __version__
+from handover_dmp.common.closing import Closing
 from handover_dmp.common.errors import DataError, UsageError
 from handover_dmp.common.settings import defaults
 from handover_dmp.recording.bag_metadata import (
@@ -49,7 +49,7 @@ LIBRARY = f'handover_dmp {__version__}; {LIBRARY_IDENTIFIER}'
 METADATA_RECORD = 'rosbag2'
 
 
-class BagWriter:
+class BagWriter(Closing):
     """
     Writes one bag. Needs no ROS running, only the definitions of the messages.
 
@@ -252,19 +252,6 @@ class BagWriter:
             write_metadata(self.folder, self._information(self._ended))
         except OSError as error:
             raise self._failed(error) from error
-
-    def __enter__(self) -> BagWriter:
-        """Return the writer."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close the bag."""
-        self.close()
 
     def _information(self, files: list[FileStatistics]) -> dict[str, object]:
         return rosbag2_information(list(self._topics.values()), files, self._custom_data)

@@ -24,8 +24,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import isfinite
-from types import TracebackType
 
+from handover_dmp.common.closing import Closing
 from handover_dmp.common.errors import DataError, UsageError
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.velocity_driver import (
@@ -46,7 +46,7 @@ Array = NDArray[np.float64]
 STEPS_AT_ONCE = 5
 
 
-class SimulatedArm:
+class SimulatedArm(Closing):
     """A robot in PyBullet that takes joint velocities, as a velocity-controlled real arm does."""
 
     def __init__(
@@ -219,14 +219,3 @@ class SimulatedArm:
     def close(self) -> None:
         """Let PyBullet forget the arm's world."""
         self.world.close()
-
-    def __enter__(self) -> SimulatedArm:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()

@@ -25,10 +25,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import TracebackType
 from typing import Any
 from xml.etree import ElementTree
 
+from handover_dmp.common.closing import Closing
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.quiet_pybullet import pybullet, silenced
 from handover_dmp.common.settings import setting
@@ -58,7 +58,7 @@ class WorldOptions:
     gravity: float = -9.81
 
 
-class World:
+class World(Closing):
     """
     The robot in PyBullet, and beside it the human figure if there is one.
 
@@ -227,17 +227,6 @@ class World:
         client, self.client = self.client, -1
         if client >= 0:
             pybullet.disconnect(physicsClientId=client)
-
-    def __enter__(self) -> World:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def moving_masses(model: RobotModel) -> str:

@@ -25,8 +25,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import TracebackType
 
+from handover_dmp.common.closing import Closing
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.quiet_pybullet import pybullet, silenced
 from handover_dmp.common.settings import setting
@@ -159,7 +159,7 @@ class Camera:
         )
 
 
-class Scene:
+class Scene(Closing):
     """
     A handover that has been, to look at from a camera that sees all of it.
 
@@ -572,17 +572,6 @@ class Scene:
         client, self._client = self._client, -1
         if client >= 0:
             pybullet.disconnect(physicsClientId=client)
-
-    def __enter__(self) -> Scene:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 @dataclass(frozen=True)
