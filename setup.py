@@ -40,7 +40,7 @@ REQUIREMENTS = [
     'ruckig>=0.12.2',
     'scipy>=1.11',
     'u-msgpack-python>=2.8',
-    'xacro>=2.0',
+    'xacro>=2.1',
     'zstandard>=0.22',
 ]
 
