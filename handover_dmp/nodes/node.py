@@ -25,7 +25,13 @@ from builtin_interfaces.msg import Time
 from handover_dmp.common.errors import UsageError
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
 from handover_dmp.nodes.once_per_second import OncePerSecond
-from handover_dmp.nodes.parameters import check_names, COMMON, declare, Parameter
+from handover_dmp.nodes.parameters import (
+    check_names,
+    COMMON,
+    declare,
+    is_as_it_was,
+    Parameter,
+)
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.nodes.tracker_parameters import declare_trackers
 from handover_dmp.topics import Topic
@@ -70,6 +76,29 @@ class HandoverNode(Node):  # type: ignore[misc]
             raise UsageError(f'{self.NAME}: lockstep is for use_sim_time alone')
         self.add_on_set_parameters_callback(_keep_the_clock)
         self.once_per_second = OncePerSecond(self)
+
+    def set_parameters_atomically(self, parameter_list: list[RosParameter]) -> SetParametersResult:
+        """
+        Set parameters, all or none; what is as it is to be changes nothing, also if it is fixed.
+
+        So the dump of a node can be loaded again.
+
+        Args:
+            parameter_list: what they are to be.
+
+        Returns:
+            Whether they were set, else the reason.
+
+        """
+        changes = [
+            wanted
+            for wanted in parameter_list
+            if not self.has_parameter(wanted.name)
+            or not is_as_it_was(wanted, self.get_parameter(wanted.name))
+        ]
+        if not changes:
+            return SetParametersResult(successful=True)
+        return super().set_parameters_atomically(changes)
 
     def finish(self) -> None:
         """Do what is to be done before the end, while all others can still hear of it."""

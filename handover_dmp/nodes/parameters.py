@@ -16,9 +16,12 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Callable, Collection, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
+import json
 from pathlib import Path
 from typing import Any
 
@@ -31,10 +34,16 @@ from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
     ParameterDescriptor,
+    ParameterType,
     SetParametersResult,
 )
+from rcl_interfaces.msg import (
+    Parameter as ParameterMessage,
+)
 from rclpy.node import Node
+from rclpy.parameter import get_parameter_value
 from rclpy.parameter import Parameter as RosParameter
+import yaml
 
 Values = dict[str, Any]
 
@@ -150,16 +159,88 @@ def declare(
     for parameter in parameters:
         default = section[parameter.name]
         try:
-            declared = node.declare_parameter(
-                parameter.name, default, parameter.descriptor(default)
-            )
+            values[parameter.name] = _declare(node, parameter, default)
         except Exception as error:
             raise UsageError(f'{node.NAME}: parameter {parameter.name}: {error}') from error
-        values[parameter.name] = declared.value
     fault = _wrong_choice(parameters, values)
     if fault:
         raise UsageError(f'{node.NAME}: {fault}')
     return values
+
+
+def _declare(node: Node, parameter: Parameter, default: Any) -> Any:
+    descriptor = parameter.descriptor(default)
+    if not isinstance(default, str):
+        return node.declare_parameter(parameter.name, default, descriptor).value
+    # once it is read-only it could not be written as a file of a dump needs it
+    free = ParameterDescriptor(description=parameter.description)
+    text = unquoted(str(node.declare_parameter(parameter.name, default, free).value))
+    if quoted(text) != text:
+        node.set_parameters([RosParameter(parameter.name, value=quoted(text))])
+    descriptor.type = ParameterType.PARAMETER_STRING
+    node.set_descriptor(parameter.name, descriptor)
+    return text
+
+
+def quoted(text: str) -> str:
+    """
+    Put a text in quotes where `ros2 param load` would take it for something that is no value.
+
+    It reads each value of a file once more as YAML: JSON would become a mapping.
+
+    Args:
+        text: value of a parameter.
+
+    Returns:
+        A text that is read as the one given.
+
+    """
+    try:
+        read = yaml.safe_load(text)
+    except yaml.parser.ParserError:
+        return text
+    except yaml.YAMLError:
+        read = {}
+    kept = read is None or isinstance(read, (str, bool, int, float, list))
+    return text if kept else json.dumps(text, ensure_ascii=False)
+
+
+def unquoted(text: str) -> str:
+    """
+    Undo `quoted`.
+
+    Args:
+        text: value of a parameter.
+
+    Returns:
+        The text within the quotes; as it is where there are none of that kind.
+
+    """
+    if text.startswith('"'):
+        with suppress(ValueError):
+            inner = json.loads(text)
+            if isinstance(inner, str) and quoted(inner) == text:
+                return inner
+    return text
+
+
+def is_as_it_was(wanted: RosParameter, present: RosParameter) -> bool:
+    """
+    Tell whether a parameter has a value already, as it is or as `ros2 param load` reads it.
+
+    Args:
+        wanted: what it is to be.
+        present: what it is.
+
+    Returns:
+        Whether nothing would change.
+
+    """
+    value = present.value
+    plain = list(value) if isinstance(value, (array, list, tuple)) else value
+    read = ParameterMessage(name=present.name, value=get_parameter_value(str(plain)))
+    alike = (present, RosParameter.from_parameter_msg(read))
+    return any(wanted.type_ == one.type_ and wanted.value == one.value for one in alike)
 
 
 TRACKER = 'tracker.'

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -60,6 +61,9 @@ from rcl_interfaces.srv import (
 )
 import rclpy
 from rclpy.parameter import Parameter as RosParameter
+from rclpy.parameter import parameter_value_to_python
+from rclpy.parameter_client import AsyncParameterClient
+import yaml
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(300)]
 
@@ -73,7 +77,7 @@ NODES = (RobotSim, HandTracker, Dmp, PriorityIkNode, Recorder)
 def graph(tmp_path_factory: pytest.TempPathFactory, scenario: Scenario) -> Iterator[Graph]:
     folder: Path = tmp_path_factory.mktemp('graph')
     keep_inputs(folder, scenario)
-    parameters = graph_parameters(folder, scenario, {}, lockstep=False)
+    parameters = graph_parameters(folder, scenario, {'a': {'b': [1, "it's"]}}, lockstep=False)
     with Graph(folder, parameters, lockstep=False) as running:
         yield running
 
@@ -287,6 +291,34 @@ def test_every_node_tells_its_condition(graph: Graph) -> None:
     inputs = {f'age of the {name} (s)' for name in ('joint states', 'wrist command', 'hand')}
     assert inputs | {'active limits'} <= told['priority_ik']
     assert 'age of the joint command (s)' in told['robot_sim']
+
+
+@pytest.mark.parametrize('kind', NODES, ids=lambda node: node.NAME)
+def test_a_dump_loads_again_and_changes_nothing(graph: Graph, kind: Any, tmp_path: Path) -> None:
+    """What `ros2 param dump` and `ros2 param load` do."""
+    client = AsyncParameterClient(graph.node, f'/{kind.NAME}')
+
+    def answer(asked: Any) -> Any:
+        while not asked.done():
+            graph.spin(0.02)
+        return asked.result()
+
+    assert client.wait_for_services(60.0)
+    names = sorted(answer(client.list_parameters()).result.names)
+
+    def dump() -> dict[str, Any]:
+        values = answer(client.get_parameters(names)).values
+        told = map(parameter_value_to_python, values)
+        plain = [list(value) if isinstance(value, array) else value for value in told]
+        return dict(zip(names, plain, strict=True))
+
+    before = dump()
+    file = tmp_path / 'dump.yaml'
+    file.write_text(yaml.dump({f'/{kind.NAME}': {'ros__parameters': before}}), encoding='utf-8')
+    results = answer(client.load_parameter_file(str(file))).results
+    refused = [(n, r.reason) for n, r in zip(names, results, strict=True) if not r.successful]
+    assert not refused
+    assert dump() == before
 
 
 def settle(graph: Graph) -> None:
