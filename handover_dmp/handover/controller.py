@@ -27,7 +27,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from math import dist, hypot, inf, isfinite, nan
+from math import dist, hypot, inf, isfinite, nan, sqrt
 from typing import NamedTuple
 
 from handover_dmp.common.settings import setting
@@ -49,6 +49,14 @@ class HandoverState(str, Enum):
 
 
 MOVING = (HandoverState.REACHING, HandoverState.EXCHANGE)
+RETURN_SPEED = 0.3
+"""Of the wrist on its way back to where a handover began, m/s."""
+RETURN_SHARE = 0.1
+"""Of the acceleration limit, for that."""
+RETURNED_M = 0.002
+"""So near, the command is back, m."""
+WRIST_RETURNED_M = 0.02
+"""So near, the wrist is, m."""
 
 
 @dataclass(frozen=True)
@@ -157,6 +165,7 @@ class HandoverController:
         self._estimator = estimator or GoalEstimator()
         self._wrist: Vector | None = None
         self._primitive: DmpState | None = None
+        self._begun_at: Vector | None = None
         self.reset()
 
     def reset(self) -> None:
@@ -171,6 +180,7 @@ class HandoverController:
         self._exchange_since_s: float | None = None
         self._goal_weight = 0.0
         self._astray = -inf
+        self._returns = False
         if self._primitive is not None and hypot(*self._primitive.velocity) == 0.0:
             self._primitive = None
 
@@ -316,12 +326,23 @@ class HandoverController:
         """
         Take the partner's signal: the handover starts at a given time.
 
+        After one that is done, the wrist first goes back to where that began.
+
         Args:
             at_s: when, s; in the past means now.
 
         """
-        if self.options.start == 'signal':
-            self._signal_s = at_s
+        if self.options.start != 'signal':
+            return
+        if self.state is HandoverState.DONE:
+            self.reset()
+            self._returns = self._begun_at is not None
+        self._signal_s = at_s
+
+    @property
+    def returns(self) -> bool:
+        """Whether the wrist is on its way back to where the last handover began."""
+        return self._returns
 
     def start(self) -> bool:
         """
@@ -338,6 +359,8 @@ class HandoverController:
         else:
             held = self._anchored(self._primitive)
             self._primitive = self.model.initial_state(held.position, held.velocity)
+        self._begun_at = self._wrist
+        self._returns = False
         self._exchange_since_s = None
         self.exchange_position = None
         self._signal_s = None
@@ -349,6 +372,7 @@ class HandoverController:
     def abort(self) -> None:
         """Brake and hold; nothing but `start` or `reset` leads on from there."""
         self.state = HandoverState.ABORTED
+        self._returns = False
 
     def hold(self) -> None:
         """Abort where the wrist is: for commands that stayed away so long that the arm stands."""
@@ -383,12 +407,14 @@ class HandoverController:
             rate = phase_rate if self.options.phase_stopping else 1.0
             self._primitive = self._follow(self._primitive, hand, dt, rate)
             self._judge_exchange(now_s, hand)
+        elif self._returns and fresh:
+            self._primitive = self._go_back(self._primitive, dt)
         else:
             self._primitive = self._brake(self._primitive, dt)
         return self._command(self._primitive, age)
 
     def _start_if_signalled(self, now_s: float, hand: HandEstimate | None) -> None:
-        if self.state is not HandoverState.IDLE or hand is None:
+        if self.state is not HandoverState.IDLE or hand is None or self._returns:
             return
         signalled = self._signal_s is not None and now_s >= self._signal_s
         moving = (
@@ -436,6 +462,30 @@ class HandoverController:
         position = tuple(
             x + 0.5 * (b + v) * dt
             for x, b, v in zip(primitive.position, primitive.velocity, velocity, strict=True)
+        )
+        return primitive._replace(position=position, velocity=velocity)
+
+    def _go_back(self, primitive: DmpState, dt: float) -> DmpState:
+        """Go straight to where the last handover began, and come to rest there."""
+        assert self._wrist is not None and self._begun_at is not None
+        primitive = self._anchored(primitive)
+        left = dist(primitive.position, self._begun_at)
+        if left < RETURNED_M:
+            self._returns = dist(self._wrist, self._begun_at) > WRIST_RETURNED_M
+            return self._brake(primitive, dt)
+        limit = RETURN_SHARE * self.options.acceleration_limit
+        speed = min(RETURN_SPEED, sqrt(limit * left))
+        wanted = tuple(
+            speed * (b - x) / left for b, x in zip(self._begun_at, primitive.position, strict=True)
+        )
+        change = dist(wanted, primitive.velocity)
+        share = min(1.0, limit * dt / change) if change > 0.0 else 1.0
+        velocity = tuple(
+            v + share * (w - v) for w, v in zip(wanted, primitive.velocity, strict=True)
+        )
+        position = tuple(
+            x + 0.5 * (v + after) * dt
+            for x, v, after in zip(primitive.position, primitive.velocity, velocity, strict=True)
         )
         return primitive._replace(position=position, velocity=velocity)
 

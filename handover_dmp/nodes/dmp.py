@@ -53,12 +53,13 @@ from handover_dmp.nodes.diagnostics import Diagnostics, of_trackers, Periods, re
 from handover_dmp.nodes.hand_input import HandInputs, HandPose
 from handover_dmp.nodes.lockstep import Lockstep
 from handover_dmp.nodes.markers import Markers
-from handover_dmp.nodes.node import HandoverNode
+from handover_dmp.nodes.node import HandoverNode, MISSED_S
 from handover_dmp.nodes.parameters import declare, on_change, Parameter, Values
 from handover_dmp.nodes.spin import run
 from handover_dmp.nodes.tracker_parameters import goal_estimator, HAND, ONE_TRACKER
 from handover_dmp.topics import (
     HAND_FUSED,
+    HAND_POSE,
     IK_STATUS,
     PHASE,
     POSE_COMMAND,
@@ -178,6 +179,11 @@ class Dmp(HandoverNode):
         if not self.lockstep:
             self.every(period_s, self._tick)
         Diagnostics(self, self._periods, self._condition)
+        self.warn_when_in_vain(self._missing)
+        self.say(
+            f'commands the wrist by {path or "a synthetic example"} in frame {self.frame}: '
+            f'hears {self.named(HAND_POSE)} and {self.named(WRIST_POSE)}'
+        )
         self._publish_state()
 
     def _connect(self) -> None:
@@ -240,7 +246,7 @@ class Dmp(HandoverNode):
 
     def _on_unstamped_signal(self, message: Header) -> None:
         if not self.is_stamped(message.stamp):
-            self._controller.signal(self.now_s())
+            self._take_signal(self.now_s())
 
     def _on_stamped_signal(self, message: Header) -> None:
         if not self.is_stamped(message.stamp):
@@ -250,9 +256,24 @@ class Dmp(HandoverNode):
             return
         # one that was latched before this node was there may come after its first period
         if self._signal_s >= self._begun_s:
-            self._controller.signal(self._signal_s)
+            self._take_signal(self._signal_s)
         else:
             self._fault('signal of an earlier time')
+
+    def _take_signal(self, at_s: float) -> None:
+        state, start = self._controller.state, self._controller.options.start
+        if start != 'signal':
+            self.say(f'a signal, but start is {start}')
+        elif state in MOVING:
+            self._fault('signal during a handover')
+            self.get_logger().warning(f'a signal while {state.value}: not followed')
+        elif state is HandoverState.ABORTED:
+            self._fault('signal after an abort')
+            self.get_logger().warning('a signal while aborted: not followed before ~/reset')
+        else:
+            self._controller.signal(at_s)
+            if self._controller.returns:
+                self.say('a signal: back to where the last handover began, then the next')
 
     # Services and parameters
 
@@ -377,6 +398,31 @@ class Dmp(HandoverNode):
         if state != self._said:
             self._said = state
             self._state.publish(String(data=state))
+            self.say(self._in_words(self._controller.state))
+
+    def _in_words(self, state: HandoverState) -> str:
+        begins = {
+            'signal': f'a signal on {self.named(SIGNAL)}',
+            'motion': 'the hand moves',
+            'service': 'told to by ~/start',
+        }[self._controller.options.start]
+        return {
+            HandoverState.IDLE: f'idle, waits for {begins}',
+            HandoverState.REACHING: 'reaching for the hand',
+            HandoverState.EXCHANGE: 'exchange',
+            HandoverState.DONE: 'done, holds',
+            HandoverState.ABORTED: 'aborted, holds until ~/start or ~/reset',
+        }[state]
+
+    def _missing(self) -> str:
+        now_s = self.arrival_s()
+        if now_s - self._wrist_arrival_s > MISSED_S:
+            topic, who = WRIST_POSE, 'priority_ik'
+        elif self._controller.hand_age_s(now_s) > MISSED_S:
+            topic, who = HAND_POSE, 'a tracker'
+        else:
+            return ''
+        return f'waits for {topic.meaning.split(",")[0]} on {self.named(topic)}: is {who} running?'
 
     def _jumped(self) -> None:
         self._fault('time jumped')

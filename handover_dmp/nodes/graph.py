@@ -373,7 +373,8 @@ class Graph:
 
     def _last_words(self, name: str) -> str:
         log = self._folder / 'logs' / f'{name}.log'
-        lines = log.read_text(encoding='utf-8', errors='replace').strip().splitlines()
+        text = log.read_text(encoding='utf-8', errors='replace').strip()
+        lines = [line for line in text.splitlines() if not line.startswith('[INFO]')]
         return f': {lines[-1]}' if lines else ''
 
     def _end(self) -> dict[str, int]:

@@ -119,8 +119,15 @@ class HandTracker(HandoverNode):
             sleep(period_s - self.now_s() % period_s)
             self.every(period_s, self._tick)
         Diagnostics(self, self._periods, self._condition)
+        what = values['bag'] if values['source'] == 'bag' else values['trial']
+        self.say(
+            f'shows the hand of {what or "a synthetic trial"} on {self.named(HAND_POSE)}: replays '
+            + ('by itself' if values['replay_at_s'] >= 0.0 else 'when told to by ~/replay')
+        )
 
     def _replay(self) -> str:
+        if not self._signal.get_subscription_count():
+            self.get_logger().warning(f'nobody hears {self.named(SIGNAL)}: is dmp running?')
         self._begin(self.now_s() + self.values['lead_s'])
         return ''
 
@@ -137,6 +144,7 @@ class HandTracker(HandoverNode):
         self._played.start(at_s)
         time = stamp(round(self._played.signal_s * NANOSECONDS))
         self._signal.publish(Header(stamp=time, frame_id=self.frame))
+        self.say(f'replays, the signal is for {self._played.signal_s:.3f} s')
 
     def _tick(self) -> None:
         self._answer(self.now_ns(), 0.0)

@@ -44,6 +44,13 @@ from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 from std_srvs.srv import SetBool, Trigger
 
+LOOKS_BEFORE_WARNING = 5
+"""Seconds in vain, one look each, after which a node warns."""
+LOOKS_IN_VAIN = 15
+"""Seconds after which it warns again."""
+MISSED_S = 1.0
+"""Age of an input that is missing."""
+
 
 class HandoverNode(Node):  # type: ignore[misc]
     """
@@ -77,6 +84,67 @@ class HandoverNode(Node):  # type: ignore[misc]
         self.add_on_set_parameters_callback(_keep_the_clock)
         self.once_per_second = OncePerSecond(self)
 
+    def say(self, text: str) -> None:
+        """
+        Log what somebody who looks on wants to know: the start, a change, the end.
+
+        Args:
+            text: one line.
+
+        """
+        self.get_logger().info(text)
+
+    def warn_when_in_vain(self, missing: Callable[[], str]) -> None:
+        """
+        Warn of what this node waits for in vain, after some seconds and then now and again.
+
+        Args:
+            missing: names it, with who should send it; empty while nothing is missing.
+
+        """
+        looks = 0
+
+        def look() -> None:
+            nonlocal looks
+            text = '' if self.once_per_second.stage == 'end' else missing()
+            looks = looks + 1 if text else 0
+            if looks % LOOKS_IN_VAIN == LOOKS_BEFORE_WARNING:
+                self.get_logger().warning(text)
+
+        self.once_per_second.add(look)
+
+    def say_changes(self, condition: Callable[[], str]) -> None:
+        """
+        Log a condition when it has changed, once a second at most.
+
+        Args:
+            condition: names it.
+
+        """
+        last: str | None = None
+
+        def look() -> None:
+            nonlocal last
+            now = condition()
+            if now != last and self.once_per_second.stage == 'running':
+                self.say(now)
+                last = now
+
+        self.once_per_second.add(look)
+
+    def named(self, topic: Topic) -> str:
+        """
+        Name a topic as this node has it.
+
+        Args:
+            topic: which.
+
+        Returns:
+            Its absolute name, after all remaps.
+
+        """
+        return str(self.resolve_topic_name(topic.relative))
+
     def set_parameters_atomically(self, parameter_list: list[RosParameter]) -> SetParametersResult:
         """
         Set parameters, all or none; what is as it is to be changes nothing, also if it is fixed.
@@ -103,6 +171,7 @@ class HandoverNode(Node):  # type: ignore[misc]
     def finish(self) -> None:
         """Do what is to be done before the end, while all others can still hear of it."""
         self.once_per_second.finish()
+        self.say('ends')
 
     def advertise(self, topic: Topic, name: str = '') -> Publisher:
         """

@@ -39,7 +39,7 @@ from handover_dmp.nodes.conversions import (
 from handover_dmp.nodes.diagnostics import Diagnostics, of_trackers, Periods, refusals
 from handover_dmp.nodes.hand_input import HandInputs, HandPose
 from handover_dmp.nodes.lockstep import HEAD_START_S, Lockstep
-from handover_dmp.nodes.node import HandoverNode
+from handover_dmp.nodes.node import HandoverNode, MISSED_S
 from handover_dmp.nodes.parameters import (
     ARM,
     DRIVER,
@@ -55,6 +55,7 @@ from handover_dmp.robot.priority_ik import PriorityIk
 from handover_dmp.robot.tasks import WristTarget
 from handover_dmp.robot.wrist_controller import WristController, WristControllerOptions
 from handover_dmp.topics import (
+    HAND_POSE,
     IK_STATUS,
     JOINT_COMMAND,
     JOINT_STATES,
@@ -164,6 +165,22 @@ class PriorityIkNode(HandoverNode):
         if not self.lockstep:
             self.every(self._period_s, self._watch)
         Diagnostics(self, self._periods, self._condition)
+        self.warn_when_in_vain(self._missing)
+        self.say_changes(lambda: self._fault or f'follows {self.named(POSE_COMMAND)}')
+        self.say(
+            f'moves {self._model.wrist_frame} of {self._model.name} in frame {self.frame}: hears '
+            f'{self.named(JOINT_STATES)}, {self.named(POSE_COMMAND)} and {self.named(HAND_POSE)}'
+        )
+
+    def _missing(self) -> str:
+        ages = self._controller.ages_s(self.now_s() if self.lockstep else self.arrival_s())
+        for age, topic, who in (
+            ('joint states', JOINT_STATES, 'the driver, or robot_sim,'),
+            ('wrist command', POSE_COMMAND, 'dmp'),
+        ):
+            if ages[age] > MISSED_S:
+                return f'waits for {age} on {self.named(topic)}: is {who} running?'
+        return ''
 
     def _connect(self) -> None:
         self._wrist_pose = self.advertise(WRIST_POSE)

@@ -107,6 +107,8 @@ class Recorder(HandoverNode):
         self.every(LOOK_S, self._look, wall=True)
         self.every(values['flush_period_s'], self._flush, wall=True)
         Diagnostics(self, self._periods, self._condition)
+        which = ', '.join(sorted(self._wanted)) or f'every topic of {self._space}'
+        self.say(f'records {which} into {values["folder"]}')
 
     def finish(self) -> None:
         """
@@ -119,6 +121,7 @@ class Recorder(HandoverNode):
         self._take_until_ended(lambda present: full_name(self) not in present)
         try:
             self._writer.close()
+            self.say(f'recorded {self._writer.message_count} messages')
         except DataError as error:
             self._fail(error)
 

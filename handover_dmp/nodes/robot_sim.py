@@ -27,7 +27,7 @@ from handover_dmp.nodes.arm import limits_told, load_arm
 from handover_dmp.nodes.conversions import NANOSECONDS, period_of, stamp
 from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.lockstep import ASK_AGAIN_S, HEAD_START_S, Pace
-from handover_dmp.nodes.node import HandoverNode
+from handover_dmp.nodes.node import HandoverNode, MISSED_S
 from handover_dmp.nodes.parameters import ARM, declare, on_change, Parameter, Values
 from handover_dmp.nodes.spin import run
 from handover_dmp.robot.model import RobotModel
@@ -109,6 +109,23 @@ class RobotSim(HandoverNode):
             self._stepped_s = self.arrival_s()
             self.every(self._period_s, self._step_by_the_clock)
         Diagnostics(self, self._periods, self._condition)
+        self.warn_when_in_vain(self._missing)
+        self.say_changes(self._doing)
+        self.say(f'simulates {model.name}: hears {self.named(JOINT_COMMAND)}')
+
+    def _missing(self) -> str:
+        if self._time_s() - self._commanded_s <= MISSED_S:
+            return ''
+        return f'waits for a command on {self.named(JOINT_COMMAND)}: is priority_ik running?'
+
+    def _doing(self) -> str:
+        if self._paused:
+            return 'time stands still until ~/pause is called with false'
+        report = self._arm.report
+        if report.state is ArmState.READY:
+            return 'follows commands'
+        again = 'moves again after ~/resume' if self.values['resume_required'] else ''
+        return '; '.join(filter(None, (f'stopped: {report.last_fault}', again)))
 
     def _connect(self, model: RobotModel) -> None:
         # on the wall clock nobody needs it, and `ros2 bag play --clock` publishes its own

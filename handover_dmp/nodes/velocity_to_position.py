@@ -86,6 +86,11 @@ class VelocityToPosition(HandoverNode):
         self.serve('resume', self._resume)
         self.every(self._period_s, self._answer)
         Diagnostics(self, self._periods, self._condition)
+        self.say_changes(lambda: self._fault or 'follows commands')
+        self.say(
+            f'turns velocities into positions of {model.name}: hears {self.named(JOINT_COMMAND)} '
+            f'and {self.named(JOINT_STATES)}'
+        )
 
     def _on_joint_states(self, message: JointState) -> None:
         self._commander.set_joint_state(
@@ -120,6 +125,7 @@ class VelocityToPosition(HandoverNode):
         self._commander.stop('told to end')
         while self._publish(self._period_s):
             sleep(self._period_s)
+        super().finish()
 
     def _resume(self) -> str:
         self._commander.resume()

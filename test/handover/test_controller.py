@@ -21,7 +21,12 @@ from math import inf, nan
 from typing import Any
 
 from handover_dmp.dmp import DecoupledDmp, relearn
-from handover_dmp.handover.controller import HandoverController, HandoverOptions, HandoverState
+from handover_dmp.handover.controller import (
+    HandoverController,
+    HandoverOptions,
+    HandoverState,
+    RETURN_SPEED,
+)
 from handover_dmp.handover.scenario import example_model
 import numpy as np
 import pytest
@@ -226,6 +231,45 @@ def test_changed_rules_do_not_jump(model: DecoupledDmp, changes: dict[str, Any])
     steps = np.linalg.norm(np.diff(loop.positions, axis=0), axis=1)
     speeds = np.linalg.norm(loop.velocities[1:], axis=1)
     assert np.all(steps <= PERIOD_S * (speeds + HandoverOptions().acceleration_limit * PERIOD_S))
+
+
+def test_a_signal_after_a_handover_begins_the_next_once_the_arm_is_back(
+    model: DecoupledDmp,
+) -> None:
+    loop = Loop(model)
+    begun_at = np.array(model.start)
+    loop.step(5)
+    loop.controller.signal(loop.now_s)
+    loop.step(round((model.duration_s + 2.0) / PERIOD_S))
+    assert loop.state is HandoverState.DONE
+    # the hand is somewhere else at once, as where a recording begins again
+    loop.hand = loop.hand + np.array([0.3, 0.3, 0.0])
+    loop.controller.signal(loop.now_s)
+    first = len(loop.positions)
+    while loop.state is HandoverState.IDLE:
+        assert loop.now_s < 20.0
+        loop.step()
+    assert loop.state is HandoverState.REACHING
+    np.testing.assert_allclose(loop.positions[-1], begun_at, atol=0.003)
+    back = np.linalg.norm(loop.velocities[first:-1], axis=1)
+    assert 0.25 < back.max() <= RETURN_SPEED + 1e-9
+    loop.step(round((model.duration_s + 2.0) / PERIOD_S))
+    assert loop.state is HandoverState.DONE
+    assert loop.largest_acceleration <= loop.controller.options.acceleration_limit * (1 + 1e-9)
+
+
+def test_the_arm_goes_back_only_while_the_hand_is_seen(model: DecoupledDmp) -> None:
+    loop = Loop(model)
+    loop.step(5)
+    loop.controller.signal(loop.now_s)
+    loop.step(round((model.duration_s + 2.0) / PERIOD_S))
+    place = loop.positions[-1]
+    loop.controller.signal(loop.now_s)
+    loop.step(200, seen=False)
+    assert loop.state is HandoverState.IDLE
+    np.testing.assert_array_equal(loop.positions[-1], place)
+    loop.step(20)
+    assert np.linalg.norm(loop.velocities[-1]) > 0.0
 
 
 def test_abort_brakes_and_only_a_new_start_moves_again(model: DecoupledDmp) -> None:
