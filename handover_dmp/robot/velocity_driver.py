@@ -240,6 +240,16 @@ class VelocityDriver:
         """Obey commands again, from the next one on."""
         self._state = ArmState.READY
 
+    def excuse(self, duration_s: float) -> None:
+        """
+        Wait longer for the next command, where none could come.
+
+        Args:
+            duration_s: how much longer, s.
+
+        """
+        self._deadline_s += duration_s
+
     def watch(self, time_s: float) -> None:
         """
         Brake if commands have stayed away for too long.

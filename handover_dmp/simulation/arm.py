@@ -179,7 +179,7 @@ class SimulatedArm(Closing):
         if np.all(np.isfinite(hand)):
             self._hand = np.array(hand, dtype=float)
 
-    def advance(self, period_s: float) -> None:
+    def advance(self, period_s: float, excused_s: float = 0.0) -> None:
         """
         Let simulated time pass.
 
@@ -187,6 +187,7 @@ class SimulatedArm(Closing):
 
         Args:
             period_s: how long, s.
+            excused_s: how much of it no command could come in, s, as within a jump of a clock.
 
         Raises:
             UsageError: negative or not finite.
@@ -195,6 +196,7 @@ class SimulatedArm(Closing):
         if not isfinite(period_s) or period_s < 0.0:
             raise UsageError(f'no arm can advance by {period_s} s')
         self._until_s += period_s
+        self._driver.excuse(excused_s)
         remaining = round(self._until_s / self._time_step_s) - self._steps
         while remaining > 0:
             self._driver.watch(self.time_s)

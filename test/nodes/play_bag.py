@@ -15,9 +15,10 @@
 """
 Play a bag as `ros2 bag play` does, for tests: the bytes as they are, when they were recorded.
 
-    python play_bag.py BAG [--delay SECONDS] [--heard TOPIC LISTENERS]...
+    python play_bag.py BAG [--delay S] [--loops COUNT] [--clock HZ] [--heard TOPIC LISTENERS]...
 
-With `--heard` it begins when so many listen to that topic, however long that takes.
+With `--heard` it begins when so many listen to that topic, however long that takes; with `--clock`
+it says the time of the recording on `/clock`.
 """
 
 from __future__ import annotations
@@ -25,8 +26,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 import sys
+from threading import Event, Thread
 from time import monotonic, sleep
 
+from builtin_interfaces.msg import Time
 from handover_dmp.nodes.qos import message_class
 import rclpy
 from rclpy.node import Node
@@ -34,6 +37,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader
+from rosgraph_msgs.msg import Clock
 
 DEPTH = 10  # that of rosbag2, where the recorded one is not known
 
@@ -43,6 +47,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('bag', type=Path)
     parser.add_argument('--delay', type=float, default=0.0)
+    parser.add_argument('--loops', type=int, default=1)
+    parser.add_argument('--clock', type=float, default=0.0)
     parser.add_argument(
         '--heard', nargs=2, action='append', default=[], metavar=('TOPIC', 'LISTENERS')
     )
@@ -57,14 +63,47 @@ def main() -> int:
         while offered[topic].get_subscription_count() < int(listeners):
             sleep(0.02)
     sleep(words.delay)
-    begun_s = monotonic()
-    for number, time_ns, data in messages:
-        due_s = begun_s + (time_ns - messages[0][1]) * 1e-9
-        sleep(max(0.0, due_s - monotonic()))
-        publishers[number].publish(bytes(data))
+    clock = Ticker(node, words.clock, messages[0][1])
+    for _ in range(words.loops):
+        begun_s = clock.begin()
+        for number, time_ns, data in messages:
+            due_s = begun_s + (time_ns - messages[0][1]) * 1e-9
+            sleep(max(0.0, due_s - monotonic()))
+            publishers[number].publish(bytes(data))
+    clock.end()
     node.destroy_node()
     rclpy.shutdown()
     return 0
+
+
+class Ticker:
+    """Says the time of the recording so many times a second, as the thread of rosbag2 does."""
+
+    def __init__(self, node: Node, rate_hz: float, first_ns: int) -> None:
+        self._publisher = node.create_publisher(Clock, '/clock', DEPTH) if rate_hz else None
+        self._rate_hz = rate_hz
+        self._first_ns = first_ns
+        self._ended = Event()
+        self._begun_s = monotonic()
+        self._thread = Thread(target=self._run)
+        if rate_hz:
+            self._thread.start()
+
+    def begin(self) -> float:
+        self._begun_s = monotonic()
+        return self._begun_s
+
+    def end(self) -> None:
+        self._ended.set()
+        if self._rate_hz:
+            self._thread.join()
+
+    def _run(self) -> None:
+        assert self._publisher is not None
+        while not self._ended.wait(1.0 / self._rate_hz):
+            time_ns = self._first_ns + round((monotonic() - self._begun_s) * 1e9)
+            time = Time(sec=time_ns // 10**9, nanosec=time_ns % 10**9)
+            self._publisher.publish(Clock(clock=time))
 
 
 def publisher(node: Node, connection: Connection) -> Publisher:

@@ -191,6 +191,17 @@ def test_lost_commands_brake_within_limits_neither_at_once_nor_never(arm):
     assert arm.joint_positions == pytest.approx(still, abs=1e-6)
 
 
+def test_what_no_command_could_come_in_does_not_count_as_silence(arm):
+    drive(arm, [0.3] * 7, 0.3)
+    # a clock that goes on by 25 ms at once, and by 75 where two of its messages are late
+    for jump in (0.025, 0.075, 0.025):
+        arm.advance(jump, jump - PERIOD_S)
+        assert arm.report.state is ArmState.READY
+    for _ in range(8):
+        arm.advance(0.025, 0.025 - PERIOD_S)
+    assert arm.report.state is ArmState.STOPPED
+
+
 def test_after_lost_commands_moves_only_when_told_to_resume(arm):
     drive(arm, [0.3] * 7, 0.3)
     arm.advance(1.0)
