@@ -175,7 +175,7 @@ MARKERS = Topic(
     '/handover/markers',
     'visualization_msgs/msg/MarkerArray',
     Quality.REPORT,
-    'hand, wrist, trails, learnt path, exchange point',
+    'hand, wrist, trails, learnt path, expected meeting point, exchange point',
 )
 INFO = Topic(
     '/handover/info',

@@ -99,6 +99,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='a band of people narrower than this is a bottleneck, m (default: %(default)s)',
     )
     add_learning_arguments(parser)
+    parser.add_argument(
+        '--partner-model',
+        choices=['auto', 'off'],
+        nargs='?',
+        const='auto',
+        default='off',
+        help='auto: show the decoupled primitive with the partner model, too, as a method of its '
+        'own (default: off, since it is not in the paper and takes longer)',
+    )
     add_running_arguments(parser)
     arm = parser.add_argument_group('with an arm')
     arm.add_argument(
@@ -242,6 +251,8 @@ def run(options: argparse.Namespace) -> int:
     unknown = [word for word in learn if word not in LEARN]
     if unknown:
         raise UsageError(f'--learn {unknown[0]!r}: known are {", ".join(LEARN)}')
+    from dataclasses import replace
+
     from handover_dmp.common.files import write_text
     from handover_dmp.evaluation.arm import evaluate_arm
     from handover_dmp.evaluation.arm_table import arm_table
@@ -251,10 +262,14 @@ def run(options: argparse.Namespace) -> int:
     from handover_dmp.evaluation.table import renderable, WIDTH
     from handover_dmp.mocap import read_data_set
     from handover_dmp.robot.descriptions import ArmChoice
+    from handover_dmp.tracking.partner_model import PartnerOptions
     from rich.console import Console
 
+    learning = read_learning(options)
+    if options.partner_model == 'auto':
+        learning = replace(learning, partner=PartnerOptions())
     protocol = Protocol(
-        learning=read_learning(options),
+        learning=learning,
         learn=learn,
         leave_one_out=options.leave_one_out,
         seed=options.seed,

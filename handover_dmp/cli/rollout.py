@@ -44,6 +44,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--duration', type=float, metavar='S', help='another τ than that of the model'
     )
     parser.add_argument(
+        '--partner-model',
+        choices=['auto', 'off'],
+        default='off',
+        help='auto: expect of the hand what the model knows of it, if it does (default: off, the '
+        'primitive alone)',
+    )
+    parser.add_argument(
         '--deviation',
         action='store_true',
         help='add the columns sx,sy,sz: standard deviation that the posterior implies, m',
@@ -71,16 +78,24 @@ def run(options: argparse.Namespace) -> int:
     from handover_dmp.dmp import load_model
     from handover_dmp.handover.teaching import rollout_against
     from handover_dmp.mocap import read_trial
+    from handover_dmp.tracking.partner_model import PartnerOptions
     import numpy as np
     from rich.console import Console
 
     if not 1.0 <= options.rate <= 100_000.0:
         raise UsageError(f'--rate {options.rate:g} is not from 1 to 100,000 Hz')
+    if options.deviation and options.partner_model == 'auto':
+        raise UsageError(
+            '--deviation is that of the primitive alone; give it without --partner-model'
+        )
     model = load_model(options.model)
     if options.duration is not None:
         model = model.with_duration(options.duration)
     trial = read_trial(options.trial)
-    rollout = rollout_against(model, trial, options.rate, deviation=options.deviation)
+    partner = PartnerOptions() if options.partner_model == 'auto' else None
+    rollout = rollout_against(
+        model, trial, options.rate, deviation=options.deviation, partner=partner
+    )
     columns = [
         rollout.times,
         rollout.positions,

@@ -32,6 +32,11 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options that both verbs have."""
     parser.add_argument('-o', '--output', type=Path, help='folder of the run; default: in runs/')
     add_robot_arguments(parser, 'lwr4')
+    parser.add_argument(
+        '--partner-model',
+        choices=['auto', 'off'],
+        help='expect of the hand what the model knows of it, or not (default: as in config/)',
+    )
     parser.add_argument('--seed', type=int, default=0, help='of the synthetic data')
     parser.add_argument('--scale', type=float, default=1.0, help='factor on the recorded motion')
     parser.add_argument(
@@ -78,7 +83,12 @@ def run_and_report(
             bar.update(task, description=what, completed=share)
 
         scenario = make_scenario(
-            trial, model=model, arm=chosen_arm(options), scale=options.scale, seed=options.seed
+            trial,
+            model=model,
+            arm=chosen_arm(options),
+            scale=options.scale,
+            seed=options.seed,
+            partner_model=options.partner_model,
         )
         for remark in scenario.robot.remarks:
             bar.console.print(

@@ -169,7 +169,7 @@ def relearn(model: AnyPrimitive, **changes: Any) -> AnyPrimitive:
         source=model.source,
         primitive=type(model),
     )
-    return learnt.with_goal_offset(model.goal_offset)
+    return learnt.with_goal_offset(model.goal_offset).with_partner_path(model.partner_path)
 
 
 def learn_jointly(

@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 FORMAT = 'handover_dmp model'
-VERSION = 2
+VERSION = 3
 KINDS: dict[str, type[Primitive]] = {'decoupled': DecoupledDmp, 'classical': ClassicalDmp}
 UNITS = {
     'duration': 's',
@@ -43,6 +43,7 @@ UNITS = {
     'goal': 'm',
     'goal_offset': 'm',
     'start_velocity': 'm/s',
+    'partner_path': 'm',
     'weights': 'm',
     'covariance': 'm^2',
     'goal_velocity_gain': 's; negative: damping times duration',
@@ -53,6 +54,7 @@ UNITS = {
 LARGEST_FILE_BYTES = 64_000_000
 MAX_BASIS = 10_000
 MAX_DIMENSIONS = 100
+MAX_PATH = 10_000
 
 
 def save_model(model: Primitive, path: Path | str) -> None:
@@ -88,6 +90,7 @@ def save_model(model: Primitive, path: Path | str) -> None:
             {'active': posterior.active.tolist(), 'matrix': posterior.matrix.tolist()}
             for posterior in model.covariance
         ],
+        'partner_path': None if model.partner_path is None else model.partner_path.tolist(),
     }
     write_text(Path(path), json.dumps(document, allow_nan=False, indent=1) + '\n')
 
@@ -162,7 +165,15 @@ def _from_version_1(document: dict[str, Any]) -> dict[str, Any]:
     return {'start_velocity': still, **document, 'version': 2, 'kind': 'decoupled'}
 
 
-MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {1: _from_version_1}
+def _from_version_2(document: dict[str, Any]) -> dict[str, Any]:
+    """Version 2 knew nothing of how the partner's hand moves."""
+    return {**document, 'version': 3, 'partner_path': None}
+
+
+MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {
+    1: _from_version_1,
+    2: _from_version_2,
+}
 
 
 def _build(document: dict[str, Any]) -> Primitive:
@@ -191,6 +202,7 @@ def _build(document: dict[str, Any]) -> Primitive:
         start_velocity=_array(document, 'start_velocity', vector),
         covariance=_covariance(document.get('covariance'), start.size, centres.size),
         source=_member(document, 'source', str)[:10_000],
+        partner_path=_partner_path(document, start.size),
     )
 
 
@@ -224,6 +236,12 @@ def _covariance(document: Any, dimensions: int, size: int) -> tuple[WeightPoster
         matrix = _array(entry, 'matrix', (active.size, active.size))
         posteriors.append(WeightPosterior(active.astype(np.int64), matrix))
     return tuple(posteriors)
+
+
+def _partner_path(document: dict[str, Any], dimensions: int) -> NDArray[np.float64] | None:
+    if 'partner_path' in document and document['partner_path'] is None:
+        return None
+    return _array(document, 'partner_path', (None, dimensions), MAX_PATH)
 
 
 def _member(document: dict[str, Any], name: str, kind: type) -> Any:

@@ -111,6 +111,8 @@ class Primitive(ABC):
         covariance: posterior of the weights, one a dimension; None where the regression gives
             none.
         source: what it was learnt from, in words.
+        partner_path: mean path of the partner's hand in the demonstrations, each over its own
+            duration, m, (n, d), evenly spaced in time; None where nothing is known of it.
 
     Raises:
         DataError: shapes that do not fit each other, or numbers that are not finite.
@@ -127,6 +129,7 @@ class Primitive(ABC):
     start_velocity: Array = field(default_factory=lambda: np.zeros(0))
     covariance: tuple[WeightPosterior, ...] | None = None
     source: str = ''
+    partner_path: Array | None = None
     _memo: Step = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -155,6 +158,8 @@ class Primitive(ABC):
                 raise DataError(f'{name} holds a number that is not finite')
             array.setflags(write=False)
             object.__setattr__(self, name, array)
+        if self.partner_path is not None:
+            object.__setattr__(self, 'partner_path', _checked_path(self.partner_path, dimensions))
         object.__setattr__(self, '_memo', Step(nan, nan))
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -200,6 +205,19 @@ class Primitive(ABC):
 
         """
         return replace(self, goal_offset=np.asarray(offset, dtype=float))
+
+    def with_partner_path(self: Self, path: ArrayLike | None) -> Self:
+        """
+        Set what is known of the partner's hand.
+
+        Args:
+            path: m, (n, d), evenly spaced over the duration; None: nothing.
+
+        Returns:
+            The same movement with this path.
+
+        """
+        return replace(self, partner_path=None if path is None else np.asarray(path, dtype=float))
 
     def with_weights(
         self: Self, weights: ArrayLike, covariance: tuple[WeightPosterior, ...] | None = None
@@ -655,6 +673,18 @@ class Primitive(ABC):
         if vector.shape != (self.dimensions,):
             raise DataError(f'{name} has the shape {vector.shape}, not ({self.dimensions},)')
         return vector
+
+
+def _checked_path(given: ArrayLike, dimensions: int) -> Array:
+    path = np.array(given, dtype=float, order='C')
+    if path.ndim != 2 or len(path) < 2 or path.shape[1] != dimensions:
+        raise DataError(
+            f'partner_path has the shape {path.shape} instead of (n, {dimensions}), n at least 2'
+        )
+    if not np.isfinite(path).all():
+        raise DataError('partner_path holds a number that is not finite')
+    path.setflags(write=False)
+    return path
 
 
 def _chords(times: Array, values: Array) -> Array:

@@ -17,5 +17,5 @@
 LEARN = ('single', 'mean', 'representative')
 """What is learnt from: each trial, the mean of all, the trial nearest to the mean."""
 
-METHODS = ('decoupled', 'classical', 'minimum_jerk', 'human')
+METHODS = ('decoupled', 'partner_model', 'classical', 'minimum_jerk', 'human')
 """What moves in the place of P2."""

@@ -24,7 +24,7 @@ from handover_dmp.common.errors import DataError
 from handover_dmp.evaluation.envelope import Array
 from handover_dmp.mocap import condition, HandoverTrial, velocities
 from handover_dmp.mocap.filtering import CUTOFF_HZ
-from handover_dmp.mocap.typical import demonstrator_curves, SAMPLES
+from handover_dmp.mocap.typical import demonstrator_curves, SAMPLES, time_normalise
 import numpy as np
 from numpy.typing import NDArray
 
@@ -118,6 +118,11 @@ class Case:
     def curves(self) -> Array:
         """(n, 101, 3) m, the time-normalised P2 of each trial."""
         return demonstrator_curves(self.trials)
+
+    @cached_property
+    def partner_curves(self) -> Array:
+        """(n, 101, 3) m, the time-normalised P1 of each trial."""
+        return np.stack([time_normalise(trial.times, trial.partner) for trial in self.trials])
 
     @cached_property
     def starts(self) -> Array:

@@ -22,7 +22,7 @@ import math
 
 from handover_dmp.evaluation import LEARN
 from handover_dmp.evaluation.scores import BANDS, Summary
-from handover_dmp.evaluation.table import PAPER, Row, TITLES
+from handover_dmp.evaluation.table import LEARNING_METHODS, PAPER, Row, TITLES
 
 _STYLE = """
 :root { color-scheme: light; --ink: #1b2430; --soft: #5b6673; --line: #dde2e8; --tint: #f5f7f9; }
@@ -100,7 +100,9 @@ href="table.json">table.json</a></nav>
 <h2>All cases, every method</h2>
 <p class="soft">In brackets the 95 % interval from resampled trials. Distance: root mean square to
 what P2 really did; end: mean distance to where P2 was at the exchange. P2 itself is held
-against mean and band of the other trials: the ceiling for anything that imitates.</p>
+against mean and band of the other trials: the ceiling for anything that imitates. Moved: the
+distance that remains when each motion is moved in time as a whole to where it fits best; late by:
+how much that was (mean ± standard deviation).</p>
 <div class="wide"><table>{_methods_table(summary)}</table></div>
 {chr(10).join(sections)}
 {'<h2>Figures</h2>' if figures else ''}
@@ -154,10 +156,10 @@ def _line(
 def _methods_table(summary: Sequence[Row]) -> str:
     bands = ''.join(f'<th>≤{k}σ, %</th>' for k in BANDS)
     head = '<th class="text">method</th><th class="text">learn</th><th>curves</th>'
-    head += f'{bands}<th>distance, mm</th><th>end, mm</th>'
+    head += f'{bands}<th>distance, mm</th><th>end, mm</th><th>moved, mm</th><th>late by, ms</th>'
     lines, shown = [], set()
     for row in sorted(summary, key=lambda row: list(TITLES).index(row.method)):
-        learns = row.method in {'decoupled', 'classical'}
+        learns = row.method in LEARNING_METHODS
         if not learns and row.method in shown:
             continue
         shown.add(row.method)
@@ -165,10 +167,15 @@ def _methods_table(summary: Sequence[Row]) -> str:
         cells = [_number(figures.within[k], figures.within_interval[k]) for k in BANDS]
         cells.append(_number(1e3 * figures.rms_m, [1e3 * m for m in figures.rms_interval_m]))
         gap = '–' if math.isnan(figures.final_gap_m) else f'{1e3 * figures.final_gap_m:.0f}'
+        shifted, late = '–', '–'
+        if not math.isnan(figures.shifted_rms_m):
+            spread = f'± {1e3 * figures.lateness_deviation_s:.0f}'
+            shifted = f'{1e3 * figures.shifted_rms_m:.1f}'
+            late = f'{1e3 * figures.lateness_s:+.0f} <small>{spread}</small>'
         lines.append(
             f'<tr><td class="text">{TITLES[row.method]}</td>'
             f'<td class="text">{row.learn if learns else "–"}</td><td>{row.curves}</td>'
-            f'{"".join(f"<td>{cell}</td>" for cell in (*cells, gap))}</tr>'
+            f'{"".join(f"<td>{cell}</td>" for cell in (*cells, gap, shifted, late))}</tr>'
         )
     return f'<thead><tr>{head}</tr></thead><tbody>{"".join(lines)}</tbody>'
 

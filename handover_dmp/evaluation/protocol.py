@@ -35,7 +35,7 @@ from handover_dmp.evaluation.rejections import (
     Rejection,
     Rejections,
 )
-from handover_dmp.evaluation.rollouts import curves_of, Learning, plan, PRIMITIVES, RolloutTask
+from handover_dmp.evaluation.rollouts import curves_of, Learning, plan, RolloutTask
 from handover_dmp.evaluation.scores import judge, Scores, Summary, Totals
 from handover_dmp.evaluation.table import Row
 from handover_dmp.mocap import HandoverTrial
@@ -186,7 +186,7 @@ def _units(case: Case, protocol: Protocol) -> Iterator[_Unit]:
     band = _band(case, leave_one_out=protocol.leave_one_out)
     for learn in protocol.learn:
         tasks = plan(case, learn, leave_one_out=protocol.leave_one_out)
-        for method in PRIMITIVES:
+        for method in protocol.learning.methods:
             for first in range(0, len(tasks), _CHUNK):
                 yield _Unit(case, band, learn, method, tasks[first: first + _CHUNK])  # fmt: skip
 
@@ -203,7 +203,8 @@ def _carry_out(unit: _Unit, protocol: Protocol) -> list[_Block]:
         curves = curves_of(unit.case, task, unit.method, protocol.learning)
         tested = list(task.tested)
         band = unit.band.at(tested)
-        scores = judge(curves[None], unit.case.curves[tested], band)
+        durations = unit.case.durations_s[tested]
+        scores = judge(curves[None], unit.case.curves[tested], band, durations_s=durations)
         rejected: list[Rejection] = []
         if unit.method == 'decoupled':
             rejected = find_rejections(curves, task.sources, tested, band, protocol.min_width_m)
@@ -225,7 +226,7 @@ def _collect(
     kept: dict[str, NDArray[np.int_]] = {}
     rejections: dict[str, Rejections] = {}
     for learn in protocol.learn:
-        for method in PRIMITIVES:
+        for method in protocol.learning.methods:
             own = [
                 block
                 for unit, result in zip(units, blocks, strict=True)
@@ -261,17 +262,23 @@ def _why(
 
 def _table_of(blocks: Sequence[_Block], trials: int) -> Scores:
     rows = 1 + max(block.task.row for block in blocks)
+    shifted, lateness = np.zeros((2, rows, trials))
     table = Scores(
         sigmas=np.zeros((rows, trials, 3)),
         squared_m2=np.zeros((rows, trials)),
         gap_m=np.zeros((rows, trials)),
         counted=np.zeros((rows, trials), dtype=np.bool_),
+        shifted_m2=shifted,
+        lateness_s=lateness,
     )
     for block in blocks:
         place = block.task.row, list(block.task.tested)
         table.sigmas[place] = block.scores.sigmas[0]
         table.squared_m2[place] = block.scores.squared_m2[0]
         table.gap_m[place] = block.scores.gap_m[0]
+        if block.scores.shifted_m2 is not None and block.scores.lateness_s is not None:
+            shifted[place] = block.scores.shifted_m2[0]
+            lateness[place] = block.scores.lateness_s[0]
         table.counted[place] = True
     return table
 
@@ -281,16 +288,17 @@ def _judge_minimum_jerk(case: Case, protocol: Protocol) -> Scores:
         minimum_jerk(trial.demonstrator[0], trial.demonstrator[-1]) for trial in case.trials
     ]
     band = _band(case, leave_one_out=protocol.leave_one_out)
-    return judge(np.stack(reaches)[None], case.curves, band)
+    return judge(np.stack(reaches)[None], case.curves, band, durations_s=case.durations_s)
 
 
 def _judge_people(case: Case) -> Scores:
     """Hold each person's motion against the others': the ceiling for anything that imitates."""
     if len(case) < MIN_TRIALS_LEFT_OUT:
         nothing = np.zeros((1, len(case)))
-        return Scores(nothing[..., None].repeat(3, axis=2), nothing, nothing, nothing > 0.0)
+        wide = nothing[..., None].repeat(3, axis=2)
+        return Scores(wide, nothing, nothing, nothing > 0.0, nothing, nothing)
     others = Envelope.of_the_others(case.curves)
-    return judge(case.curves[None], others.mean, others)
+    return judge(case.curves[None], others.mean, others, durations_s=case.durations_s)
 
 
 def _tabulate(cases: Sequence[CaseScores], protocol: Protocol) -> tuple[list[Row], list[Row]]:

@@ -17,17 +17,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from handover_dmp.dmp import ClassicalDmp, DecoupledDmp, DmpParameters, learn
 from handover_dmp.evaluation.cases import Case, Hands
 from handover_dmp.evaluation.envelope import Array
 from handover_dmp.mocap.filtering import CUTOFF_HZ
-from handover_dmp.mocap.typical import nearest_to_mean
+from handover_dmp.mocap.typical import nearest_to_mean, time_normalise
+from handover_dmp.tracking.partner_model import PartnerOptions, rollout_expecting
 import numpy as np
 
 PRIMITIVES: dict[str, type[DecoupledDmp] | type[ClassicalDmp]] = {
     'decoupled': DecoupledDmp,
+    'partner_model': DecoupledDmp,
     'classical': ClassicalDmp,
 }
 """The methods that learn."""
@@ -47,6 +49,8 @@ class Learning:
         basis: number of basis functions.
         duration_scale: factor on the duration that was learnt; 1 in the protocol.
         cutoff_hz: low-pass of the recordings, Hz; None: they are smooth already.
+        partner: constants of the partner model, its goal weight among them, for the method
+            `partner_model`; None: that method is left out.
 
     """
 
@@ -55,6 +59,29 @@ class Learning:
     basis: int = 50
     duration_scale: float = 1.0
     cutoff_hz: float | None = CUTOFF_HZ
+    partner: PartnerOptions | None = None
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """Return the methods that learn, as far as they are wanted."""
+        return tuple(
+            name for name in PRIMITIVES if name != 'partner_model' or self.partner is not None
+        )
+
+    def parameters_for(self, method: str) -> DmpParameters:
+        """
+        Give the parameters that a method learns with.
+
+        Args:
+            method: one of `methods`.
+
+        Returns:
+            The parameters; with the partner model, the goal weight is its own.
+
+        """
+        if method != 'partner_model' or self.partner is None:
+            return self.parameters
+        return replace(self.parameters, mu=self.partner.mu, sigma=self.partner.sigma)
 
 
 @dataclass(frozen=True)
@@ -117,7 +144,7 @@ def learn_from_case(
     Args:
         case: the trials.
         sources: which of them to learn from.
-        method: `decoupled` or `classical`.
+        method: `decoupled`, `partner_model` or `classical`.
         learning: how.
 
     Returns:
@@ -134,7 +161,7 @@ def learn_from_case(
     model: DecoupledDmp | ClassicalDmp = learn(
         times,
         positions,
-        learning.parameters,
+        learning.parameters_for(method),
         regression=learning.regression,
         basis=learning.basis,
         primitive=PRIMITIVES[method],
@@ -191,7 +218,7 @@ def curves_of(case: Case, task: RolloutTask, method: str, learning: Learning) ->
     Args:
         case: the trials.
         task: the model to learn, and what to test it against.
-        method: `decoupled` or `classical`.
+        method: one of `Learning.methods`.
         learning: how to learn.
 
     Returns:
@@ -199,5 +226,44 @@ def curves_of(case: Case, task: RolloutTask, method: str, learning: Learning) ->
 
     """
     model, goal_offset = learn_from_case(case, task.sources, method, learning)
+    if method == 'partner_model' and isinstance(model, DecoupledDmp):
+        path = case.partner_curves[list(task.sources)].mean(axis=0)
+        knowing = model.with_goal_offset(goal_offset).with_partner_path(path)
+        return roll_out_expecting(knowing, case, task.tested, learning.partner)
     rollouts = roll_out(model, goal_offset, case, task.tested)
     return case.hands.time_normalise(rollouts, task.tested)
+
+
+def roll_out_expecting(
+    model: DecoupledDmp,
+    case: Case,
+    tested: Sequence[int],
+    options: PartnerOptions | None = None,
+) -> Array:
+    """
+    Roll a model out as `roll_out` does, with what it may expect of each hand.
+
+    Args:
+        model: what to roll out, with goal offset and partner path.
+        case: the trials.
+        tested: which of them give hand and start.
+        options: constants of the partner model; those of `config/` if left out.
+
+    Returns:
+        The time-normalised rollouts, (len(tested), 101, 3) m.
+
+    """
+    hands, curves = case.hands, []
+    for trial in tested:
+        count = int(hands.samples[trial])
+        times = hands.times[:count]
+        motion = rollout_expecting(
+            model,
+            times,
+            hands.positions[trial, :count],
+            hands.velocities[trial, :count],
+            case.starts[trial].tolist(),
+            options,
+        )
+        curves.append(time_normalise(times, motion.positions))
+    return np.stack(curves)

@@ -20,11 +20,14 @@ from dataclasses import dataclass
 
 from handover_dmp.evaluation.bootstrap import interval
 from handover_dmp.evaluation.envelope import Array, Envelope
+from handover_dmp.evaluation.time_shift import best_time_shift
 import numpy as np
 from numpy.typing import NDArray
 
 BANDS = (1, 2, 3)
 """The k of the kσ bands in Table I."""
+
+_SQUARED, _GAP, _COUNT, _SHIFTED, _LATE, _LATE_SQUARED = range(len(BANDS), len(BANDS) + 6)
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,9 @@ class Scores:
         squared_m2: (models, trials) mean over the samples of the squared distance to what P2 did.
         gap_m: (models, trials) distance at the end to where P2 was.
         counted: (models, trials) whether the protocol counts this pair.
+        shifted_m2: (models, trials) the squared distance after the best shift in time; None where
+            none was sought.
+        lateness_s: (models, trials) that shift, s; negative where the rollout comes early.
 
     """
 
@@ -47,6 +53,8 @@ class Scores:
     squared_m2: Array
     gap_m: Array
     counted: NDArray[np.bool_]
+    shifted_m2: Array | None = None
+    lateness_s: Array | None = None
 
     @property
     def curves(self) -> int:
@@ -55,10 +63,12 @@ class Scores:
 
     @property
     def measures(self) -> Array:
-        """(6, models, trials) what `Totals` sums up, of each rollout; 0 where not counted."""
-        shares = [(self.sigmas <= k).mean(axis=-1) for k in BANDS]
-        measures = np.stack([*shares, self.squared_m2, self.gap_m, np.ones_like(self.gap_m)])
-        return np.where(self.counted, measures, 0.0)
+        """(6 or 9, models, trials) what `Totals` sums up, of each rollout; 0 where not counted."""
+        measures = [(self.sigmas <= k).mean(axis=-1) for k in BANDS]
+        measures += [self.squared_m2, self.gap_m, np.ones_like(self.gap_m)]
+        if self.shifted_m2 is not None and self.lateness_s is not None:
+            measures += [self.shifted_m2, self.lateness_s, self.lateness_s**2]
+        return np.where(self.counted, np.stack(measures), 0.0)
 
     def totals(self, counts: Array) -> Totals:
         """
@@ -95,7 +105,8 @@ class Totals:
 
     Attributes:
         sums: (rounds, 6): rollouts within 1σ, 2σ and 3σ (each curve a third), squared distance in
-            m², final gap in m, number of rollouts.
+            m², final gap in m, number of rollouts; where shifts in time were sought, (rounds, 9):
+            squared distance after the best one in m², that shift in s, its square in s², too.
 
     """
 
@@ -107,21 +118,39 @@ class Totals:
     @property
     def within_percent(self) -> Array:
         """Return (rounds, 3) percentage of curves within 1σ, 2σ, 3σ; NaN without rollouts."""
-        return 100.0 * self._mean(slice(0, len(BANDS)))
+        return 100.0 * np.stack([self._mean(column) for column in range(len(BANDS))], axis=1)
 
     @property
     def rms_m(self) -> Array:
         """Return (rounds,) root-mean-square distance in m."""
-        return np.sqrt(self._mean(slice(len(BANDS), len(BANDS) + 1))[:, 0])
+        return np.sqrt(self._mean(_SQUARED))
 
     @property
     def gap_m(self) -> Array:
         """Return (rounds,) mean final gap in m."""
-        return self._mean(slice(len(BANDS) + 1, len(BANDS) + 2))[:, 0]
+        return self._mean(_GAP)
 
-    def _mean(self, columns: slice) -> Array:
+    @property
+    def shifted_rms_m(self) -> Array:
+        """Return (rounds,) root-mean-square distance after the best shift in time, m."""
+        return np.sqrt(self._mean(_SHIFTED))
+
+    @property
+    def lateness_s(self) -> Array:
+        """Return (rounds,) mean of that shift, s; positive where the rollouts come late."""
+        return self._mean(_LATE)
+
+    @property
+    def lateness_deviation_s(self) -> Array:
+        """Return (rounds,) standard deviation of that shift, s."""
+        variance = self._mean(_LATE_SQUARED) - self.lateness_s**2
+        return np.sqrt(np.maximum(variance, 0.0))
+
+    def _mean(self, column: int) -> Array:
+        if column >= self.sums.shape[1]:
+            return np.full(len(self.sums), np.nan)
         with np.errstate(invalid='ignore', divide='ignore'):
-            return self.sums[:, columns] / self.sums[:, -1:]
+            return np.asarray(self.sums[:, column] / self.sums[:, _COUNT])
 
 
 @dataclass(frozen=True)
@@ -135,6 +164,9 @@ class Summary:
         rms_m: root-mean-square distance, m.
         rms_interval_m: its 95 % interval, m.
         final_gap_m: mean gap at the end, m.
+        shifted_rms_m: root-mean-square distance after the best shift in time of each rollout, m.
+        lateness_s: mean of these shifts, s; positive where the method comes late.
+        lateness_deviation_s: their standard deviation, s.
 
     """
 
@@ -143,6 +175,9 @@ class Summary:
     rms_m: float
     rms_interval_m: tuple[float, float]
     final_gap_m: float
+    shifted_rms_m: float
+    lateness_s: float
+    lateness_deviation_s: float
 
     @classmethod
     def of(cls, totals: Totals, draws: Totals) -> Summary:
@@ -164,6 +199,9 @@ class Summary:
             rms_m=float(totals.rms_m[0]),
             rms_interval_m=interval(draws.rms_m),
             final_gap_m=float(totals.gap_m[0]),
+            shifted_rms_m=float(totals.shifted_rms_m[0]),
+            lateness_s=float(totals.lateness_s[0]),
+            lateness_deviation_s=float(totals.lateness_deviation_s[0]),
         )
 
 
@@ -172,6 +210,8 @@ def judge(
     references: Array,
     envelope: Envelope,
     counted: NDArray[np.bool_] | None = None,
+    *,
+    durations_s: Array | None = None,
 ) -> Scores:
     """
     Judge the rollouts of one or of several models.
@@ -181,6 +221,7 @@ def judge(
         references: (trials, samples, d) m, what they are held against, time-normalised.
         envelope: the band, one for all trials or one a trial.
         counted: (models, trials) whether the protocol counts the pair; all if left out.
+        durations_s: (trials,) s, to find how late each rollout is, too.
 
     Returns:
         The scores.
@@ -188,9 +229,15 @@ def judge(
     """
     distances = ((curves - references) ** 2).sum(axis=-1)
     everything = np.ones(curves.shape[:2], dtype=np.bool_)
+    shifted = lateness = None
+    if durations_s is not None:
+        shift = best_time_shift(curves, references)
+        shifted, lateness = shift.squared_m2, shift.lateness * durations_s
     return Scores(
         sigmas=envelope.sigmas(curves),
         squared_m2=distances.mean(axis=-1),
         gap_m=np.sqrt(distances[..., -1]),
         counted=everything if counted is None else counted,
+        shifted_m2=shifted,
+        lateness_s=lateness,
     )

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 import csv
 from dataclasses import dataclass
 import io
@@ -38,10 +38,14 @@ PAPER = {
 
 TITLES = {
     'decoupled': 'decoupled DMP',
+    'partner_model': 'partner model',
     'classical': 'classical DMP',
     'minimum_jerk': 'minimum jerk',
     'human': 'P2 itself',
 }
+LEARNING_METHODS = ('decoupled', 'partner_model', 'classical')
+"""Methods with a row for each of what they may be learnt from."""
+
 SHORT = {'representative': 'nearest'}
 
 WIDTH = 98
@@ -87,6 +91,9 @@ class Row:
             'rms_m': _number(figures.rms_m),
             'rms_interval_m': _numbers(figures.rms_interval_m),
             'final_gap_m': _number(figures.final_gap_m),
+            'shifted_rms_m': _number(figures.shifted_rms_m),
+            'lateness_s': _number(figures.lateness_s),
+            'lateness_deviation_s': _number(figures.lateness_deviation_s),
         }
 
 
@@ -107,15 +114,19 @@ def as_csv(rows: Sequence[Row]) -> str:
     header = ['configuration', 'exchange', 'learn', 'method', 'trials', 'curves']
     for k in BANDS:
         header += [f'within_{k}_percent', f'within_{k}_low_percent', f'within_{k}_high_percent']
-    writer.writerow([*header, 'rms_m', 'rms_low_m', 'rms_high_m', 'final_gap_m'])
+    header += ['rms_m', 'rms_low_m', 'rms_high_m', 'final_gap_m']
+    writer.writerow([*header, 'shifted_rms_m', 'lateness_s', 'lateness_deviation_s'])
     for row in rows:
         line: list[object] = [row.configuration or 'all', row.direction or 'all']
         line += [row.learn, row.method, row.trials, row.curves]
         for k in BANDS:
             percentages = (row.figures.within[k], *row.figures.within_interval[k])
             line += [_cell(value, 2) for value in percentages]
-        metres = (row.figures.rms_m, *row.figures.rms_interval_m, row.figures.final_gap_m)
-        writer.writerow(line + [_cell(value, 5) for value in metres])
+        figures = row.figures
+        metres = (figures.rms_m, *figures.rms_interval_m, figures.final_gap_m)
+        times = (figures.lateness_s, figures.lateness_deviation_s)
+        line += [_cell(value, 5) for value in (*metres, figures.shifted_rms_m, *times)]
+        writer.writerow(line)
     return text.getvalue()
 
 
@@ -151,7 +162,9 @@ def renderable(rows: Sequence[Row], summary: Sequence[Row]) -> Group:
         What rich can print.
 
     """
-    return Group(_paper_table(rows, summary), Text(), _methods_table(summary))
+    return Group(
+        _paper_table(rows, summary), Text(), _methods_table(summary), _timing_table(summary)
+    )
 
 
 def _paper_table(rows: Sequence[Row], summary: Sequence[Row]) -> Table:
@@ -205,20 +218,15 @@ def _methods_table(summary: Sequence[Row]) -> Table:
         table.add_column(f'≤{k}σ, %', justify='right', no_wrap=True)
     table.add_column('rms, mm', justify='right', no_wrap=True)
     table.add_column('end, mm', justify='right', no_wrap=True)
-    shown = set()
-    for row in sorted(summary, key=lambda row: METHODS.index(row.method)):
-        learns = row.method in {'decoupled', 'classical'}
-        if not learns and row.method in shown:
-            continue
-        shown.add(row.method)
+    for row, learn in _each_once(summary):
         figures = row.figures
         table.add_row(
             TITLES[row.method],
-            SHORT.get(row.learn, row.learn) if learns else '–',
+            learn,
             str(row.curves),
             *(_with_interval(figures.within[k], figures.within_interval[k]) for k in BANDS),
             _with_interval(1e3 * figures.rms_m, [1e3 * end for end in figures.rms_interval_m]),
-            '–' if math.isnan(figures.final_gap_m) else f'{1e3 * figures.final_gap_m:.0f}',
+            _millis(figures.final_gap_m),
         )
     return table
 
@@ -227,6 +235,48 @@ def _with_interval(value: float, ends: Sequence[float]) -> str:
     if math.isnan(value):
         return '–'
     return f'{value:.1f}  {ends[0]:.0f}–{ends[1]:.0f}'
+
+
+def _timing_table(summary: Sequence[Row]) -> Table:
+    table = Table(
+        box=box.SIMPLE_HEAD,
+        padding=(0, 0, 0, 1),
+        title='How much of the distance is time: each rollout moved in time to where it fits best',
+    )
+    table.add_column('method', no_wrap=True)
+    table.add_column('learn', no_wrap=True)
+    for head in ('rms, mm', 'moved, mm', 'late by, ms'):
+        table.add_column(head, justify='right', no_wrap=True)
+    for row, learn in _each_once(summary):
+        figures = row.figures
+        table.add_row(
+            TITLES[row.method],
+            learn,
+            _millis(figures.rms_m, 1),
+            _millis(figures.shifted_rms_m, 1),
+            _lateness(figures),
+        )
+    return table
+
+
+def _each_once(summary: Sequence[Row]) -> Iterator[tuple[Row, str]]:
+    """Yield rows in the order of their methods, and what each learnt from if it learns."""
+    shown = set()
+    for row in sorted(summary, key=lambda row: METHODS.index(row.method)):
+        learns = row.method in LEARNING_METHODS
+        if learns or row.method not in shown:
+            yield row, SHORT.get(row.learn, row.learn) if learns else '–'
+        shown.add(row.method)
+
+
+def _millis(value: float, digits: int = 0) -> str:
+    return '–' if math.isnan(value) else f'{1e3 * value:.{digits}f}'
+
+
+def _lateness(figures: Summary) -> str:
+    if math.isnan(figures.lateness_s):
+        return '–'
+    return f'{1e3 * figures.lateness_s:+.0f} ± {1e3 * figures.lateness_deviation_s:.0f}'
 
 
 def _number(value: float) -> float | None:

@@ -148,6 +148,7 @@ def step_towards(
     phase_rate: float,
     options: ApproachOptions,
     astray: float = -inf,
+    expected: tuple[Vector, Vector] | None = None,
 ) -> Towards:
     """
     Make a step of (8), with the goal's weight by time or by place.
@@ -165,6 +166,8 @@ def step_towards(
         phase_rate: how fast the phase runs.
         options: of the approach.
         astray: ξ_astray of the step before.
+        expected: what draws the movement in place of goal and goal velocity, by which alone the
+            weight by place is judged.
 
     Returns:
         Where it leads.
@@ -181,15 +184,16 @@ def step_towards(
         deviations = max(near, astray)
         if deviations > -SETTLED_DEVIATIONS:
             later = parameters.mu + parameters.sigma * min(deviations, SETTLED_DEVIATIONS)
+    target, target_velocity = expected or (goal, goal_velocity)
     if later <= u:
-        after = model.step(state, goal, goal_velocity, dt, phase_rate)
+        after = model.step(state, target, target_velocity, dt, phase_rate)
         return Towards(after, float(model.goal_weight(after.phase)), astray)
     half = 0.5 * phase_rate * dt / model.duration_s
     now, then = model.shape(u + half), model.shape(later + half)
     asked = state._replace(
         phase=exp(-parameters.alpha * later), start=_plus(state.start, _minus(now, then))
     )
-    after = model.step(asked, goal, goal_velocity, dt, phase_rate)
+    after = model.step(asked, target, target_velocity, dt, phase_rate)
     phase = state.phase * exp(-2.0 * parameters.alpha * half)
     weight = float(model.goal_weight(asked.phase))
     return Towards(after._replace(phase=phase, start=state.start), weight, astray)

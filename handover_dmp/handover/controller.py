@@ -25,15 +25,22 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from enum import Enum
+from functools import lru_cache
 from math import dist, hypot, inf, isfinite, nan, sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from handover_dmp.common.settings import setting
-from handover_dmp.dmp import DecoupledDmp, DmpState
+from handover_dmp.dmp import DecoupledDmp, DmpParameters, DmpState, relearn
 from handover_dmp.handover.approach import ApproachOptions, bounded, step_towards
 from handover_dmp.tracking import GoalEstimator, HandEstimate, TrackerReport
+from handover_dmp.tracking.partner_model import (
+    check_partner_model,
+    Expectation,
+    PartnerModel,
+    PartnerOptions,
+)
 
 Vector = tuple[float, ...]
 
@@ -77,6 +84,11 @@ class HandoverOptions:
         tracking_error_limit_m: how far the command may run ahead of the measured wrist, m.
         phase_stopping: whether an arm that cannot keep up slows the phase.
         approach: how it comes to a hand that is not where the movement expects it.
+        partner_model: `auto`, to expect of the hand what the model knows of it, or `off`.
+        partner: constants of that.
+
+    Raises:
+        DataError: `partner_model` is another word.
 
     """
 
@@ -91,6 +103,52 @@ class HandoverOptions:
     tracking_error_limit_m: float = setting('dmp', 'tracking_error_limit_m')
     phase_stopping: bool = setting('dmp', 'phase_stopping')
     approach: ApproachOptions = field(default_factory=ApproachOptions)
+    partner_model: str = setting('dmp', 'partner_model')
+    partner: PartnerOptions = field(default_factory=PartnerOptions)
+
+    def __post_init__(self) -> None:
+        """Check the word."""
+        check_partner_model(self.partner_model)
+
+    def expects_of(self, model: DecoupledDmp) -> bool:
+        """
+        Tell whether the partner model is used.
+
+        Args:
+            model: the movement.
+
+        Returns:
+            Whether it is wanted, and the movement knows how the partner's hand moves.
+
+        """
+        return self.partner_model == 'auto' and model.partner_path is not None
+
+
+def movement_for(model: DecoupledDmp, options: HandoverOptions, **changes: Any) -> DecoupledDmp:
+    """
+    Give the movement that is run by some rules.
+
+    Args:
+        model: the learnt movement.
+        options: the rules; with the partner model, the goal weight is its own.
+        changes: fields of `DmpParameters` that are to be others than the learnt ones.
+
+    Returns:
+        The movement with these parameters; itself where it has them.
+
+    Raises:
+        DataError: a parameter is outside of its range.
+
+    """
+    if options.expects_of(model):
+        changes |= {'mu': options.partner.mu, 'sigma': options.partner.sigma}
+    return _relearnt(model, replace(model.parameters, **changes))
+
+
+@lru_cache(maxsize=4)
+def _relearnt(model: DecoupledDmp, parameters: DmpParameters) -> DecoupledDmp:
+    """Learn anew once: a second time, the last bits could be others."""
+    return relearn(model, **asdict(parameters))
 
 
 class WristCommand(NamedTuple):
@@ -104,6 +162,8 @@ class WristCommand(NamedTuple):
         phase: s of (4), 1 at the start, towards 0.
         goal_weight: w_g of (8).
         hand_age_s: time since the last accepted pose of the hand arrived; infinite before any.
+        phase_rate: how fast the phase ran; 0 where the wrist brakes or holds.
+        expectation: of the hand; None without the partner model, or without a hand to follow.
 
     """
 
@@ -113,6 +173,8 @@ class WristCommand(NamedTuple):
     phase: float
     goal_weight: float
     hand_age_s: float
+    phase_rate: float
+    expectation: Expectation | None
 
     def status_values(self, time_s: float) -> dict[str, float]:
         """
@@ -130,6 +192,9 @@ class WristCommand(NamedTuple):
             'phase': self.phase,
             'goal_weight': self.goal_weight,
             'hand_age_s': self.hand_age_s,
+            'phase_rate': self.phase_rate,
+            'trust': 0.0 if self.expectation is None else self.expectation.trust,
+            'lead': 0.0 if self.expectation is None else self.expectation.lead,
         }
 
 
@@ -141,6 +206,8 @@ class HandoverController:
     decide whether the hand is too old.
 
     Attributes:
+        model: the movement that is run.
+        options: the rules.
         hand_stamp_s: when the newest accepted pose of the hand was measured, s; NaN before one.
 
     """
@@ -160,13 +227,27 @@ class HandoverController:
             estimator: of the hand's position and velocity.
 
         """
-        self.model = model
-        self.options = options or HandoverOptions()
+        self._partner: PartnerModel | None = None
+        self.use(model, options or HandoverOptions())
         self._estimator = estimator or GoalEstimator()
         self._wrist: Vector | None = None
         self._primitive: DmpState | None = None
         self._begun_at: Vector | None = None
         self.reset()
+
+    def use(self, model: DecoupledDmp, options: HandoverOptions) -> None:
+        """
+        Take a movement and rules, from the next period on; a partner model from the next start.
+
+        Args:
+            model: the learnt movement.
+            options: the rules.
+
+        """
+        self.options = options
+        self.model = movement_for(model, options)
+        if not options.expects_of(model):
+            self._partner = None
 
     def reset(self) -> None:
         """Forget the handover and the hand; brake if need be, hold where the wrist is."""
@@ -179,6 +260,8 @@ class HandoverController:
         self._signal_s: float | None = None
         self._exchange_since_s: float | None = None
         self._goal_weight = 0.0
+        self._phase_rate = 0.0
+        self._expectation: Expectation | None = None
         self._astray = -inf
         self._returns = False
         if self._primitive is not None and hypot(*self._primitive.velocity) == 0.0:
@@ -366,6 +449,8 @@ class HandoverController:
         self._signal_s = None
         self._goal_weight = float(self.model.goal_weight(self._primitive.phase))
         self._astray = -inf
+        expecting = self.options.expects_of(self.model)
+        self._partner = PartnerModel(self.model, self.options.partner) if expecting else None
         self.state = HandoverState.REACHING
         return True
 
@@ -407,10 +492,13 @@ class HandoverController:
             rate = phase_rate if self.options.phase_stopping else 1.0
             self._primitive = self._follow(self._primitive, hand, dt, rate)
             self._judge_exchange(now_s, hand)
-        elif self._returns and fresh:
-            self._primitive = self._go_back(self._primitive, dt)
         else:
-            self._primitive = self._brake(self._primitive, dt)
+            if self.state in MOVING and self._partner is not None:
+                self._partner.wait(dt)
+            self._phase_rate, self._expectation = 0.0, None
+            returns = self._returns and fresh
+            move = self._go_back if returns else self._brake
+            self._primitive = move(self._primitive, dt)
         return self._command(self._primitive, age)
 
     def _start_if_signalled(self, now_s: float, hand: HandEstimate | None) -> None:
@@ -435,8 +523,25 @@ class HandoverController:
         goal, goal_velocity = self._goal(hand), tuple(map(float, hand.velocity))
         options, limit = self.options.approach, self.options.acceleration_limit
         primitive = self._anchored(primitive)
+        expected = self._expectation = None
+        if self._partner is not None:
+            place: Vector = tuple(map(float, hand.position))
+            self._expectation = self._partner.expect(
+                place, goal_velocity, primitive, dt, phase_rate
+            )
+            expected = self._expectation.goal, self._expectation.goal_velocity
+            phase_rate *= self._expectation.phase_rate
+        self._phase_rate = phase_rate
         ahead, self._goal_weight, self._astray = step_towards(
-            self.model, primitive, goal, goal_velocity, dt, phase_rate, options, self._astray
+            self.model,
+            primitive,
+            goal,
+            goal_velocity,
+            dt,
+            phase_rate,
+            options,
+            self._astray,
+            expected,
         )
         return bounded(primitive, ahead, goal, goal_velocity, dt, limit, options)
 
@@ -519,4 +624,6 @@ class HandoverController:
             phase=primitive.phase,
             goal_weight=self._goal_weight,
             hand_age_s=age,
+            phase_rate=self._phase_rate,
+            expectation=self._expectation,
         )

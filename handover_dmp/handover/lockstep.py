@@ -95,7 +95,8 @@ class Handover:
 
         Args:
             scenario: trial, movement and arm.
-            options: the rules of the handover.
+            options: the rules of the handover; the defaults, as the scenario has them, if left
+                out.
             trackers: that see the hand; a perfect one if left out.
             rate_hz: of the periods, Hz.
 
@@ -105,7 +106,8 @@ class Handover:
         self.period_s = 1.0 / rate_hz
         trackers = trackers or (TrackerPreset(),)
         told = [one.tracker for one in trackers]
-        self.controller = HandoverController(scenario.model, options, GoalEstimator(trackers=told))
+        rules = options or HandoverOptions(partner_model=scenario.partner_model)
+        self.controller = HandoverController(scenario.model, rules, GoalEstimator(trackers=told))
         self.wrist_controller = WristController(scenario.robot, PriorityIk(scenario.robot))
         self.arm = SimulatedArm(scenario.robot)
         self.arm.reset(scenario.q_start)

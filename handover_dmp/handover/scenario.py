@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from handover_dmp.common.errors import DataError
-from handover_dmp.common.settings import defaults
+from handover_dmp.common.settings import defaults, setting
 from handover_dmp.dmp import DecoupledDmp, load_model
 from handover_dmp.handover.approach import rollout_towards
 from handover_dmp.handover.teaching import hand_goal, learn_from_trials
@@ -48,6 +48,7 @@ class Scenario:
         q_start: (n,), rad, with the wrist where P2's was at the start.
         taught_by: what the movement was learnt from.
         seed: of all that is drawn at random.
+        partner_model: `auto`, to expect of the hand what the movement knows of it, or `off`.
 
     """
 
@@ -56,6 +57,7 @@ class Scenario:
     robot: RobotModel
     q_start: Array
     seed: int
+    partner_model: str = setting('dmp', 'partner_model')
 
 
 def example_trials(seed: int = 0) -> tuple[HandoverTrial, HandoverTrial]:
@@ -179,6 +181,7 @@ def make_scenario(
     base: BasePlacement | None = None,
     scale: float = 1.0,
     seed: int = 0,
+    partner_model: str | None = None,
 ) -> Scenario:
     """
     Put together what a run needs.
@@ -194,6 +197,7 @@ def make_scenario(
         base: where it stands; found if left out.
         scale: of the recorded motion.
         seed: of the synthetic data.
+        partner_model: `auto` or `off`; that of `config/` if left out.
 
     Returns:
         The scenario.
@@ -223,6 +227,7 @@ def make_scenario(
         robot=robot,
         q_start=robot.inverse(wrist_path[0]),
         seed=seed,
+        partner_model=partner_model or defaults('dmp')['partner_model'],
     )
 
 

@@ -21,16 +21,25 @@ from typing import Any
 
 from handover_dmp.common.errors import DataError
 from handover_dmp.dmp.decoupled import DecoupledDmp
+from handover_dmp.dmp.demonstration import mean_motion
 from handover_dmp.dmp.learning import DEFAULT_BASIS, learn_jointly, learn_mean
 from handover_dmp.dmp.parameters import DmpParameters
 from handover_dmp.dmp.primitive import Primitive
 from handover_dmp.dmp.state import Rollout
 from handover_dmp.mocap.filtering import condition, CUTOFF_HZ, RATE_HZ, smooth
 from handover_dmp.mocap.trial import HandoverTrial
+from handover_dmp.tracking.partner_model import (
+    PartnerOptions,
+    rollout_expecting,
+    with_goal_weight_of,
+)
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+
+PATH_NODES = 101
+"""Of the partner's path."""
 
 
 def learn_from_trials(
@@ -58,7 +67,8 @@ def learn_from_trials(
         cutoff_hz: low-pass of the recordings, Hz; None: they are smooth already.
 
     Returns:
-        The learnt movement. Its goal offset is P2(end) − P1(end), the mean of it over the trials.
+        The learnt movement. Its goal offset is P2(end) − P1(end), the mean of it over the trials,
+        and its partner path the mean of P1, each over its own duration.
 
     Raises:
         DataError: no trial, or one that cannot be used.
@@ -79,7 +89,8 @@ def learn_from_trials(
         primitive=primitive,
     )
     offset = np.mean([trial.demonstrator[-1] - trial.partner[-1] for trial in smoothed], axis=0)
-    return model.with_goal_offset(offset)
+    _, path = mean_motion([(trial.times, trial.partner) for trial in smoothed], PATH_NODES)
+    return model.with_goal_offset(offset).with_partner_path(path)
 
 
 def hand_goal(
@@ -108,7 +119,12 @@ def hand_goal(
 
 
 def rollout_against(
-    model: Primitive, trial: HandoverTrial, rate_hz: float = RATE_HZ, *, deviation: bool = False
+    model: Primitive,
+    trial: HandoverTrial,
+    rate_hz: float = RATE_HZ,
+    *,
+    deviation: bool = False,
+    partner: PartnerOptions | None = None,
 ) -> Rollout:
     """
     Run a primitive against the recorded hand of P1, from where P2 stood, at rest.
@@ -118,6 +134,8 @@ def rollout_against(
         trial: recorded handover; the rollout takes as long.
         rate_hz: samples a second.
         deviation: whether to work out the standard deviation that the posterior implies.
+        partner: constants of the partner model; None: without it, as it is also where the movement
+            knows nothing of the partner.
 
     Returns:
         The motion, at the first stamp of the trial and every 1/rate_hz after it.
@@ -130,7 +148,12 @@ def rollout_against(
         raise DataError(f'the model has {model.dimensions} dimensions; a hand has 3')
     count = int(trial.duration_s * rate_hz + 1e-6) + 1
     times = trial.times[0] + np.arange(count) / rate_hz
-    goals, _ = hand_goal(trial, model, times)
+    goals, velocities = hand_goal(trial, model, times)
+    if partner and isinstance(model, DecoupledDmp) and model.partner_path is not None:
+        movement = with_goal_weight_of(model, partner)
+        start = trial.demonstrator[0].tolist()
+        hands = goals - model.goal_offset
+        return rollout_expecting(movement, times, hands, velocities, start, partner)
     return model.rollout(times, goals, start=trial.demonstrator[0], deviation=deviation)
 
 

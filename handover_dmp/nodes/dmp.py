@@ -24,13 +24,14 @@ import sys
 from time import monotonic
 
 from geometry_msgs.msg import PoseStamped
-from handover_dmp.dmp import DecoupledDmp, relearn
+from handover_dmp.dmp import DecoupledDmp
 from handover_dmp.dmp.parameters import RANGES
 from handover_dmp.handover.approach import ApproachOptions
 from handover_dmp.handover.controller import (
     HandoverController,
     HandoverOptions,
     HandoverState,
+    movement_for,
     MOVING,
 )
 from handover_dmp.handover.lockstep import AFTERWARDS_S
@@ -69,6 +70,13 @@ from handover_dmp.topics import (
     TWIST_COMMAND,
     WRIST_POSE,
 )
+from handover_dmp.tracking.partner_model import (
+    PARTNER_MODEL,
+    PartnerOptions,
+)
+from handover_dmp.tracking.partner_model import (
+    RANGES as PARTNER_RANGES,
+)
 import numpy as np
 from std_msgs.msg import Float64MultiArray, Header, String
 
@@ -85,8 +93,16 @@ PRIMITIVE = (
     Parameter(
         'goal_velocity_gain', 'K_v of (8), s; negative: D tau', *RANGES['goal_velocity_gain']
     ),
-    Parameter('mu', 'centre of the goal weight (7), in units of tau', *RANGES['mu']),
-    Parameter('sigma', 'width of the goal weight (7), in units of tau', *RANGES['sigma']),
+    Parameter(
+        'mu',
+        'centre of the goal weight (7), in units of tau; without the partner model',
+        *RANGES['mu'],
+    ),
+    Parameter(
+        'sigma',
+        'width of the goal weight (7), in units of tau; without the partner model',
+        *RANGES['sigma'],
+    ),
     Parameter('formulation', 'K_s of (8)', choices=('stiff', 'printed')),
 )
 HANDOVER = (
@@ -114,6 +130,32 @@ APPROACH = (
     Parameter('approach.beyond_m', 'how far beyond the goal the wrist may get, m', 0.0, 1.0),
     Parameter('approach.braking_share', 'of the acceleration limit, to brake', 0.05, 1.0),
 )
+PARTNER = (
+    Parameter(
+        'partner_model',
+        'what to expect of the hand; auto: where the model knows how the partner moves',
+        choices=PARTNER_MODEL,
+    ),
+    *(
+        Parameter(f'partner.{name}', description, *PARTNER_RANGES[name])
+        for name, description in (
+            ('mu', 'centre of the goal weight (7) with the partner model, in units of tau'),
+            ('sigma', 'width of the same, in units of tau'),
+            ('lead_deviation', "of the partner's lead at the start, in units of tau"),
+            ('lead_drift', 'by how much the lead changes over one tau, in units of tau'),
+            ('reach_deviation_m', "of the length of the hand's way, standard deviation, m"),
+            ('noise_m', 'by how much a hand strays from its mean path, m'),
+            ('noise_time_s', 'for how long it strays alike, s'),
+            ('trust_within_m', 'from where it is expected; farther: as without the model, m'),
+            ('trust_width_m', 'over which trust grows from 0 to 1, m'),
+            ('release', 'where the expectation gives way to the hand, in units of tau'),
+            ('release_width', 'how gradually, in units of tau'),
+            ('following', "share of the partner's lead that the phase goes along with"),
+            ('following_time_s', 'within which it does, s'),
+            ('max_phase_rate', 'how fast the phase may run'),
+        )
+    ),
+)
 
 
 class Dmp(HandoverNode):
@@ -131,6 +173,7 @@ class Dmp(HandoverNode):
         *HAND,
         *HANDOVER,
         *APPROACH,
+        *PARTNER,
     )
     OF_EACH_TRACKER = ONE_TRACKER
 
@@ -140,12 +183,11 @@ class Dmp(HandoverNode):
         path = self.values['model']
         self._learnt = learnt = read_model(Path(path)) if path else example_model()
         self.values |= declare(self, PRIMITIVE, defaults_from=asdict(learnt.parameters))
+        options = _options(self.values)
         self._controller = HandoverController(
-            _with_parameters(learnt, self.values),
-            _options(self.values),
-            goal_estimator(self.values),
+            _movement(learnt, options, self.values), options, goal_estimator(self.values)
         )
-        on_change(self, HANDOVER + APPROACH + PRIMITIVE, self._prepare)
+        on_change(self, HANDOVER + APPROACH + PARTNER + PRIMITIVE, self._prepare)
         period_s = 1.0 / self.values['rate_hz']
         self._period_ns = round(period_s * NANOSECONDS)
         self._periods = Periods(period_s)
@@ -290,13 +332,9 @@ class Dmp(HandoverNode):
 
     def _prepare(self, values: Values) -> Callable[[], None]:
         # always from what was learnt: a shape that once had no weight would be lost
-        model, options = _with_parameters(self._learnt, values), _options(values)
-
-        def apply() -> None:
-            self._controller.options = options
-            self._controller.model = model
-
-        return apply
+        options = _options(values)
+        model = _movement(self._learnt, options, values)
+        return lambda: self._controller.use(model, options)
 
     # Periods
 
@@ -346,8 +384,14 @@ class Dmp(HandoverNode):
         self._publish()
         self._publish_state()
         self._exit_when_done(now_s)
-        controller = self._controller
-        self._markers.update(time, controller.hand, controller.wrist, controller.exchange_position)
+        controller, expectation = self._controller, command.expectation
+        self._markers.update(
+            time,
+            controller.hand,
+            controller.wrist,
+            controller.exchange_position,
+            None if expectation is None else expectation.goal,
+        )
 
     def _exit_when_done(self, now_s: float) -> None:
         state = self._controller.state
@@ -457,16 +501,22 @@ class Dmp(HandoverNode):
 
 def _options(values: Values) -> HandoverOptions:
     rules = {parameter.name: values[parameter.name] for parameter in HANDOVER}
-    return HandoverOptions(**rules, approach=_approach(values))
+    return HandoverOptions(
+        **rules,
+        approach=ApproachOptions(**_nested(values, 'approach.')),
+        partner_model=values['partner_model'],
+        partner=PartnerOptions(**_nested(values, 'partner.')),
+    )
 
 
-def _approach(values: Values) -> ApproachOptions:
-    names = (parameter.name for parameter in APPROACH)
-    return ApproachOptions(**{name.partition('.')[2]: values[name] for name in names})
+def _nested(values: Values, prefix: str) -> Values:
+    names = (parameter.name for parameter in APPROACH + PARTNER)
+    return {name.removeprefix(prefix): values[name] for name in names if name.startswith(prefix)}
 
 
-def _with_parameters(model: DecoupledDmp, values: Values) -> DecoupledDmp:
-    return relearn(model, **{parameter.name: values[parameter.name] for parameter in PRIMITIVE})
+def _movement(model: DecoupledDmp, options: HandoverOptions, values: Values) -> DecoupledDmp:
+    given = {parameter.name: values[parameter.name] for parameter in PRIMITIVE}
+    return movement_for(model, options, **given)
 
 
 def _path(model: DecoupledDmp) -> Sequence[Sequence[float]]:

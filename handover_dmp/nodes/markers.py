@@ -12,7 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The scene for RViz and Foxglove: hand, wrist, their trails, the learnt path, the exchange."""
+"""
+The scene for RViz and Foxglove.
+
+Hand, wrist, their trails, the learnt path, where they are expected to meet, the exchange.
+"""
 
 from __future__ import annotations
 
@@ -29,6 +33,7 @@ RED = (0.84, 0.15, 0.16)
 BLUE = (0.12, 0.47, 0.71)
 GREY = (0.5, 0.5, 0.5)
 GOLD = (0.9, 0.7, 0.1)
+GREEN = (0.17, 0.63, 0.17)
 TRAIL_LENGTH = 200
 EVERY = 10
 BALL_M = 0.05
@@ -56,6 +61,8 @@ class Markers:
         self._path = _marker('learnt path', Marker.LINE_STRIP, GREY, LINE_M)
         self._path.points = [_point(place) for place in learnt_path]
         self._exchange = _marker('exchange', Marker.SPHERE, GOLD, BALL_M)
+        self._meeting = _marker('expected meeting point', Marker.SPHERE, GREEN, BALL_M)
+        self._expecting = False
         self._hand = _Trail('hand', RED)
         self._wrist = _Trail('wrist', BLUE)
         self._exchanged = False
@@ -67,6 +74,7 @@ class Markers:
         hand: Position | None,
         wrist: Position | None,
         exchange_position: Position | None,
+        meeting_point: Position | None = None,
     ) -> None:
         """
         Show where all is now.
@@ -76,6 +84,7 @@ class Markers:
             hand: of the partner, m.
             wrist: of the robot, m.
             exchange_position: where the object changed hands, m.
+            meeting_point: where the wrist is expected to meet the hand, m.
 
         """
         self._count += 1
@@ -91,6 +100,12 @@ class Markers:
         if exchange_position is not None:
             self._exchange.pose.position = _point(exchange_position)
             markers.append(self._exchange)
+        if meeting_point is not None:
+            self._meeting.pose.position = _point(meeting_point)
+            markers.append(self._meeting)
+        elif self._expecting:
+            markers.append(Marker(ns=self._meeting.ns, action=Marker.DELETE))
+        self._expecting = meeting_point is not None
         for marker in markers:
             marker.header.stamp = time
             marker.header.frame_id = self._frame

@@ -46,6 +46,7 @@ from rclpy.parameter import Parameter as RosParameter
 import yaml
 
 Values = dict[str, Any]
+OFF = 'off'
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,11 @@ class Parameter:
             The descriptor.
 
         """
-        descriptor = ParameterDescriptor(description=self.description, read_only=self.read_only)
+        descriptor = ParameterDescriptor(
+            description=self.description,
+            read_only=self.read_only,
+            dynamic_typing=OFF in self.choices,
+        )
         if self.choices:
             descriptor.additional_constraints = 'one of: ' + ', '.join(self.choices)
         if self.low is not None and self.high is not None:
@@ -94,6 +99,19 @@ class Parameter:
                     IntegerRange(from_value=int(self.low), to_value=int(self.high), step=1)
                 ]
         return descriptor
+
+    def meant(self, value: Any) -> Any:
+        """
+        Take a bare `off` for the word, which YAML takes for false.
+
+        Args:
+            value: as ROS has it.
+
+        Returns:
+            What is meant by it.
+
+        """
+        return OFF if value is False and OFF in self.choices else value
 
 
 COMMON = (
@@ -173,9 +191,12 @@ def _declare(node: Node, parameter: Parameter, default: Any) -> Any:
     if not isinstance(default, str):
         return node.declare_parameter(parameter.name, default, descriptor).value
     # once it is read-only it could not be written as a file of a dump needs it
-    free = ParameterDescriptor(description=parameter.description)
-    text = unquoted(str(node.declare_parameter(parameter.name, default, free).value))
-    if quoted(text) != text:
+    free = ParameterDescriptor(
+        description=parameter.description, dynamic_typing=descriptor.dynamic_typing
+    )
+    value = node.declare_parameter(parameter.name, default, free).value
+    text = unquoted(str(parameter.meant(value)))
+    if quoted(text) != value:
         node.set_parameters([RosParameter(parameter.name, value=quoted(text))])
     descriptor.type = ParameterType.PARAMETER_STRING
     node.set_descriptor(parameter.name, descriptor)
@@ -329,6 +350,9 @@ def on_change(
             parameter.name: node.get_parameter(parameter.name).value for parameter in parameters
         }
         values.update({r.name: r.value for r in requested if r.name in values})
+        values = {
+            parameter.name: parameter.meant(values[parameter.name]) for parameter in parameters
+        }
         fault = _wrong_choice(parameters, values)
         if fault:
             return SetParametersResult(successful=False, reason=fault)

@@ -120,7 +120,11 @@ def graph_parameters(
             'replay_at_s': REPLAY_AT_S if lockstep else -1.0,
             **replayed,
         },
-        'dmp': {'model': str(folder / 'model.json'), **seen},
+        'dmp': {
+            'model': str(folder / 'model.json'),
+            'partner_model': scenario.partner_model,
+            **seen,
+        },
         'priority_ik': {**arm, **seen},
         'robot_sim': {
             **arm,

@@ -103,6 +103,7 @@ def run_info(
         'number': trial.number,
         'learnt_from': scenario.model.source,
         'goal_offset_m': list(scenario.model.goal_offset),
+        'partner_model': scenario.partner_model,
         'learnt_distance_m': math.dist(scenario.model.start, scenario.model.goal),
         'seed': scenario.seed,
         'scale': scale,

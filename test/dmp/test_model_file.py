@@ -32,7 +32,8 @@ def model(request, reach):
         return learn(*reach, regression='ridge', basis=20, primitive=ClassicalDmp)
     parameters = DmpParameters(stiffness=1 / 3, mu=0.1 + 0.2, formulation='printed')
     learnt = learn(*reach, parameters, regression=request.param, basis=20, source='träge ✓')
-    return learnt.with_goal_offset([0.1, 1 / 7, -1e-17])
+    path = np.linspace([1 / 3, 0.0, 2.0], [0.1, -1e-17, 1 / 7], 7)
+    return learnt.with_goal_offset([0.1, 1 / 7, -1e-17]).with_partner_path(path)
 
 
 @pytest.fixture(scope='module')
@@ -61,6 +62,7 @@ def bits(model):
                 model.basis.sharpness,
             )
         ),
+        None if model.partner_path is None else model.partner_path.tobytes(),
         *((each.active.tobytes(), each.matrix.tobytes()) for each in covariance),
     ]
 
@@ -85,10 +87,19 @@ def test_the_file_names_its_version_and_units(document):
 def test_version_1_is_migrated(document, tmp_path):
     old = copy.deepcopy(document)
     old['version'] = 1
-    del old['start_velocity'], old['kind']
+    del old['start_velocity'], old['kind'], old['partner_path']
     (tmp_path / 'old.json').write_text(json.dumps(old))
     model = load_model(tmp_path / 'old.json')
     assert np.array_equal(model.start_velocity, np.zeros(3))
+    assert model.weights.tolist() == document['weights']
+
+
+def test_version_2_is_migrated(document, tmp_path):
+    old = {**copy.deepcopy(document), 'version': 2}
+    del old['partner_path']
+    (tmp_path / 'old.json').write_text(json.dumps(old))
+    model = load_model(tmp_path / 'old.json')
+    assert model.partner_path is None
     assert model.weights.tolist() == document['weights']
 
 
@@ -113,6 +124,7 @@ SPOILT = {
     'parameters': [None, {}, [], {'stiffness': 3}],
     'covariance': [[], [1, 2, 3], {}, 'x', [{'active': [0], 'matrix': [[NAN]]}] * 3],
     'source': [None, 3, ['a']],
+    'partner_path': [3, [], [[0, 0, 0]], [[0, 0], [0, 0]], [[0, 0, NAN]] * 5, [0] * 5],
     'format': [None, 'another'],
 }
 

@@ -28,6 +28,7 @@ from typing import Any
 
 from handover_dmp.common.errors import UsageError
 from handover_dmp.handover.scenario import Scenario
+from handover_dmp.nodes.conversions import values_of
 from handover_dmp.nodes.dmp import Dmp, MAX_STALL_S, PRIMITIVE
 from handover_dmp.nodes.graph import Graph
 from handover_dmp.nodes.hand_tracker import HandTracker
@@ -43,6 +44,7 @@ from handover_dmp.topics import (
     DIAGNOSTICS,
     HAND_POSE,
     MARKERS,
+    PHASE,
     POSE_COMMAND,
     Quality,
     STATE,
@@ -189,6 +191,10 @@ def test_parameters_of_one_request_are_taken_together_or_not_at_all(graph: Graph
     assert set_together(graph, 'priority_ik', orientation='level', separation=True).successful
     assert not set_together(graph, 'priority_ik', orientation='none', braking_share=7.0).successful
     assert set_together(graph, 'priority_ik', orientation='none', separation=False).successful
+    # a bare off, as YAML reads it
+    assert set_together(graph, 'dmp', partner_model=False).successful
+    assert 'auto, off' in set_together(graph, 'dmp', partner_model=True).reason
+    assert set_together(graph, 'dmp', partner_model='auto').successful
     assert set_together(graph, 'robot_sim', real_time_factor=2.0).successful
     assert 'for the start' in set_together(graph, 'dmp', use_sim_time=True).reason
 
@@ -366,7 +372,10 @@ def test_services_lead_through_the_states(graph: Graph) -> None:
 
 def test_markers_show_where_hand_and_wrist_are_and_were(graph: Graph) -> None:
     for _ in handovers(graph):
-        with hearing(graph, MARKERS, HAND_POSE, WRIST_POSE) as (markers, hands, wrists):
+        with (
+            hearing(graph, MARKERS, HAND_POSE, WRIST_POSE) as (markers, hands, wrists),
+            hearing(graph, PHASE) as (phases,),
+        ):
             graph.call('/hand_tracker/replay')
             done = graph.wait_for_state(('done',), 8.0, lambda: None)
             catch_up(graph, markers, hands, wrists)
@@ -375,7 +384,7 @@ def test_markers_show_where_hand_and_wrist_are_and_were(graph: Graph) -> None:
             catch_up(graph, markers)
         if done:
             break
-    assert set(last) == {
+    assert {name for name, marker in last.items() if marker.action == marker.ADD} == {
         'learnt path', 'hand', 'hand trail', 'wrist', 'wrist trail', 'exchange',
     }  # fmt: skip
     for name, poses in (('hand', hands), ('wrist', wrists)):
@@ -389,7 +398,21 @@ def test_markers_show_where_hand_and_wrist_are_and_were(graph: Graph) -> None:
     direction, wrist = (place(last[name].pose.position) for name in ('exchange', 'wrist'))
     assert math.dist(direction, wrist) < 0.1
     gone = [m for message in markers for m in message.markers if m.action == m.DELETE]
-    assert {marker.ns for marker in gone} == {'exchange'}
+    assert {marker.ns for marker in gone} == {'exchange', 'expected meeting point'}
+    meetings = [
+        place(marker.pose.position)
+        for message in markers
+        for marker in message.markers
+        if marker.ns == 'expected meeting point' and marker.action == marker.ADD
+    ]
+    assert len(meetings) > 10
+    # long before the hand is there it shows where that will be
+    exchange = place(last['exchange'].pose.position)
+    assert math.dist(meetings[len(meetings) // 3], exchange) < 0.1
+    values = [values_of(message) for message in phases]
+    assert all({'trust', 'lead', 'phase_rate'} <= set(each) for each in values)
+    assert max(each['trust'] for each in values) > 0.9
+    assert max(each['phase_rate'] for each in values) > 0.9
     assert 'exchange' not in {m.ns for m in markers[-1].markers if m.action == m.ADD}
 
 

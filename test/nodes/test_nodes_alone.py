@@ -216,6 +216,8 @@ def priorities(pid: int) -> set[int]:
         ('priority_ik', ['-p', 'base_position:=[0.0, .nan, 0.0]'], 'three finite'),
         ('priority_ik', ['-p', 'hand_filter.hand_speed:=0.0'], 'hand_speed'),
         ('priority_ik', ['-p', 'orientation:=upside_down'], 'upside_down'),
+        ('dmp', ['-p', 'partner_model:=on'], 'auto, off'),
+        ('dmp', ['-p', 'partner.following:=1.0'], 'partner.following'),
         ('recorder', ['-p', 'compression:=rar'], 'rar'),
     ],
 )

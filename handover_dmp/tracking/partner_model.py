@@ -1,0 +1,417 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What to expect of the partner's hand: where it will be met, and how far it is ahead of its time.
+
+The primitive looks at the hand late and knows nothing of how hands move. This model stands in
+front of it and knows one thing more, the mean path m₁(u) of the hand in the demonstrations. Each
+period, with hand p and its velocity ṗ, u the time since the start in units of τ:
+
+    y = (p − p(0))·ê = (1 + a)π(u + e) + noise,                                  (P1)
+    m = m₁(u + e), n = |p − m − (x₀ − m₂(0))|, ρ = clip((n_max − n)/n_width, 0, 1),  (P2)
+    q = ρ·½[1 − erf((φ − φ_q)/(σ_q√2))],                                        (P3)
+    ĝ = p + o + q(m₁(1) − m), its velocity ṗ − q·m₁′(u + e)/τ,                  (P4)
+    r = clip(1 + (ρ·c·e − δ)·τ/T, 0, r_max), δ the time by which the phase is ahead already.  (P5)
+
+An extended Kalman filter finds the partner's lead e, in units of τ, and how much farther than
+usual the hand goes, a, from (P1), where π is the mean way along the line ê from start to end of
+m₁. By (P2), a hand unlike the demonstrations gets the plain primitive. The primitive is drawn
+towards ĝ, the hand and what is left of its way as it is known, and as the phase passes φ_q, to
+the hand itself; and it goes along with the lead of the partner by the share c, for that is what
+people do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from math import dist, erf, log, sqrt
+from typing import NamedTuple
+
+from handover_dmp.common.errors import DataError
+from handover_dmp.common.settings import setting
+from handover_dmp.dmp import DecoupledDmp, DmpState, relearn
+from handover_dmp.dmp.state import Rollout, Vector
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+PARTNER_MODEL = ('auto', 'off')
+"""Used where the movement knows how the partner's hand moves, or not at all."""
+MIN_LENGTH_M = 0.05
+"""A hand that moves less in the demonstrations tells little of its amplitude."""
+MAX_LEAD = 2.0
+"""In units of τ, to either side."""
+MIN_AMPLITUDE, MAX_AMPLITUDE = -0.8, 1.0
+"""How much farther than usual a hand may be taken to go, as a share."""
+RETURN_GAIN = 4.0
+"""A hand that goes back tells more against the demonstrations than one that is aside."""
+MIN_WAY_M = 1e-6
+"""A mean path that is shorter has no direction."""
+
+
+@dataclass(frozen=True)
+class PartnerOptions:
+    """
+    Constants of the partner model; distances and times of people, not of the robot.
+
+    Attributes:
+        mu: centre of the goal weight (7) with this model, in units of τ.
+        sigma: width of the same, in units of τ; wider than without, since the expected meeting
+            point is calm enough to be looked at early.
+        lead_deviation: of the lead e before anything was seen, standard deviation, units of τ.
+        lead_drift: by how much e may change over one τ, standard deviation, units of τ.
+        reach_deviation_m: of the length of the hand's way, standard deviation, m.
+        noise_m: by how much a hand strays from its mean path, standard deviation, m,
+        noise_time_s: and for how long it goes on to stray alike, s.
+        trust_within_m: a hand that is farther from where it is expected is not trusted, m.
+        trust_width_m: over which trust grows from 0 to 1, m.
+        release: phase-time φ_q at which the expectation gives way to the hand, units of τ.
+        release_width: σ_q of the same, units of τ.
+        following: share c of the partner's lead that the phase goes along with.
+        following_time_s: T, within which it does, s.
+        max_phase_rate: r_max.
+
+    """
+
+    mu: float = setting('dmp', 'partner.mu')
+    sigma: float = setting('dmp', 'partner.sigma')
+    lead_deviation: float = setting('dmp', 'partner.lead_deviation')
+    lead_drift: float = setting('dmp', 'partner.lead_drift')
+    reach_deviation_m: float = setting('dmp', 'partner.reach_deviation_m')
+    noise_m: float = setting('dmp', 'partner.noise_m')
+    noise_time_s: float = setting('dmp', 'partner.noise_time_s')
+    trust_within_m: float = setting('dmp', 'partner.trust_within_m')
+    trust_width_m: float = setting('dmp', 'partner.trust_width_m')
+    release: float = setting('dmp', 'partner.release')
+    release_width: float = setting('dmp', 'partner.release_width')
+    following: float = setting('dmp', 'partner.following')
+    following_time_s: float = setting('dmp', 'partner.following_time_s')
+    max_phase_rate: float = setting('dmp', 'partner.max_phase_rate')
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        for name, (low, high) in RANGES.items():
+            value = float(getattr(self, name))
+            if not low <= value <= high:
+                raise DataError(
+                    f'partner.{name} is {value:g}; it must be from {low:g} to {high:g}'
+                )
+
+
+RANGES = {
+    'mu': (0.0, 2.0),
+    'sigma': (1e-4, 2.0),
+    'lead_deviation': (0.0, 1.0),
+    'lead_drift': (0.0, 10.0),
+    'reach_deviation_m': (0.0, 1.0),
+    'noise_m': (1e-4, 1.0),
+    'noise_time_s': (1e-3, 10.0),
+    'trust_within_m': (0.0, 10.0),
+    'trust_width_m': (1e-3, 10.0),
+    'release': (0.0, 1.0),
+    'release_width': (1e-3, 1.0),
+    'following': (0.0, 0.9),
+    'following_time_s': (1e-3, 10.0),
+    'max_phase_rate': (1.0, 3.0),
+}
+"""Least and greatest value of each number; with `following` below 1 no hand stops the phase."""
+
+
+def check_partner_model(word: str) -> None:
+    """
+    Check the word that says whether the partner model is used.
+
+    Args:
+        word: as given.
+
+    Raises:
+        DataError: it is another one than those known.
+
+    """
+    if word not in PARTNER_MODEL:
+        raise DataError(f'partner_model is {word!r}; known: {", ".join(PARTNER_MODEL)}')
+
+
+class Expectation(NamedTuple):
+    """
+    What is expected of the hand in one period.
+
+    Attributes:
+        goal: ĝ, where the wrist is drawn to, m.
+        goal_velocity: of the same, m/s.
+        phase_rate: r, how fast the phase runs.
+        trust: ρ, from 0, nothing is expected, to 1.
+        lead: e, how far the partner is ahead of its usual time, in units of τ.
+
+    """
+
+    goal: Vector
+    goal_velocity: Vector
+    phase_rate: float
+    trust: float
+    lead: float
+
+
+def with_goal_weight_of(model: DecoupledDmp, options: PartnerOptions) -> DecoupledDmp:
+    """
+    Learn a movement anew for the goal weight that goes with the partner model.
+
+    Args:
+        model: the movement.
+        options: μ and σ.
+
+    Returns:
+        The same movement with these; itself if it has them.
+
+    """
+    return relearn(model, mu=options.mu, sigma=options.sigma)
+
+
+class PartnerModel:
+    """The partner in one handover, from its start on; a new one for each."""
+
+    def __init__(self, model: DecoupledDmp, options: PartnerOptions | None = None) -> None:
+        """
+        Take what was learnt of the partner.
+
+        Args:
+            model: a movement of three dimensions with the path of its partner.
+            options: the constants; those of `config/` if left out.
+
+        Raises:
+            DataError: the movement has no such path.
+
+        """
+        if model.partner_path is None or model.dimensions != 3:
+            raise DataError('the model has no path of the partner in three dimensions')
+        self.options = options or PartnerOptions()
+        self._rows, self._direction, length, self._learnt_return = _tables(model)
+        self._duration_s = model.duration_s
+        self._alpha = model.parameters.alpha
+        self._offset: Vector = tuple(model.goal_offset.tolist())
+        self._learnt_start: Vector = tuple(model.start.tolist())
+        self._first: Vector | None = None
+        self._stray_at_first = 0.0
+        self._farthest = 0.0
+        self._return = 0.0
+        self._time = 0.0
+        self._ahead = 0.0
+        self._lead = self._amplitude = 0.0
+        self._lead_variance = self.options.lead_deviation**2
+        self._covariance = 0.0
+        reach = self.options.reach_deviation_m / max(length, MIN_LENGTH_M)
+        self._amplitude_variance = reach**2
+
+    @property
+    def amplitude(self) -> float:
+        """a, how much farther than usual the hand is taken to go, as a share."""
+        return self._amplitude
+
+    def wait(self, dt: float) -> None:
+        """
+        Let time pass without a hand: it moves on unseen, while the phase stands still.
+
+        Before the hand was seen for the first time, nothing has begun.
+
+        Args:
+            dt: length of the period, s.
+
+        """
+        if self._first is not None:
+            u = dt / self._duration_s
+            self._time += u
+            self._lead_variance += self.options.lead_drift**2 * u
+
+    def expect(
+        self,
+        hand: Vector,
+        hand_velocity: Vector,
+        state: DmpState,
+        dt: float,
+        phase_rate: float = 1.0,
+    ) -> Expectation:
+        """
+        Look at the hand, and tell what to expect of it in the period that begins.
+
+        Args:
+            hand: p, m; the first one is where it starts.
+            hand_velocity: ṗ, m/s.
+            state: of the primitive, at the start of the period.
+            dt: length of the period, s.
+            phase_rate: how fast the arm lets the phase run, 0 to 1.
+
+        Returns:
+            The goal, and how fast the phase is to run if the arm lets it.
+
+        """
+        options, tau = self.options, self._duration_s
+        if self._first is None:
+            self._first = hand
+            self._stray_at_first = self._stray(hand, self._rows[0][0], state.start)
+        if dt > 0.0:
+            self._update(hand, dt)
+        at, slope = self._mean(self._time + self._lead)
+        px, py, pz = hand
+        mx, my, mz, _ = at
+        stray = max(self._stray(hand, at, state.start), self._stray_at_first)
+        stray += RETURN_GAIN * max(0.0, self._return - self._learnt_return)
+        trust = min(max((options.trust_within_m - stray) / options.trust_width_m, 0.0), 1.0)
+        late = (-log(state.phase) / self._alpha - options.release) / options.release_width
+        kept = trust * (0.5 - 0.5 * erf(late / sqrt(2.0)))
+        ex, ey, ez, _ = self._rows[-1][0]
+        ox, oy, oz = self._offset
+        vx, vy, vz = hand_velocity
+        sx, sy, sz, _ = slope
+        falling = kept / tau
+        away = trust * options.following * self._lead - self._ahead
+        rate = 1.0 + away * tau / max(options.following_time_s, dt)
+        rate = min(max(rate, 0.0), options.max_phase_rate)
+        self._time += dt / tau
+        self._ahead += (rate - 1.0) * phase_rate * dt / tau
+        return Expectation(
+            (
+                px + ox + kept * (ex - mx),
+                py + oy + kept * (ey - my),
+                pz + oz + kept * (ez - mz),
+            ),
+            (vx - falling * sx, vy - falling * sy, vz - falling * sz),
+            rate,
+            trust,
+            self._lead,
+        )
+
+    def _stray(self, hand: Vector, mean: Sequence[float], start: Vector) -> float:
+        """Tell how far a hand is from where it is expected, seen from the start of the wrist."""
+        (px, py, pz), (sx, sy, sz), (lx, ly, lz) = hand, start, self._learnt_start
+        mx, my, mz, _ = mean
+        return dist((px - mx, py - my, pz - mz), (sx - lx, sy - ly, sz - lz))
+
+    def _update(self, hand: Vector, dt: float) -> None:
+        """Take one look at how far the hand has come, (P1)."""
+        options = self.options
+        assert self._first is not None
+        u = dt / self._duration_s
+        self._lead_variance += options.lead_drift**2 * u
+        (ex, ey, ez), (x0, y0, z0) = self._direction, self._first
+        x, y, z = hand
+        way = (x - x0) * ex + (y - y0) * ey + (z - z0) * ez
+        self._farthest = max(self._farthest, way)
+        self._return = self._farthest - way
+        at, slope = self._mean(self._time + self._lead)
+        usual, speed = at[3], slope[3]
+        by_lead, by_amplitude = (1.0 + self._amplitude) * speed, usual
+        p_ee, p_ea, p_aa = self._lead_variance, self._covariance, self._amplitude_variance
+        to_lead = p_ee * by_lead + p_ea * by_amplitude
+        to_amplitude = p_ea * by_lead + p_aa * by_amplitude
+        noise = options.noise_time_s * options.noise_m**2 / dt
+        share = 1.0 / (by_lead * to_lead + by_amplitude * to_amplitude + noise)
+        surprise = (way - (1.0 + self._amplitude) * usual) * share
+        lead, amplitude = (
+            self._lead + to_lead * surprise,
+            self._amplitude + to_amplitude * surprise,
+        )
+        self._lead = min(max(lead, -MAX_LEAD), MAX_LEAD)
+        self._amplitude = min(max(amplitude, MIN_AMPLITUDE), MAX_AMPLITUDE)
+        self._lead_variance = p_ee - to_lead * to_lead * share
+        self._covariance = p_ea - to_lead * to_amplitude * share
+        self._amplitude_variance = p_aa - to_amplitude * to_amplitude * share
+
+    def _mean(self, u: float) -> tuple[Sequence[float], Sequence[float]]:
+        """Give m₁ and π at a time in units of τ, and their slopes; at rest before and after."""
+        rows = self._rows
+        last = len(rows) - 1
+        node = u * last
+        if node <= 0.0:
+            return rows[0][0], _REST
+        if node >= last:
+            return rows[-1][0], _REST
+        index = int(node)
+        rest = node - index
+        (x, y, z, w), (a, b, c, d) = rows[index]
+        (x1, y1, z1, w1), (a1, b1, c1, d1) = rows[index + 1]
+        return (
+            (x + rest * (x1 - x), y + rest * (y1 - y), z + rest * (z1 - z), w + rest * (w1 - w)),
+            (a + rest * (a1 - a), b + rest * (b1 - b), c + rest * (c1 - c), d + rest * (d1 - d)),
+        )
+
+
+def rollout_expecting(
+    model: DecoupledDmp,
+    times: Array,
+    hands: Array,
+    hand_velocities: Array,
+    start: Sequence[float],
+    options: PartnerOptions | None = None,
+) -> Rollout:
+    """
+    Run a movement against a hand, with what it may expect of it, from its start at rest.
+
+    Args:
+        model: a movement of three dimensions with the path of its partner, learnt for the goal
+            weight of the partner model (`with_goal_weight_of`).
+        times: s, (n,), rising.
+        hands: p at these times, m, (n, 3).
+        hand_velocities: ṗ, m/s, (n, 3).
+        start: x₀, m, (3,).
+        options: the constants; those of `config/` if left out.
+
+    Returns:
+        The motion at these times.
+
+    Raises:
+        DataError: the movement has no path of the partner.
+
+    """
+    partner = PartnerModel(model, options)
+    state = model.initial_state(start)
+    states = [state]
+    seen = zip(map(tuple, hands.tolist()), map(tuple, hand_velocities.tolist()), strict=True)
+    for dt, (hand, velocity) in zip(np.diff(times).tolist(), seen, strict=False):
+        expected = partner.expect(hand, velocity, state, dt)
+        state = model.step(state, expected.goal, expected.goal_velocity, dt, expected.phase_rate)
+        states.append(state)
+    phase = np.array([each.phase for each in states])
+    return Rollout(
+        times,
+        np.array([each.position for each in states]),
+        np.array([each.velocity for each in states]),
+        model.goal_weight_at_time(-np.log(phase) / model.parameters.alpha),
+        phase,
+    )
+
+
+_REST = (0.0, 0.0, 0.0, 0.0)
+_Rows = list[tuple[tuple[float, ...], tuple[float, ...]]]
+
+
+@lru_cache(maxsize=8)
+def _tables(model: DecoupledDmp) -> tuple[_Rows, Vector, float, float]:
+    path = model.partner_path
+    assert path is not None
+    whole = path[-1] - path[0]
+    length = float(np.linalg.norm(whole))
+    direction = whole / length if length > MIN_WAY_M else np.zeros(3)
+    places = np.column_stack([path, (path - path[0]) @ direction])
+    slopes = np.gradient(places, 1.0 / (len(path) - 1), axis=0)
+    rows = [
+        (tuple(place), tuple(slope))
+        for place, slope in zip(places.tolist(), slopes.tolist(), strict=True)
+    ]
+    way = places[:, 3]
+    learnt_return = float((np.maximum.accumulate(way) - way).max())
+    return rows, tuple(direction.tolist()), length, learnt_return
