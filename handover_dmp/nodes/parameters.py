@@ -290,43 +290,61 @@ WITHOUT_DEFAULT = ('initial_positions',)
 
 def check_names(node: Node, arguments: Sequence[str], own: Collection[str] = ()) -> None:
     """
-    Refuse a parameter file that gives the node a parameter which it does not have.
+    Refuse what gives the node a parameter which it does not have.
 
     Args:
         node: the node, by its class's `NAME`.
-        arguments: words of the process; files are those after `--params-file`.
+        arguments: words of the process; files are those after `--params-file`, single parameters
+            those after `-p`.
         own: parameters that it has beside those of `config/handover.yaml`.
 
     Raises:
-        UsageError: such a name in a section of this node; in one of many nodes, a name that is
-            nearly the one of a parameter, for others may have those that are not.
+        UsageError: such a name after `-p` or in a section of this node; in one of many nodes, a
+            name that is nearly the one of a parameter, for others may have those that are not.
 
     """
     own = {*defaults(node.NAME), DURATION_SCALE, *WITHOUT_DEFAULT, *own}
-    everybody = own.union(*(defaults(name) for name in node_names()))
-    for option, file in pairwise(arguments):
-        if option != '--params-file':
-            continue
-        try:
-            found = sections(load_plain(Path(file).read_text(encoding='utf-8')))
-        except (DataError, OSError, UnicodeDecodeError):
-            # What rcl understands and this does not, it has read already.
-            continue
-        name = node.get_fully_qualified_name()
-        meant = [s.node for s in found if s.node.rpartition('/')[2] == node.get_name()]
-        if meant and not any(section.is_for(name) for section in found if section.node in meant):
-            node.get_logger().warning(
-                f'{file}: {", ".join(meant)} is not for {name}, which is in another namespace: '
-                f'{ANYWHERE}{node.get_name()} would be'
-            )
-        for section in found:
-            if section.is_for(name):
-                many = section.is_for_many
-                # what is told of trackers there, others may follow
-                names = [name for name in section.values if not (many and is_of_tracker(name))]
-                fault = unknown_parameter(names, everybody if many else own, for_many=many)
-                if fault:
-                    raise UsageError(f'{node.NAME}: {file}: {section.node}: {fault}')
+    for option, word in pairwise(arguments):
+        fault = ''
+        if option in ('-p', '--param'):
+            fault = _single_fault(node, word, own)
+        elif option == '--params-file':
+            fault = _file_fault(node, word, own)
+        if fault:
+            raise UsageError(f'{node.NAME}: {word}: {fault}')
+
+
+def _single_fault(node: Node, word: str, own: Collection[str]) -> str:
+    """Say what is wrong with `name:=value`, or with `node:name:=value`."""
+    meant, _, name = word.partition(':=')[0].rpartition(':')
+    if meant.rpartition('/')[2] not in ('', node.get_name()):
+        return ''
+    return unknown_parameter([name], own)
+
+
+def _file_fault(node: Node, file: str, own: Collection[str]) -> str:
+    try:
+        found = sections(load_plain(Path(file).read_text(encoding='utf-8')))
+    except (DataError, OSError, UnicodeDecodeError):
+        # What rcl understands and this does not, it has read already.
+        return ''
+    name = node.get_fully_qualified_name()
+    meant = [s.node for s in found if s.node.rpartition('/')[2] == node.get_name()]
+    if meant and not any(section.is_for(name) for section in found if section.node in meant):
+        node.get_logger().warning(
+            f'{file}: {", ".join(meant)} is not for {name}, which is in another namespace: '
+            f'{ANYWHERE}{node.get_name()} would be'
+        )
+    everybody = set(own).union(*(defaults(other) for other in node_names()))
+    for section in found:
+        if section.is_for(name):
+            many = section.is_for_many
+            # what is told of trackers there, others may follow
+            names = [each for each in section.values if not (many and is_of_tracker(each))]
+            fault = unknown_parameter(names, everybody if many else own, for_many=many)
+            if fault:
+                return f'{section.node}: {fault}'
+    return ''
 
 
 def on_change(
