@@ -57,7 +57,9 @@ def read_sqlite3(path: Path) -> Iterator[McapRecord]:
         with closing(sqlite3.connect(place, uri=True)) as connection:
             yield from _read(connection, path)
     except (sqlite3.Error, ValueError, TypeError, OverflowError) as error:
-        raise DataError(f'{path}: not a sqlite3 bag that can be read: {error}'[:300]) from error
+        # The library quotes what stands in the file.
+        what = repr(str(error))[1:-1]
+        raise DataError(f'{path}: not a sqlite3 bag that can be read: {what}'[:300]) from error
 
 
 def _read(connection: sqlite3.Connection, path: Path) -> Iterator[McapRecord]:

@@ -51,6 +51,12 @@ FOUND = {
         .replace(b'a/msg/A', b'\0\0\0\0\1\nA')
         .replace(b'<=4', b'\0\0\0')
     ],
+    # A type that is no text, with a line end in it.
+    'wrists of a sqlite3 bag': [
+        READERS['wrists of a sqlite3 bag']
+        .examples()[0]
+        .replace(b'geometry_msgs/msg/PoseStamped', b'geometry_msgs/msg\xff\nPoseStampe')
+    ],
     'bag metadata YAML': [b'a: !!bool maybe', b'a: !!timestamp maybe', b'{' * 5000],
 }
 """What fuzzing has found, one input a bug."""
