@@ -39,6 +39,9 @@ MAX_DURATION_S = 600.0
 # A hand is neither this fast nor does a dropped sample hide such a way: the frame has changed.
 JUMP_M = 0.3
 JUMP_SPEED = 15.0
+# Three zeros are what programs write for a marker that was not seen; a hand may pass there slowly.
+ZERO_JUMP_M = 0.02
+ZERO_JUMP_SPEED = 5.0
 
 _NAME = re.compile(r'(?P<configuration>.+)_(?P<exchange>give|take)_(?P<number>[0-9]{1,9})')
 
@@ -281,8 +284,16 @@ def _jump_fault(times: NDArray[np.float64], positions: NDArray[np.float64]) -> F
         return None
     with np.errstate(over='ignore', invalid='ignore', divide='ignore'):
         steps = np.diff(positions, axis=0).reshape(len(times) - 1, -1, 3)
-        lengths = np.sqrt(np.square(steps).sum(axis=2)).max(axis=1)
-        jumps = (lengths > JUMP_M) & (lengths > JUMP_SPEED * np.abs(np.diff(times)))
+        every = np.sqrt(np.square(steps).sum(axis=2))
+        lengths = every.max(axis=1)
+        periods = np.abs(np.diff(times))
+        jumps = (lengths > JUMP_M) & (lengths > JUMP_SPEED * periods)
+        zero = (positions.reshape(len(times), -1, 3) == 0.0).all(axis=2)
+        lost = (zero[1:] != zero[:-1]) & (every > ZERO_JUMP_M)
+        lost &= every > ZERO_JUMP_SPEED * periods[:, None]
+    if lost.any():
+        row = int(np.argmax(lost.any(axis=1))) + 1
+        return Fault(row, 'a jump to or from 0, 0, 0: leave out what was not seen')
     if not jumps.any():
         return None
     row = int(np.argmax(jumps)) + 1

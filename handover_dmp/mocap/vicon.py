@@ -98,12 +98,10 @@ def _read_section(
     unit = ''
     for number, line in lines:
         cells = _split(line, columns.delimiter)
-        if not any(cell.strip() for cell in cells):
-            break
         where = f'{path}: line {number}'
-        if not len(table) and not cells[0].strip():
-            unit = _unit(cells, columns.firsts, where)
-        elif not is_number(cells[0]):
+        if not len(table) and not ''.join(cells[:1]).strip():
+            unit = unit or _unit(cells, columns.firsts, where)
+        elif not cells or not is_number(cells[0]):
             break
         else:
             table.add(cells, where)
@@ -139,9 +137,9 @@ def _columns(labels: str, titles: str, where: str) -> _Columns:
 
 def _unit(cells: Sequence[str], firsts: Sequence[int], where: str) -> str:
     units = {cells[first].strip() for first in firsts if first < len(cells)}
-    if len(units) != 1:
+    if len(units) > 1:
         raise DataError(f'{where}: positions in more than one unit')
-    return units.pop()
+    return ''.join(units)
 
 
 def _split(line: str, delimiter: str) -> list[str]:

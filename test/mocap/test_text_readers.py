@@ -26,7 +26,9 @@ import random
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.motive import read_motive
 from handover_dmp.mocap.qualisys import read_qualisys
+from handover_dmp.mocap.trial import read_trial
 from handover_dmp.mocap.trc import read_trc
+from handover_dmp.mocap.up_axis import turn_up
 from handover_dmp.mocap.vicon import read_vicon
 from hypothesis import given, HealthCheck, settings
 from hypothesis import strategies as st
@@ -43,14 +45,19 @@ NAMES = st.lists(
 
 
 def motion(markers, up='z', seed=0):
-    """Return (frames, markers, 3) in m: hands that go to each other, `up` pointing up."""
+    """
+    Return (frames, markers, 3) in m: hands that go to each other, `up` pointing up.
+
+    The first and the third marker are on one wrist, the second and the fourth on the other.
+    """
     rng = np.random.default_rng(seed)
     u = np.clip(np.linspace(-0.2, 1.2, FRAMES), 0.0, 1.0)[:, None, None]
     start = rng.uniform([-0.2, -0.4, 0.8], [0.1, 0.3, 1.1], (markers, 3))
     start[::2, 0] += 1.7
+    start[2:] = start[: max(markers - 2, 0)] + rng.uniform(-0.05, 0.05, (max(markers - 2, 0), 3))
     goal = start + [0.4, 0.1, 0.15] * np.where(np.arange(markers) % 2, 1, -1)[:, None]
     path = start + (10 * u**3 - 15 * u**4 + 6 * u**5) * (goal - start)
-    return path if up == 'z' else np.stack([path[..., 0], path[..., 2], -path[..., 1]], axis=2)
+    return path @ np.linalg.inv(np.array([turn_up(line, up) for line in np.eye(3)]).T).T
 
 
 def numbers(row, lost, word=''):
@@ -170,8 +177,13 @@ def qualisys(names, table, lost, frames, *, columns, titles, bodies, encoding, w
     return ('\r\n'.join(lines) + '\r\n').encode(encoding)
 
 
-def check(recording, names, table, lost, frames, metres, times=True):
-    """Hold what was read against what was written."""
+def check(recording, case, metres, *, usual, times=True):
+    """
+    Hold what was read, and the wrists that are taken out of it, against what was written.
+
+    What the file does not tell, unit or axis, is right or asked for.
+    """
+    names, table, lost, frames, up = case
     expected = np.where(lost[..., None], np.nan, table)[frames]
     assert list(recording.positions) == names
     for k, name in enumerate(names):
@@ -179,17 +191,30 @@ def check(recording, names, table, lost, frames, metres, times=True):
     if times:
         elapsed = recording.times - recording.times[0]
         np.testing.assert_allclose(elapsed, (frames - frames[0]) / RATE_HZ, atol=2e-5)
-    two = recording.wrists(names[:1], names[1:2])
-    seen = ~lost[frames][:, :2].any(axis=1)
-    for wrist, k in ((two.partner, 0), (two.demonstrator, 1)):
-        np.testing.assert_allclose(wrist, metres * expected[seen, k], atol=2e-6)
+    told = {}
+    if not recording.unit and not np.isclose(METRES[usual], metres):
+        with pytest.raises(DataError, match='--unit'):
+            recording.wrists(names[::2], names[1::2])
+        told['unit'] = next(unit for unit in METRES if np.isclose(METRES[unit], metres))
+    try:
+        two = recording.wrists(names[::2], names[1::2], **told)
+    except DataError as error:
+        assert 'say which with --up' in str(error)
+        two = recording.wrists(names[::2], names[1::2], up=up, **told)
+    assert two.up.value == up
+    whole = ~lost[frames]
+    seen = whole[:, ::2].any(axis=1) & whole[:, 1::2].any(axis=1)
+    truth = metres * turn_up(table.reshape(-1, 3), up).reshape(table.shape)[frames][seen]
+    np.testing.assert_allclose(two.partner, truth[:, ::2].mean(axis=1), atol=4e-6)
+    np.testing.assert_allclose(two.demonstrator, truth[:, 1::2].mean(axis=1), atol=4e-6)
 
 
 @st.composite
 def cases(draw, metres):
-    """Draw names, a motion in that unit, what was not seen, and the frames that there are."""
+    """Draw names, a motion in that unit, what was not seen, the frames, and what points up."""
     names = draw(NAMES)
-    table = motion(len(names), seed=draw(st.integers(0, 20))) / metres
+    up = draw(st.sampled_from(['z', 'y', 'x', '-y']))
+    table = motion(len(names), up, seed=draw(st.integers(0, 20))) / metres
     lost = np.zeros(table.shape[:2], dtype=bool)
     for _ in range(draw(st.integers(0, 3))):
         begin = draw(st.integers(0, FRAMES - 12))
@@ -197,7 +222,7 @@ def cases(draw, metres):
         lost[begin:, marker][:length] = True
     frames = np.arange(draw(st.integers(0, 9)), FRAMES)
     missing = draw(st.lists(st.integers(11, FRAMES - 2), max_size=5))
-    return names, table, lost, frames[~np.isin(frames, missing)]
+    return names, table, lost, frames[~np.isin(frames, missing)], up
 
 
 WORDS = st.sampled_from(['', 'NaN', 'nan', 'No data', '0.000000'])
@@ -216,33 +241,35 @@ def read(read_it, path, content):
 @GENTLY
 def test_motive(tmp_path, data):
     unit = data.draw(st.sampled_from(['Meters', 'Centimeters', 'Millimeters']))
+    said = data.draw(st.sampled_from([unit, unit, '']))
     case = data.draw(cases(METRES[unit]))
     text = motive(
-        *case,
+        *case[:-1],
         version=data.draw(st.sampled_from(['1.2', '1.22', '1.23', '1.24', '1.25'])),
-        unit=unit,
+        unit=said,
         bodies=data.draw(st.booleans()),
         solved=data.draw(st.booleans()),
         timecode=data.draw(st.booleans()),
         word=data.draw(WORDS),
     )
     recording = read(read_motive, tmp_path / 'Take 2023-05-01 10.12.13 AM.csv', text)
-    assert recording.unit == unit
-    check(recording, *case, METRES[unit])
+    assert recording.unit == said
+    check(recording, case, METRES[unit], usual='Meters')
 
 
 @given(data=st.data())
 @GENTLY
 def test_vicon(tmp_path, data):
     unit = data.draw(st.sampled_from(['mm', 'm']))
+    said = data.draw(st.sampled_from([unit, unit, '']))
     delimiter = data.draw(st.sampled_from([',', '\t', ';']))
     case = data.draw(cases(METRES[unit]))
     text = vicon(
-        *case, unit=unit, devices=data.draw(st.booleans()), delimiter=delimiter,
+        *case[:-1], unit=said, devices=data.draw(st.booleans()), delimiter=delimiter,
         word=data.draw(WORDS),
     )  # fmt: skip
     recording = read(read_vicon, tmp_path / 'trial.csv', text)
-    check(recording, *case, METRES[unit])
+    check(recording, case, METRES[unit], usual='mm')
 
 
 @given(data=st.data())
@@ -250,8 +277,11 @@ def test_vicon(tmp_path, data):
 def test_trc(tmp_path, data):
     unit = data.draw(st.sampled_from(['mm', 'm']))
     case = data.draw(cases(METRES[unit]))
-    text = trc(*case, unit=unit, blank=data.draw(st.booleans()), word=data.draw(WORDS))
-    check(read(read_trc, tmp_path / 'trial.trc', text), *case, METRES[unit])
+    said = data.draw(st.sampled_from([unit, unit, '']))
+    text = trc(*case[:-1], unit=said, blank=data.draw(st.booleans()), word=data.draw(WORDS))
+    if data.draw(st.booleans()) and not any(',' in name for name in case[0]):
+        text = text.replace('\t', ',')
+    check(read(read_trc, tmp_path / 'trial.trc', text), case, METRES[unit], usual='mm')
 
 
 @given(data=st.data())
@@ -263,12 +293,49 @@ def test_qualisys(tmp_path, data):
         st.sampled_from([[], ['Frame', 'Time'], *([['Frame'], ['Time']] * titles)])
     )
     content = qualisys(
-        *case, columns=columns, titles=titles, bodies=data.draw(st.booleans()),
+        *case[:-1], columns=columns, titles=titles, bodies=data.draw(st.booleans()),
         encoding=data.draw(st.sampled_from(['utf-8', 'utf-8-sig', 'utf-16', 'cp1252'])),
         word=data.draw(WORDS),
     )  # fmt: skip
     recording = read(read_qualisys, tmp_path / 'trial.tsv', content)
-    check(recording, *case, 0.001, times=bool(columns))
+    check(recording, case, 0.001, usual='mm', times=bool(columns))
+
+
+@given(data=st.data())
+@GENTLY
+def test_trial_csv(tmp_path, data):
+    """The package's own format defines unit and axis; a gap is a sample that is not there."""
+    table = motion(2, seed=data.draw(st.integers(0, 20)))
+    rows = np.column_stack([np.arange(FRAMES) / RATE_HZ, table[:, 0], table[:, 1]])
+    cells = [[f'{value:.6f}' for value in row] for row in rows]
+    whole = True
+    if data.draw(st.booleans()):
+        begin, length = data.draw(st.integers(5, 40)), data.draw(st.integers(1, 9))
+        hand = data.draw(st.sampled_from([1, 4]))
+        word = data.draw(WORDS)
+        for row in cells[begin: begin + length]:  # fmt: skip
+            row[hand: hand + 3] = [word] * 3  # fmt: skip
+        whole = False
+    missing = data.draw(st.lists(st.integers(1, FRAMES - 2), max_size=5))
+    kept = [k for k in range(FRAMES) if k not in missing]
+    order = data.draw(st.sampled_from([kept, kept, kept[::-1], [*kept, *kept], [kept[0], *kept]]))
+    scale = data.draw(st.sampled_from([1.0, 1.0, 1000.0]))
+    if scale > 1.0:
+        cells = [[row[0], *(f'{float(v) * scale}' if v.strip('-.').replace('.', '').isdigit() else v
+                            for v in row[1:])] for row in cells]  # fmt: skip
+    end = data.draw(st.sampled_from(['\n', '\r\n']))
+    head = 't,p1_x,p1_y,p1_z,p2_x,p2_y,p2_z'
+    text = end.join([head, *(','.join(cells[k]) for k in order)]) + end
+    path = tmp_path / 'bay_give_1.csv'
+    path.write_bytes(data.draw(st.sampled_from([b'', b'\xef\xbb\xbf'])) + text.encode())
+    if whole and order is kept and scale == 1.0:
+        trial = read_trial(path)
+        np.testing.assert_allclose(trial.times, rows[kept, 0], atol=1e-6)
+        np.testing.assert_allclose(trial.partner, rows[kept, 1:4], atol=1e-6)
+        np.testing.assert_allclose(trial.demonstrator, rows[kept, 4:], atol=1e-6)
+    else:
+        with pytest.raises(DataError, match=r'bay_give_1\.csv: line [0-9]+: '):
+            read_trial(path)
 
 
 FOREIGN = {
