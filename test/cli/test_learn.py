@@ -99,7 +99,8 @@ def test_unknown_choices_are_wrong_usage(trials, tmp_path, words):
 
 
 @pytest.mark.parametrize('still', [[1], [0, 1, 2], [2]])
-def test_a_motion_in_a_plane_or_along_a_line(tmp_path, still):
+@pytest.mark.parametrize('regression', ['rvm', 'ridge'])
+def test_a_motion_in_a_plane_or_along_a_line(tmp_path, still, regression):
     """A table-top study has a coordinate that never moves; it stays where it is."""
     from dataclasses import replace
 
@@ -108,7 +109,8 @@ def test_a_motion_in_a_plane_or_along_a_line(tmp_path, still):
     place[:, still] = 0.25
     write_trial(replace(trial, demonstrator=place), tmp_path / 'flat_give_1.csv')
     out = tmp_path / 'model.json'
-    assert main(['learn', str(tmp_path / 'flat_give_1.csv'), '-o', str(out)]) == 0
+    words = ['learn', str(tmp_path / 'flat_give_1.csv'), '-o', str(out)]
+    assert main([*words, '--regression', regression]) == 0
     model = load_model(out)
     motion = model.rollout(trial.times, place[-1], start=place[0]).positions
     assert abs(motion[:, still] - 0.25).max() < 1e-9

@@ -139,6 +139,14 @@ def test_no_half_film_is_left(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert not list(tmp_path.rglob('*.mp4'))
 
 
+def test_a_name_with_the_ending_of_a_film_makes_that_file(filmed: Path, tmp_path: Path) -> None:
+    film = tmp_path / 'somewhere' / 'film.mp4'
+    assert main(['render', str(filmed), *SMALL, '-o', str(film)]) == 0
+    assert film.is_file()
+    assert [path.name for path in tmp_path.rglob('*') if path.is_file()] == ['film.mp4']
+    assert pictures(film).shape[1:] == (120, 160, 3)
+
+
 @pytest.mark.parametrize(
     ('words', 'files'),
     [

@@ -26,8 +26,8 @@ import random
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.motive import read_motive
 from handover_dmp.mocap.qualisys import read_qualisys
-from handover_dmp.mocap.trial import read_trial
 from handover_dmp.mocap.trc import read_trc
+from handover_dmp.mocap.trial import read_trial
 from handover_dmp.mocap.up_axis import turn_up
 from handover_dmp.mocap.vicon import read_vicon
 from hypothesis import given, HealthCheck, settings
@@ -320,9 +320,8 @@ def test_trial_csv(tmp_path, data):
     kept = [k for k in range(FRAMES) if k not in missing]
     order = data.draw(st.sampled_from([kept, kept, kept[::-1], [*kept, *kept], [kept[0], *kept]]))
     scale = data.draw(st.sampled_from([1.0, 1.0, 1000.0]))
-    if scale > 1.0:
-        cells = [[row[0], *(f'{float(v) * scale}' if v.strip('-.').replace('.', '').isdigit() else v
-                            for v in row[1:])] for row in cells]  # fmt: skip
+    if scale > 1.0 and whole:
+        cells = [[row[0], *(f'{scale * float(cell)}' for cell in row[1:])] for row in cells]
     end = data.draw(st.sampled_from(['\n', '\r\n']))
     head = 't,p1_x,p1_y,p1_z,p2_x,p2_y,p2_z'
     text = end.join([head, *(','.join(cells[k]) for k in order)]) + end
