@@ -164,7 +164,7 @@ def run(options: argparse.Namespace) -> int:
     else:
         check_no_data_set(options.output)
     new: list[HandoverTrial] = []
-    motions: list[WristMotion] = []
+    motions: list[tuple[WristMotion, float]] = []
     segmented: list[SegmentedMotion] = []
     sources = options.sources
     console = Console(stderr=True)
@@ -175,9 +175,10 @@ def run(options: argparse.Namespace) -> int:
         if options.segment:
             segmented.append(_segment(options, source, motion))
             new += segmented[-1].trials(options.configuration or source.stem)
+            motions += [(motion, part.start_s) for part in segmented[-1].segments]
         else:
             new.append(_whole(options, source, motion))
-        motions += [motion] * (len(new) - len(motions))
+            motions.append((motion, float(motion.times[0])))
     if options.figure and not options.dry_run:
         from handover_dmp.mocap.segmentation_figure import draw_segmentation
 
@@ -187,7 +188,7 @@ def run(options: argparse.Namespace) -> int:
     if not new:
         raise DataError(f'{", ".join(map(str, sources))}: no handover found{_why(segmented)}')
     new = _numbered(old, new)
-    reviews = [review(trial, motion) for trial, motion in zip(new, motions, strict=True)]
+    reviews = [review(trial, *motion) for trial, motion in zip(new, motions, strict=True)]
     if not options.segment:
         reviews = [
             _with_direction(options, source, one)

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 from handover_dmp.mocap.filtering import smooth
 from handover_dmp.mocap.trial import HandoverTrial
-from handover_dmp.mocap.wrists import extent, WristMotion
+from handover_dmp.mocap.wrists import extent, Gap, WristMotion
 import numpy as np
 
 MAX_USUAL_SPEED = 3.0
@@ -29,7 +29,6 @@ MAX_REST_SPEED = 0.15
 MIN_EDGE_SAMPLES = 3
 # A P1 that goes this much farther than P2 may be the one who hands over.
 _SWAPPED = 2.0
-_MISSED_PERIODS = 1.8
 # A low-pass needs a rate to speak of.
 _CUTOFF_HZ = 6.0
 
@@ -45,7 +44,7 @@ class Review:
         up: the same of the axis that points up.
         peak_speeds: of the wrists of P1 and P2, m/s.
         nearest_m: least distance of the wrists, m.
-        gaps: when samples are missing in the trial, s, from and to.
+        gaps: when a wrist was not seen, s from the start of the trial.
         warnings: what is unusual for a handover, a sentence each.
 
     """
@@ -55,17 +54,18 @@ class Review:
     up: str
     peak_speeds: tuple[float, float]
     nearest_m: float
-    gaps: tuple[tuple[float, float], ...]
+    gaps: tuple[Gap, ...]
     warnings: tuple[str, ...]
 
 
-def review(trial: HandoverTrial, motion: WristMotion) -> Review:
+def review(trial: HandoverTrial, motion: WristMotion, start_s: float) -> Review:
     """
     Look at an imported trial.
 
     Args:
         trial: the trial.
         motion: the recording that it was cut out of.
+        start_s: where in the recording it begins, s.
 
     Returns:
         Its facts, and what is unusual about it.
@@ -75,9 +75,11 @@ def review(trial: HandoverTrial, motion: WristMotion) -> Review:
     speeds = [_speeds(trial, wrist) for wrist in wrists]
     peaks = (float(speeds[0].max()), float(speeds[1].max()))
     nearest_m = float(np.linalg.norm(trial.partner - trial.demonstrator, axis=1).min())
-    steps = np.diff(trial.times)
-    wide = np.flatnonzero(steps > _MISSED_PERIODS * np.median(steps))
-    gaps = tuple((float(trial.times[k]), float(trial.times[k + 1])) for k in wide)
+    gaps = tuple(
+        gap._replace(start_s=gap.start_s - start_s, end_s=gap.end_s - start_s)
+        for gap in motion.gaps
+        if gap.end_s > start_s and gap.start_s < start_s + trial.duration_s
+    )
     warnings = list(motion.remarks)
     for who, peak, speed in zip(('P1', 'P2'), peaks, speeds, strict=True):
         if peak > MAX_USUAL_SPEED:
@@ -86,9 +88,9 @@ def review(trial: HandoverTrial, motion: WristMotion) -> Review:
             warnings.append(f'{who} does not start at rest, but at {speed[0]:.2f} m/s')
     if nearest_m > MAX_USUAL_DISTANCE_M:
         warnings.append(f'the wrists come no nearer than {nearest_m:.2f} m')
-    edges = np.diff([0, *(wide + 1), len(trial.times)])
-    if len(wide) and edges.min() < MIN_EDGE_SAMPLES:
-        warnings.append(f'only {edges.min()} samples between two gaps, or a gap and an end')
+    fewest = _fewest_between(trial.times, gaps)
+    if fewest < MIN_EDGE_SAMPLES:
+        warnings.append(f'only {fewest} samples between two gaps, or a gap and an end')
     first, second = (extent(wrist) for wrist in wrists)
     if first > _SWAPPED * second:
         warnings.append(f'P1 moves {first:.2f} m, P2 {second:.2f} m: are they swapped?')
@@ -101,6 +103,20 @@ def review(trial: HandoverTrial, motion: WristMotion) -> Review:
         gaps,
         tuple(warnings),
     )
+
+
+def _fewest_between(times: np.ndarray, gaps: tuple[Gap, ...]) -> int:
+    """Return how many samples the shortest stretch has in which both wrists were seen."""
+    tolerance = 1e-6
+    unseen = np.zeros(len(times), dtype=bool)
+    edges = set()
+    for gap in gaps:
+        unseen |= (times > gap.start_s + tolerance) & (times < gap.end_s - tolerance)
+        edges.add(int(np.searchsorted(times, gap.end_s - tolerance)))
+    stretches = [part[~gone] for part, gone in zip(
+        np.split(times, sorted(edges)), np.split(unseen, sorted(edges)), strict=True,
+    )]  # fmt: skip
+    return min((len(part) for part in stretches if len(part)), default=0)
 
 
 def _speeds(trial: HandoverTrial, wrist: np.ndarray) -> np.ndarray:

@@ -22,12 +22,14 @@ from io import StringIO
 
 from handover_dmp.mocap.review import Review
 from matplotlib.figure import Figure
+import numpy as np
+from numpy.typing import NDArray
 
 _COLOURS = (('P1', 'tab:blue'), ('P2', 'tab:orange'))
 _STYLE = (
     'body{font:16px/1.5 sans-serif;max-width:62em;margin:2em auto;padding:0 1em;color:#222}'
     'svg{width:100%;height:auto}h2{margin:2em 0 0}.warning{color:#a33}dl{display:grid;'
-    'grid-template-columns:max-content auto;gap:0 1em}dd{margin:0}'
+    'grid-template-columns:max-content auto;gap:0 1em}dd{margin:0}.warning{margin:.2em 0}'
 )
 
 
@@ -43,19 +45,23 @@ def review_page(reviews: Sequence[Review], title: str) -> str:
         The page, HTML, with everything within it.
 
     """
-    odd = sum(bool(one.warnings) for one in reviews)
+    odd = [number for number, one in enumerate(reviews) if one.warnings]
+    links = ', '.join(
+        f'<a href="#trial{number}">{escape(reviews[number].trial.label)}</a>' for number in odd
+    )
+    count = f'{len(reviews)} trial' if len(reviews) == 1 else f'{len(reviews)} trials'
     parts = [
         '<!DOCTYPE html><html lang="en"><meta charset="utf-8">',
         f'<title>{escape(title)}</title><style>{_STYLE}</style><h1>{escape(title)}</h1>',
-        f'<p>{len(reviews)} trials, {odd} of them unusual. Lengths in m, z up; '
-        'grey: samples are missing.</p>',
-        *map(_section, reviews),
+        f'<p>{count}. To be looked at before they are believed: {links or "none"}.</p>',
+        '<p>Lengths in m, z up. Shaded in the colour of a wrist: it was not seen.</p>',
+        *(_section(one, number) for number, one in enumerate(reviews)),
         '</html>',
     ]
     return '\n'.join(parts)
 
 
-def _section(one: Review) -> str:
+def _section(one: Review, number: int) -> str:
     trial = one.trial
     facts = {
         'from': trial.source,
@@ -64,29 +70,31 @@ def _section(one: Review) -> str:
         'axis that points up': one.up,
         'peak speed': f'P1 {one.peak_speeds[0]:.2f} m/s, P2 {one.peak_speeds[1]:.2f} m/s',
         'nearest distance': f'{one.nearest_m:.2f} m',
+        'gaps': ', '.join(f'{gap.who} {gap.start_s:.2f} to {gap.end_s:.2f} s' for gap in one.gaps)
+        or 'none',
     }
     rows = ''.join(f'<dt>{name}<dd>{escape(value)}' for name, value in facts.items())
     warnings = ''.join(f'<p class="warning">{escape(text)}</p>' for text in one.warnings)
-    return f'<h2>{escape(trial.label)}</h2>{warnings}<dl>{rows}</dl>{_drawing(one)}'
+    title = f'<h2 id="trial{number}">{escape(trial.label)}</h2>'
+    return f'{title}{warnings}<dl>{rows}</dl>{_drawing(one)}'
 
 
 def _drawing(one: Review) -> str:
-    trial = one.trial
+    lines = [_broken(one, who) for who, _ in _COLOURS]
     figure = Figure(figsize=(9.5, 3.2), layout='constrained')
     *over_time, above = figure.subplots(1, 4, width_ratios=(1, 1, 1, 1.3))
     for axis, name in enumerate('xyz'):
         axes = over_time[axis]
-        for (who, colour), wrist in zip(
-            _COLOURS, (trial.partner, trial.demonstrator), strict=True
-        ):
-            axes.plot(trial.times, wrist[:, axis], color=colour, lw=1.4, label=who)
-        for start_s, end_s in one.gaps:
-            axes.axvspan(start_s, end_s, color='0.85', lw=0)
+        for (who, colour), line in zip(_COLOURS, lines, strict=True):
+            axes.plot(line[:, 0], line[:, 1 + axis], color=colour, lw=1.4, label=who)
+            for gap in one.gaps:
+                if gap.who == who:
+                    axes.axvspan(gap.start_s, gap.end_s, color=colour, alpha=0.2, lw=0)
         axes.set(title=f'{name} / m', xlabel='time / s')
     over_time[0].legend(frameon=False)
-    for (_, colour), wrist in zip(_COLOURS, (trial.partner, trial.demonstrator), strict=True):
-        above.plot(wrist[:, 0], wrist[:, 1], color=colour, lw=1.4)
-        above.plot(*wrist[0, :2], 'o', color=colour)
+    for (_, colour), line in zip(_COLOURS, lines, strict=True):
+        above.plot(line[:, 1], line[:, 2], color=colour, lw=1.4)
+        above.plot(*line[0, 1:3], 'o', color=colour)
     above.set(title='from above (dot: start)', xlabel='x / m', ylabel='y / m')
     above.set_aspect('equal', adjustable='datalim')
     for axes in (*over_time, above):
@@ -95,3 +103,15 @@ def _drawing(one: Review) -> str:
     text = StringIO()
     figure.savefig(text, format='svg')
     return text.getvalue().partition('<svg')[1] + text.getvalue().partition('<svg')[2]
+
+
+def _broken(one: Review, who: str) -> NDArray[np.float64]:
+    """Return times and places of a wrist side by side, NaN where nothing is to be drawn."""
+    trial = one.trial
+    line = np.column_stack([trial.times, trial.partner if who == 'P1' else trial.demonstrator])
+    for gap in one.gaps:
+        inside = (trial.times > gap.start_s + 1e-6) & (trial.times < gap.end_s - 1e-6)
+        if gap.who == who:
+            line[inside, 1:] = np.nan
+    ends = np.searchsorted(trial.times, [gap.end_s - 1e-6 for gap in one.gaps])
+    return np.insert(line, ends[(ends > 0) & (ends < len(line))], np.nan, axis=0)
