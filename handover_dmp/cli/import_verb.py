@@ -43,6 +43,8 @@ FORMATS = {
     'trc': 'TRC of OpenSim or Cortex',
     'bag': 'rosbag2 folder, MCAP or sqlite3, with topics of poses',
 }
+# In the name of a file, these may tell who gives, but not for sure.
+_MAY_TELL = 'giv|gave|tak|took|receiv'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -284,7 +286,7 @@ def _segment(options: argparse.Namespace, source: Path, motion: WristMotion) -> 
 def _whole(options: argparse.Namespace, source: Path, motion: WristMotion) -> HandoverTrial:
     configuration, direction, number = _told(options, source)
     direction = options.exchange or direction
-    if direction is None and re.search('give|take', source.stem, re.IGNORECASE):
+    if direction is None and re.search(_MAY_TELL, source.stem, re.IGNORECASE):
         raise UsageError(
             f'{source}: does its name tell whether P2 gives or takes? Say --exchange give '
             'or take, or name it <configuration>_give_<number> or <configuration>_take_<number>'

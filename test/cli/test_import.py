@@ -153,7 +153,10 @@ def test_c3d_with_y_up(tmp_path, trials):
     np.testing.assert_allclose(made.demonstrator, trial.demonstrator, atol=1e-6)
 
 
-@pytest.mark.parametrize('name', ['Take 2023-05-01 10.12.13 AM', 'givers', 'lab_TAKE'])
+@pytest.mark.parametrize(
+    'name',
+    ['Take 2023-05-01 10.12.13 AM', 'givers', 'lab_TAKE', 'P2 receives 3', 'take_4', 'giving_01'],
+)
 def test_a_name_that_may_tell_the_direction_is_asked_for(name, tmp_path, trials, capsys):
     source = str(tsv(tmp_path / f'{name}.tsv', trials[:1]))
     words = ['import', 'qualisys', source, '-o', str(tmp_path / 'set'), *MARKERS]

@@ -59,7 +59,8 @@ def test_a_usual_handover_gives_no_warning():
 
 
 UNUSUAL = {
-    'fast': ({'times': TIMES / 3.0, 'partner': P1[:1] + 0.0 * P1}, r'P2 moves at 3\.[0-9] m/s, faster'),
+    'fast': ({'times': TIMES / 3.0, 'partner': P1[:1] + 0.0 * P1},
+             r'P2 moves at 3\.[0-9] m/s, faster'),
     'far': ({'partner': P1 + [1.0, 0.0, 0.0]}, 'come no nearer than 1.1. m'),
     'from motion': (
         {'partner': P1[120:], 'demonstrator': P2[120:], 'times': TIMES[:-120]},
