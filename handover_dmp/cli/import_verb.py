@@ -237,6 +237,8 @@ def _check(options: argparse.Namespace) -> None:
         for name in ('giver', 'near', 'apart', 'moving', 'reach'):
             if getattr(options, name) is not None:
                 raise UsageError(f'--{name} needs --segment')
+    if both := set(options.p1 or []) & set(options.p2 or []):
+        raise UsageError(f'--p1 and --p2 both name {min(both)!r}; they are two people')
     if options.format == 'bag':
         if max(len(options.p1 or []), len(options.p2 or [])) > 1:
             raise UsageError('a bag has one topic for each wrist: --p1 and --p2 once each')

@@ -25,6 +25,7 @@ import numpy as np
 
 MAX_USUAL_SPEED = 3.0
 MAX_USUAL_DISTANCE_M = 0.6
+MIN_USUAL_DISTANCE_M = 0.02
 MAX_REST_SPEED = 0.15
 MIN_EDGE_SAMPLES = 3
 # A P1 that goes this much farther than P2 may be the one who hands over.
@@ -88,6 +89,8 @@ def review(trial: HandoverTrial, motion: WristMotion, start_s: float) -> Review:
             warnings.append(f'{who} does not start at rest, but at {speed[0]:.2f} m/s')
     if nearest_m > MAX_USUAL_DISTANCE_M:
         warnings.append(f'the wrists come no nearer than {nearest_m:.2f} m')
+    if nearest_m < MIN_USUAL_DISTANCE_M:
+        warnings.append(f'the wrists come within {1e3 * nearest_m:.0f} mm: are they two wrists?')
     fewest = _fewest_between(trial.times, gaps)
     if fewest < MIN_EDGE_SAMPLES:
         warnings.append(f'only {fewest} samples between two gaps, or a gap and an end')

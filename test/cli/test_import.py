@@ -185,6 +185,7 @@ def test_wrong_usage_is_one_line(tmp_path, trials, capsys):
         (['--p1', 'mechanic', '--p2', 'robot'], 1, "no marker 'robot'; there are mechanic"),
         ([*MARKERS, '--unit', 'm'], 1, 'are these millimetres?'),
         ([*MARKERS, '--segment', '--near', '0.1'], 1, 'no handover found'),
+        (['--p1', 'mechanic', '--p2', 'mechanic'], 2, "both name 'mechanic'"),
         ([*MARKERS, '--append'], 1, 'no such folder'),
         ([*MARKERS, '--part', '2'], 2, 'are for bags'),
         ([*MARKERS, '--unit', 'furlong'], 2, "'furlong' is not one of m, cm"),

@@ -62,6 +62,7 @@ UNUSUAL = {
     'fast': ({'times': TIMES / 3.0, 'partner': P1[:1] + 0.0 * P1},
              r'P2 moves at 3\.[0-9] m/s, faster'),
     'far': ({'partner': P1 + [1.0, 0.0, 0.0]}, 'come no nearer than 1.1. m'),
+    'one wrist twice': ({'partner': P2 + 0.005}, r'within 9 mm: are they two wrists\?'),
     'from motion': (
         {'partner': P1[120:], 'demonstrator': P2[120:], 'times': TIMES[:-120]},
         'P[12] does not start at rest, but at [01].* m/s',
