@@ -32,6 +32,9 @@ _MAX_LATE = 3
 _MAX_LATE_NS = 250_000_000
 # Where several clocks are set at once, so long may pass between the first and the last.
 _AT_ONCE_NS = 1_000_000_000
+# Delays are compared by blocks of so many messages; these differ by no more than this.
+_BLOCK = 10
+STEP_NS = 100_000_000
 # Nobody wants one of more parts than this.
 _MAX_JUMPS = 1000
 
@@ -59,6 +62,33 @@ def jumps_back(times_ns: NDArray[np.int64]) -> list[int]:
         begin += jump
         jumps.append(begin)
     return jumps
+
+
+def clock_step(delays_ns: NDArray[np.int64]) -> int:
+    """
+    Find by how much the stamps moved against the time of recording from one moment on.
+
+    A clock was set forward, or back by less than the silence that came with it, or a simulation
+    stood still. Messages that are held up and come in a bunch are something else: afterwards they
+    take as long as they did before. So is a simulated clock that runs fast or slow all the time.
+
+    Args:
+        delays_ns: (n,) from stamp to recording, in the order of recording.
+
+    Returns:
+        The step, ns, positive if the stamps went ahead; 0 if there was none.
+
+    """
+    blocks = [delays_ns[at: at + _BLOCK] for at in range(0, len(delays_ns), _BLOCK)]  # fmt: skip
+    if len(blocks) < 3:
+        return 0
+    usual = np.array([np.median(block) for block in blocks])
+    usual -= np.median(np.diff(usual)) * np.arange(len(usual))
+    for number in np.flatnonzero(np.abs(usual[2:] - usual[:-2]) > STEP_NS) + 1:
+        step = np.median(usual[:number]) - np.median(usual[number + 1 :])
+        if abs(step) > STEP_NS:
+            return int(step)
+    return 0
 
 
 def parts_of(

@@ -96,6 +96,8 @@ class Stream:
             for k in range(5, len(rows) - 5, 11):
                 # The messages change places, the times of recording do not.
                 (early, *one), (later, *other) = rows[k: k + 2]  # fmt: skip
+                if later - early > 0.1:
+                    continue
                 rows[k: k + 2] = [(early, *other), (later, *one)]  # fmt: skip
         if self.doubled:
             rows = [row for k, row in enumerate(rows) for _ in range(1 + (k % 7 == 3))]
@@ -253,6 +255,7 @@ def bridged(stream: Stream, times) -> np.ndarray:
 def test_any_mix_gives_the_truth_or_is_refused(tmp_path, bag):
     folder = bag.write(tmp_path / 'bag')
     set_back = any(stream.set_s < 0.0 and stream.stamped for stream in bag.streams)
+    was_set = any(stream.set_s and stream.stamped for stream in bag.streams)
     try:
         motion = read_bag_wrists(folder, *names(bag))
     except DataError as error:
@@ -263,16 +266,18 @@ def test_any_mix_gives_the_truth_or_is_refused(tmp_path, bag):
         apart = bag.streams[0].stamped != bag.streams[1].stamped or any(
             stream.set_s for stream in bag.streams
         )
-        assert (set_back and '--part' in text) or (apart and 'do not overlap' in text), text
+        assert (
+            (set_back and '--part' in text)
+            or (was_set and 'was set by' in text)
+            or (apart and 'do not overlap' in text)
+        ), text
         return
-    assert not set_back
+    assert not was_set
     said = ' '.join(motion.remarks)
     first, second = bag.streams
     clocks = [stream.delay_s if stream.stamped else -0.001 for stream in bag.streams]
     by_log = not all(stream.stamped for stream in bag.streams)
-    if any(stream.set_s and stream.stamped for stream in bag.streams) or (
-        abs(clocks[0] - clocks[1]) > 0.02
-    ):
+    if abs(clocks[0] - clocks[1]) > 0.02:
         assert '--clock log' in said
         motion = read_bag_wrists(folder, *names(bag), clock='log')
         by_log = True
@@ -285,7 +290,9 @@ def test_any_mix_gives_the_truth_or_is_refused(tmp_path, bag):
     assert np.abs(motion.partner - partner).max() <= slack + 1e-6
     error = np.linalg.norm(motion.demonstrator - demonstrator, axis=1)
     gaps = bridged(second, times)
-    assert (error <= slack + MAX_ACCELERATION * gaps**2 / 8.0 + 1e-6).all()
+    bound = slack + MAX_ACCELERATION * gaps**2 / 8.0 + 1e-6
+    # A spline across a gap goes on as the last messages before it say, which came late.
+    assert (error <= bound)[~(late & (gaps > 3.0 / second.rate_hz))].all()
     # Where a hand was not seen for longer than that, nothing is made up.
     surely = np.minimum(bridged(second, times - slack_s), bridged(second, times + slack_s))
     assert surely.max() <= MAX_HIDDEN_S + 3.0 / second.rate_hz

@@ -381,14 +381,33 @@ def test_a_humble_bag_without_definitions(tmp_path, trial):
     np.testing.assert_array_equal(read_bag_wrists(folder).partner, trial.partner)
 
 
-def test_a_clock_that_was_set_forward_is_told(tmp_path, trial):
+@pytest.mark.parametrize(('set_s', 'silence'), [(0.2, 0), (-0.3, 70)])
+def test_a_clock_that_was_set_though_the_stamps_go_on(tmp_path, trial, set_s, silence):
+    """Forward, or back by less than the silence in which that was done."""
     first = rows(trial.times, trial.partner)
-    ahead = [(stamp + 200_000_000 * (k > 100), *rest) for k, (stamp, *rest) in enumerate(first)]
+    moved = [
+        (stamp + round(1e9 * set_s) * (k > 100), *rest)
+        for k, (stamp, *rest) in enumerate(first)
+        if not 100 < k <= 100 + silence
+    ]
     second = rows(trial.times, trial.demonstrator)
-    folder = write(tmp_path / 'bag', [('/a', POSE, 'world', ahead), ('/b', POSE, 'world', second)])
-    (remark, *_) = read_bag_wrists(folder, '/a', '/b').remarks
-    assert '/a: from one message to the next its stamps go on by 0.200 s more' in remark
+    folder = write(tmp_path / 'bag', [('/a', POSE, 'world', moved), ('/b', POSE, 'world', second)])
+    with pytest.raises(
+        DataError, match=rf'the clock of /a was set by \{set_s:+.3f} s .*--clock log'
+    ):
+        read_bag_wrists(folder, '/a', '/b')
     motion = read_bag_wrists(folder, '/a', '/b', clock='log')
+    kept = np.delete(np.arange(len(first)), range(101, 101 + silence))
+    np.testing.assert_array_equal(motion.partner, trial.partner[kept])
+
+
+def test_messages_that_come_in_a_bunch_are_no_clock_that_was_set(tmp_path, trial):
+    first = rows(trial.times, trial.partner)
+    held = [(stamp, max(log, first[180][1]) if 100 < k <= 180 else log, *place)
+            for k, (stamp, log, *place) in enumerate(first)]  # fmt: skip
+    second = rows(trial.times, trial.demonstrator)
+    folder = write(tmp_path / 'bag', [('/a', POSE, 'world', held), ('/b', POSE, 'world', second)])
+    motion = read_bag_wrists(folder, '/a', '/b')
     np.testing.assert_array_equal(motion.partner, trial.partner)
 
 
@@ -402,3 +421,18 @@ def test_poses_without_a_stamp_among_others_are_left_out(tmp_path, trial):
     assert motion.remarks == ('/a: 3 poses without a stamp are left out',)
     np.testing.assert_array_equal(motion.partner, trial.partner[3:])
     np.testing.assert_allclose(motion.demonstrator, trial.demonstrator[3:], atol=1e-9)
+
+
+@pytest.mark.parametrize('pace', [0.2, 0.5, 3.0])
+def test_a_simulation_runs_at_its_own_pace_and_stands_still_now_and_then(tmp_path, trial, pace):
+    def recorded(path):
+        return [
+            (stamp, EPOCH_NS + round((stamp - EPOCH_NS) / pace) + 700_000_000 * (k > 100), *place)
+            for k, (stamp, _, *place) in enumerate(rows(trial.times, path))
+        ]
+
+    streams = [('/a', POSE, 'world', recorded(trial.partner)),
+               ('/b', POSE, 'world', recorded(trial.demonstrator))]  # fmt: skip
+    motion = read_bag_wrists(write(tmp_path / 'bag', streams), '/a', '/b')
+    np.testing.assert_array_equal(motion.partner, trial.partner)
+    np.testing.assert_allclose(motion.demonstrator, trial.demonstrator, atol=1e-9)
