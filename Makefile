@@ -28,11 +28,12 @@ ISOLATED = ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_DOMAIN_ID=$$(($$$$ % 100 
 # As many processes as there are processors; test/conftest.py says which tests belong together.
 PYTEST = $(ISOLATED) $(BIN)/python -m pytest -n auto
 
-.PHONY: help demo test longtest matrix coverage lint docs format bench clean
+.PHONY: help demo test test-ros2 longtest matrix coverage lint docs format bench clean
 
 help:
 	@echo 'make demo       install what is needed, run one handover, write runs/<name>/'
 	@echo 'make test       install what is needed, run the tests'
+	@echo 'make test-ros2  with the ros2 command, launch and launch_testing that are on the PATH'
 	@echo 'make longtest   those too that take minutes each, and new examples for all properties'
 	@echo 'make matrix     demo and test on Python 3.10 to 3.13, and with the oldest libraries'
 	@echo 'make coverage   what share of each room the tests run through'
@@ -47,6 +48,11 @@ demo: $(VENV)/.demo
 
 test: $(VENV)/.test
 	$(PYTEST)
+
+# In the environment that ros2 is of, which has this package installed.
+test-ros2:
+	@AMENT_PREFIX_PATH='$(AMENT_PREFIX_PATH)' PYTHONPATH='$(PYTHONPATH)' \
+	LD_LIBRARY_PATH='$(LD_LIBRARY_PATH)' $(ISOLATED) python3 -m pytest -m ros2 test
 
 longtest: $(VENV)/.test
 	$(PYTEST) -m 'slow or not slow' --hypothesis-profile=new

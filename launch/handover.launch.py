@@ -58,6 +58,8 @@ ARGUMENTS: dict[str, tuple[str, str, tuple[str, ...] | None]] = {
     'base_frame': ('', 'link that the arm begins at; empty: the root', None),
     'trial': ('', 'CSV file of a recorded handover, whose partner is replayed', None),
     'bag': ('', 'bag of a recorded handover, in place of a trial', None),
+    'from': ('', 'where the handover in the bag begins, s; empty: it is found', None),
+    'to': ('', 'where it ends, s', None),
     'exchange': ('give', 'direction, where neither trial nor bag is given', ('give', 'take')),
     'use_sim_time': ('true', 'run in lockstep on /clock; false: on the wall clock', BOOLEAN),
     'start': (
@@ -259,7 +261,11 @@ def _scenario(chosen: dict[str, str]) -> Any:
         raise RuntimeError('trial and bag exclude each other')
     arm = ArmChoice(*(chosen[key] for key in ('robot', 'wrist_frame', 'base_frame')))
     if recorded := chosen['trial'] or chosen['bag']:
-        return make_scenario(Path(recorded), arm=arm)
+        scenario = make_scenario(Path(recorded), arm=arm, span_s=_span_s(chosen))
+        trial = scenario.trial
+        print(f'handover.launch.py: replays {trial.source}: {trial.duration_s:.2f} s', flush=True)
+        return scenario
+    _span_s(chosen)
     wanted = (EXAMPLE[0], chosen['exchange'])
     trials = [t for t in synthesize() if (t.configuration, t.direction) == wanted]
     with TemporaryDirectory() as folder:
@@ -268,6 +274,22 @@ def _scenario(chosen: dict[str, str]) -> Any:
         trial = Path(folder) / f'{"_".join(wanted)}_{trials[1].number}.csv'
         write_trial(trials[1], trial)
         return make_scenario(trial, model=model, arm=arm)
+
+
+def _span_s(chosen: dict[str, str]) -> tuple[float, float] | None:
+    """Read where the handover in a bag begins and ends."""
+    words = chosen['from'], chosen['to']
+    if not any(words):
+        return None
+    if not (all(words) and chosen['bag']):
+        raise RuntimeError('from and to go together, and with bag')
+    try:
+        begin_s, end_s = map(float, words)
+    except ValueError as error:
+        raise RuntimeError(f'from:={words[0]} to:={words[1]}: not two times in s') from error
+    if not begin_s < end_s:
+        raise RuntimeError(f'from:={words[0]} to:={words[1]}: ends before it begins')
+    return begin_s, end_s
 
 
 def _has(package: str) -> bool:

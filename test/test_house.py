@@ -59,6 +59,11 @@ FLOORS = (
 FLOOR_OF = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
 
 
+def test_no_two_test_files_have_one_name() -> None:
+    names = [file.name for file in (ROOT / 'test').rglob('test_*.py')]
+    assert sorted(names) == sorted(set(names))
+
+
 def imports(file: Path) -> Iterator[str]:
     """Yield the full name of every module that a file imports, anywhere in it."""
     for node in ast.walk(ast.parse(file.read_text(encoding='utf-8'))):

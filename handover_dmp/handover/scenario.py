@@ -25,6 +25,7 @@ from handover_dmp.dmp import DecoupledDmp, load_model
 from handover_dmp.handover.approach import rollout_towards
 from handover_dmp.handover.teaching import hand_goal, learn_from_trials
 from handover_dmp.mocap import condition, HandoverTrial, read_trial, synthesize
+from handover_dmp.mocap.wrists import WristMotion
 from handover_dmp.robot.descriptions import ArmChoice
 from handover_dmp.robot.model import BasePlacement, RobotModel
 from handover_dmp.robot.placement import choose_base_placement
@@ -34,6 +35,10 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 EXAMPLE = ('engine_bay', 'give')
+MAX_REST_S = 0.5
+"""A recording that is longer than its handover by more than this is cut, s."""
+MIN_SAMPLES = 5
+ROUNDING_S = 1e-6
 
 
 @dataclass(frozen=True)
@@ -111,19 +116,23 @@ def read_model(path: Path) -> DecoupledDmp:
     return model
 
 
-def recorded_trial(path: str | Path, *, cutoff_hz: float | None = None) -> HandoverTrial:
+def recorded_trial(
+    path: str | Path, *, cutoff_hz: float | None = None, span_s: tuple[float, float] | None = None
+) -> HandoverTrial:
     """
     Read a handover that is to be replayed.
 
     Args:
         path: CSV file or bag; empty: the one of the example.
         cutoff_hz: low-pass, zero phase; 0 leaves it as it is; that of `config/` if left out.
+        span_s: beginning and end of the handover in a bag, s from its first pose of the hand; it
+            is found if left out.
 
     Returns:
-        The handover at 200 Hz, filtered.
+        The handover at 200 Hz, filtered; its source tells what was cut out of a bag.
 
     Raises:
-        DataError: the file cannot be used.
+        DataError: the file cannot be used, or a bag holds several handovers.
 
     """
     if cutoff_hz is None:
@@ -131,26 +140,54 @@ def recorded_trial(path: str | Path, *, cutoff_hz: float | None = None) -> Hando
     if not str(path):
         trial = example_trials()[1]
     elif Path(path).suffix.lower() != '.csv':
-        trial = _trial_of_bag(Path(path))
+        trial = _trial_of_bag(Path(path), span_s)
     else:
         trial = read_trial(Path(path))
     return condition(trial, cutoff_hz=cutoff_hz) if cutoff_hz else trial
 
 
-def _trial_of_bag(path: Path) -> HandoverTrial:
+def _trial_of_bag(path: Path, span_s: tuple[float, float] | None) -> HandoverTrial:
     from handover_dmp.mocap.bag import describe_bag, read_bag_wrists
 
     wrists = read_bag_wrists(path)
     configuration, direction, number = describe_bag(path)
+    source = str(path)
+    if span_s is None:
+        span_s = _handover_in(wrists)
+    first, end = 0, len(wrists.times)
+    if span_s is not None:
+        first, end = (
+            int(np.searchsorted(wrists.times, time_s + margin))
+            for time_s, margin in zip(span_s, (-ROUNDING_S, ROUNDING_S), strict=True)
+        )
+        source += f', {span_s[0]:.2f} s to {span_s[1]:.2f} s'
+        if end - first < MIN_SAMPLES:
+            raise DataError(f'{source}: {max(end - first, 0)} samples make no handover')
     return HandoverTrial(
-        wrists.times,
-        wrists.partner,
-        wrists.demonstrator,
+        wrists.times[first:end] - wrists.times[first],
+        wrists.partner[first:end],
+        wrists.demonstrator[first:end],
         configuration=configuration,
         direction=direction or 'give',
         number=number,
-        source=str(path),
+        source=source,
     )
+
+
+def _handover_in(wrists: WristMotion) -> tuple[float, float] | None:
+    """Find the one handover in a longer recording; None where that is all there is."""
+    from handover_dmp.mocap.segmentation import segment
+
+    duration_s = float(wrists.times[-1] - wrists.times[0])
+    found = segment(wrists).segments
+    if len(found) > 1:
+        at = ', '.join(f'{one.start_s:.2f} to {one.exchange_s:.2f} s' for one in found)
+        raise DataError(
+            f'{wrists.source}: {len(found)} handovers, {at}: say which, as by from:= and to:='
+        )
+    if found and found[0].exchange_s - found[0].start_s < duration_s - MAX_REST_S:
+        return found[0].start_s, found[0].exchange_s
+    return None
 
 
 def scaled(trial: HandoverTrial, factor: float) -> HandoverTrial:
@@ -182,6 +219,7 @@ def make_scenario(
     scale: float = 1.0,
     seed: int = 0,
     partner_model: str | None = None,
+    span_s: tuple[float, float] | None = None,
 ) -> Scenario:
     """
     Put together what a run needs.
@@ -198,6 +236,7 @@ def make_scenario(
         scale: of the recorded motion.
         seed: of the synthetic data.
         partner_model: `auto` or `off`; that of `config/` if left out.
+        span_s: beginning and end of the handover in a bag, s; found if left out.
 
     Returns:
         The scenario.
@@ -210,7 +249,7 @@ def make_scenario(
     if trial is None:
         taught, replayed = (scaled(example, scale) for example in example_trials(seed))
     else:
-        taught = replayed = scaled(recorded_trial(trial, cutoff_hz=0.0), scale)
+        taught = replayed = scaled(recorded_trial(trial, cutoff_hz=0.0, span_s=span_s), scale)
     learnt = learn_from_trials([taught]) if model is None else read_model(model)
     replayed = condition(replayed, cutoff_hz=defaults('hand_tracker')['cutoff_hz'])
     wrist_path = expected_path(learnt, replayed)

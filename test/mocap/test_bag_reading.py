@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 from handover_dmp.common.errors import DataError
 from handover_dmp.handover.scenario import recorded_trial
@@ -161,6 +162,51 @@ def test_a_bag_tells_what_it_is_of(tmp_path, trial):
     again = recorded_trial(folder)
     assert again.label == recorded_trial(folder / 'monday_0.mcap').label == trial.label
     np.testing.assert_allclose(again.demonstrator[-1], trial.demonstrator[-1], atol=5e-3)
+
+
+def run_bag(folder, trial, *, at_s=(2.0,), end_s=9.0):
+    """Write a bag as a run leaves it: both wrists at rest, the handovers, rest again."""
+    from handover_dmp.recording import BagWriter, SENSOR
+    from handover_dmp.recording.messages import pose_stamped
+
+    topics = ('/hand/pose', '/human/pose')
+    with BagWriter(folder) as bag:
+        for topic in topics:
+            bag.add_topic(topic, 'geometry_msgs/msg/PoseStamped', SENSOR)
+        for time_s in np.arange(0.0, end_s, 0.005):
+            begun_s = max((at for at in at_s if at <= time_s), default=at_s[0])
+            since_s = float(np.clip(time_s - begun_s, 0.0, trial.duration_s))
+            # after each handover but the last, both go back
+            over_s = time_s - begun_s - trial.duration_s
+            if len(at_s) > 1 and begun_s != at_s[-1] and over_s > 0.5:
+                since_s = float(np.clip(trial.duration_s - (over_s - 0.5), 0.0, None))
+            time_ns = round((1.0 + time_s) * 1e9)
+            for topic, path in zip(topics, (trial.partner, trial.demonstrator), strict=True):
+                place = [float(np.interp(since_s, trial.times, axis)) for axis in path.T]
+                bag.write_message(topic, pose_stamped(time_ns, place), time_ns)
+    return folder
+
+
+def test_the_handover_in_the_bag_of_a_run_is_found(tmp_path, trial):
+    found = recorded_trial(run_bag(tmp_path / 'bag', trial), cutoff_hz=0.0)
+    assert found.duration_s == pytest.approx(trial.duration_s, abs=0.4)
+    np.testing.assert_allclose(found.partner[-1], trial.partner[-1], atol=0.02)
+    assert re.fullmatch(r'.*bag, [12]\.\d\d s to [34]\.\d\d s', found.source), found.source
+
+
+def test_the_handover_in_a_bag_is_chosen(tmp_path, trial):
+    bag = run_bag(tmp_path / 'bag', trial)
+    chosen = recorded_trial(bag, cutoff_hz=0.0, span_s=(2.0, 3.0))
+    assert chosen.duration_s == pytest.approx(1.0, abs=0.006)
+    np.testing.assert_allclose(chosen.partner[0], trial.partner[0], atol=1e-9)
+    with pytest.raises(DataError, match='0 samples make no handover'):
+        recorded_trial(bag, span_s=(20.0, 30.0))
+
+
+def test_of_several_handovers_in_a_bag_one_is_asked_for(tmp_path, trial):
+    bag = run_bag(tmp_path / 'bag', trial, at_s=(2.0, 8.0), end_s=13.0)
+    with pytest.raises(DataError, match=r'2 handovers, .* say which'):
+        recorded_trial(bag)
 
 
 RUN = {'configuration': 'under_car', 'exchange': 'take', 'number': 3, 'trial': 'under_car take 3'}
