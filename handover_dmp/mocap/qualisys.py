@@ -26,6 +26,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+import re
 
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.markers import choose, MarkerRecording
@@ -33,6 +34,7 @@ from handover_dmp.mocap.tables import iterate_lines, quote
 from handover_dmp.mocap.wide_table import is_number, is_unseen, period_of_rate, WideTable
 
 _MAX_HEADER_LINES = 10_000
+_DECIMAL_COMMA = re.compile('-?[0-9]+,[0-9]+', re.ASCII)
 # Cells of a marker, and of a rigid body.
 _STRIDES = {'3D': 3, '6D': 16}
 _NAMES = {'3D': 'MARKER_NAMES', '6D': 'BODY_NAMES'}
@@ -74,7 +76,9 @@ def read_qualisys(path: str | Path, markers: Sequence[str] | None = None) -> Mar
                 names, table = _layout(header, titles, markers, cells, where)
             table.add(cells, where)
     if table is None:
-        raise DataError(f'{path}: holds no frames')
+        commas = any(_DECIMAL_COMMA.fullmatch(cell) for cell in titles)
+        hint = '; numbers with a decimal comma are not understood' if commas else ''
+        raise DataError(f'{path}: holds no frames{hint}')
     told = _value(header, 'NO_OF_FRAMES', '')
     if told.isdecimal() and len(told) < 12 and int(told) not in (len(table), table.frame_span()):
         raise DataError(f'{path}: {len(table)} frames, the header tells of {int(told)}')
