@@ -87,7 +87,8 @@ def requirements(*extras: str) -> set[str]:
         normal(each.name)
         for each in named
         for extra in ('', *extras)
-        if each.marker is None or each.marker.evaluate({'extra': extra})
+        # on the Python that has wheels of all of them
+        if each.marker is None or each.marker.evaluate({'extra': extra, 'python_version': '3.11'})
     }
 
 
