@@ -23,6 +23,7 @@ from typing import Any
 
 from handover_dmp.bench.measurement import Measurement, time_call
 from handover_dmp.dmp import DecoupledDmp, DmpParameters, learn
+from handover_dmp.tracking.partner_model import PartnerModel
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
@@ -52,6 +53,8 @@ def run(progress: Callable[[str], None]) -> list[Measurement]:
     model: DecoupledDmp = learn(times, path, regression='ridge', basis=BASIS)
     progress('step')
     figures = [_step(model, times, path)]
+    progress('partner model')
+    figures.append(_partner(model, times, path))
     progress('rollout')
     figures.append(_rollout(model, times, path))
     progress('1,000 rollouts')
@@ -116,6 +119,29 @@ def _floor_of_step() -> None:
         vy += ay * dt
         vz += az * dt
         state = ((x + vx * dt, y + vy * dt, z + vz * dt), (vx, vy, vz))
+
+
+def _partner(model: DecoupledDmp, times: Array, path: Array) -> Measurement:
+    """Expect a hand that comes towards the demonstration, and step at the rate of its pace."""
+    hands = path[-1] + 0.5 * (path[-1] - path)
+    knowing = model.with_partner_path(hands[:: (SAMPLES - 1) // 100])
+    seen = [tuple(hand) for hand in hands.tolist()]
+    still, dt = (0.0, 0.0, 0.0), DURATION_S / (SAMPLES - 1)
+    PartnerModel(knowing)  # its table is made once for each model
+
+    def through() -> None:
+        expect, step, state = PartnerModel(knowing).expect, knowing.step, knowing.initial_state()
+        for hand in seen:
+            found = expect(hand, still, state, dt)
+            state = step(state, found.goal, found.goal_velocity, dt, found.phase_rate)
+
+    return Measurement(
+        'partner model and DMP step, one period',
+        1e6 / SAMPLES * time_call(through, rounds=31),
+        'µs',
+        target=20.0,
+        note='filter, trust, expected goal, phase rate; the step at another rate each time',
+    )
 
 
 def _rollout(model: DecoupledDmp, times: Array, path: Array) -> Measurement:

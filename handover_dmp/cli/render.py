@@ -41,6 +41,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'where handover.mp4 and handover.webp go, or the one file to make, .mp4, .webp or .gif; '
         'default: the folder of the run, or <bag>_film',
     )
+    parser.add_argument(
+        '--beside',
+        type=Path,
+        metavar='RUN',
+        help='another run, filmed beside it, each of --size and under the name of its folder',
+    )
     parser.add_argument('--video', type=Path, metavar='FILE', help='MP4, in place of that one')
     parser.add_argument(
         '--image', type=Path, metavar='FILE', help='WebP or GIF, in place of that one'
@@ -110,6 +116,7 @@ def run(options: argparse.Namespace) -> int:
         count = film(
             options.source,
             how,
+            beside=options.beside,
             video=video,
             image=image,
             jobs=max(1, jobs),

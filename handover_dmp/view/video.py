@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -50,6 +50,8 @@ class Film:
         rate_hz: pictures a second.
         speed: of the film; 1 is real time, 0.5 half of it.
         arm: which one; what it leaves empty is that of the bag.
+        namespace: of the topics, in a bag of several graphs.
+        title: stands above the picture.
 
     """
 
@@ -59,6 +61,7 @@ class Film:
     speed: float = 1.0
     arm: ArmChoice = field(default_factory=ArmChoice)
     namespace: str | None = None
+    title: str = ''
 
     def __post_init__(self) -> None:
         """Refuse what no encoder takes."""
@@ -89,6 +92,7 @@ def film(
     source: Path,
     options: Film,
     *,
+    beside: Path | None = None,
     video: Path | None = None,
     image: Path | None = None,
     jobs: int = 1,
@@ -100,6 +104,8 @@ def film(
     Args:
         source: folder of a run, folder of its bag, or MCAP file.
         options: how.
+        beside: another run, filmed beside it from the same moment of its handover on; both bear
+            the names of their folders, and each has the size of `options`.
         video: MP4 file to write; None: none.
         image: animated image to write (WebP or GIF), of half the rate.
         jobs: processes that draw.
@@ -117,24 +123,37 @@ def film(
         raise UsageError(f'{image}: an animated image ends in {" or ".join(IMAGE_SUFFIXES)}')
     every_other: list[Image.Image] = []
     with ExitStack() as stack:
-        write = stack.enter_context(_VideoFile(video, options)) if video is not None else None
-        stage = stack.enter_context(set_up(source, options.arm, options.namespace))
-        times = options.times(stage)
-        held = [times[-1]] * round(HOLD_S * options.rate_hz)
-        if jobs > 1:
-            pictures = stack.enter_context(_Painters(source, options, jobs)).paint(times)
-        else:
-            pictures = paint(stage, options, times)
-        progress(0, len(times))
-        for index, picture in enumerate(_with_last_held(pictures, len(held))):
+        sources = [source] if beside is None else [source, beside]
+        film_size = len(sources) * options.width, options.height
+        write = None
+        if video is not None:
+            write = stack.enter_context(_VideoFile(video, options, film_size))
+        stages = [
+            stack.enter_context(set_up(each, options.arm, options.namespace)) for each in sources
+        ]
+        each_times = [options.times(stage) for stage in stages]
+        count = max(map(len, each_times))
+        held = round(HOLD_S * options.rate_hz)
+        columns = []
+        for each, stage, times in zip(sources, stages, each_times, strict=True):
+            titled = options if beside is None else replace(options, title=each.resolve().name)
+            moments = times + times[-1:] * (count - len(times))
+            if jobs > 1:
+                painters = _Painters(each, titled, max(1, jobs // len(sources)))
+                columns.append(stack.enter_context(painters).paint(moments))
+            else:
+                columns.append(paint(stage, titled, moments))
+        pictures = (np.hstack(row) for row in zip(*columns, strict=True))
+        progress(0, count)
+        for index, picture in enumerate(_with_last_held(pictures, held)):
             if write is not None:
                 write(picture)
             if image is not None and index % 2 == 0:
                 every_other.append(Image.fromarray(picture))
-            progress(min(index + 1, len(times)), len(times))
+            progress(min(index + 1, count), count)
     if image is not None:
         save_animation(every_other, image, 2.0 / options.rate_hz)
-    return len(times) + len(held)
+    return count + held
 
 
 def paint(stage: Stage, options: Film, times: Iterable[float]) -> Iterator[Pixels]:
@@ -161,6 +180,8 @@ def paint(stage: Stage, options: Film, times: Iterable[float]) -> Iterator[Pixel
         draw = ImageDraw.Draw(picture)
         for column, word in enumerate(words):
             draw.text((size * (1 + 6 * column), options.height - 2 * size), word, INK, font)
+        if options.title:
+            draw.text((size, size), options.title, INK, font)
         yield np.asarray(picture)
 
 
@@ -215,7 +236,7 @@ def _with_one_palette(pictures: Sequence[Image.Image]) -> list[Image.Image]:
 class _VideoFile:
     """An MP4 file that appears when it is whole; called with one picture after the other."""
 
-    def __init__(self, path: Path, options: Film) -> None:
+    def __init__(self, path: Path, options: Film, size: tuple[int, int]) -> None:
         try:
             import imageio_ffmpeg
         except ImportError as error:
@@ -223,6 +244,7 @@ class _VideoFile:
         self._library = imageio_ffmpeg
         self._path = path
         self._options = options
+        self._size = size
         self._stack = ExitStack()
 
     def __enter__(self) -> _VideoFile:
@@ -233,7 +255,7 @@ class _VideoFile:
         options = self._options
         self._encoder = self._library.write_frames(
             str(temporary),
-            (options.width, options.height),
+            self._size,
             fps=options.rate_hz,
             quality=QUALITY,
             macro_block_size=2,

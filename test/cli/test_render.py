@@ -68,6 +68,19 @@ def test_the_video_plays_for_as_long_as_it_says(filmed: Path) -> None:
     assert made['length_s'] == pytest.approx(1.38 + 0.8, abs=0.15)
 
 
+def test_two_runs_side_by_side(filmed: Path, runs: ModuleType, tmp_path: Path) -> None:
+    other = runs.write_run(tmp_path / 'other')
+    words = ['render', str(filmed), '--beside', str(other), '-o', str(tmp_path / 'both.mp4')]
+    assert main([*words, *SMALL]) == 0
+    both, alone = pictures(tmp_path / 'both.mp4'), pictures(filmed / 'handover.mp4')
+    assert both.shape == (len(alone), 120, 320, 3)
+    # the same run on both sides, under another name
+    left, right = both[:, 20:, :160].astype(float), both[:, 20:, 160:].astype(float)
+    assert np.abs(left - right).mean() < 2.0
+    assert np.abs(left - alone[:, 20:].astype(float)).mean() < 3.0
+    assert np.abs(both[:, :20, :160].astype(float) - alone[:, :20]).max() > 50.0
+
+
 def test_the_pixel_format_is_one_that_browsers_play(filmed: Path) -> None:
     words = [imageio_ffmpeg.get_ffmpeg_exe(), '-hide_banner', '-i', str(filmed / 'handover.mp4')]
     told = subprocess.run(words, capture_output=True, text=True).stderr
