@@ -241,7 +241,7 @@ def _timing_table(summary: Sequence[Row]) -> Table:
     table = Table(
         box=box.SIMPLE_HEAD,
         padding=(0, 0, 0, 1),
-        title='How much of the distance is time: each rollout moved in time to where it fits best',
+        title='Distance after the best shift in time, and that shift',
     )
     table.add_column('method', no_wrap=True)
     table.add_column('learn', no_wrap=True)
