@@ -31,6 +31,7 @@ if the object was handed over.
 from __future__ import annotations
 
 from functools import partial
+import json
 from pathlib import Path
 import shlex
 import sys
@@ -40,7 +41,7 @@ from xml.etree import ElementTree
 
 from ament_index_python.packages import get_package_prefix, PackageNotFoundError
 from handover_dmp.common.resources import share_path
-from handover_dmp.topics import TOPICS
+from handover_dmp.topics import FRAME, TOPICS
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch.conditions import IfCondition
@@ -120,7 +121,9 @@ def nodes(context: LaunchContext) -> list[Node]:
         )
         for name in NODES
     ]
-    return graph + viewers(robot, chosen['namespace'], simulated)
+    frame = frame_of(chosen)
+    write_layout(own.parent, frame)
+    return graph + viewers(robot, chosen['namespace'], simulated, frame)
 
 
 def end(name: str, event: ProcessExited, _context: LaunchContext) -> Shutdown:
@@ -187,7 +190,29 @@ def prepare(chosen: dict[str, str]) -> tuple[Any, Path]:
     return scenario.robot, file
 
 
-def viewers(robot: Any, namespace: str, simulated: bool) -> list[Node]:
+def frame_of(chosen: dict[str, str]) -> str:
+    """Return the frame of all positions, as the parameters of the user have it."""
+    from handover_dmp.common.plain_yaml import load_plain
+    from handover_dmp.common.ros_parameters import merged, sections
+    from handover_dmp.common.settings import defaults
+
+    told = sections(load_plain(Path(chosen['parameters']).read_text(encoding='utf-8')))
+    node = f'/{chosen["namespace"].strip("/")}/dmp'.replace('//', '/')
+    return str(merged(told, node).get('frame', defaults('dmp')['frame']))
+
+
+def write_layout(folder: Path, frame: str) -> None:
+    """Leave a layout for Foxglove in the folder of the run, if its frame is not the usual one."""
+    layout = share_path('config/handover.foxglove.json')
+    if frame == FRAME:
+        return
+    text = layout.read_text(encoding='utf-8')
+    for key in ('followTf', 'frameId'):
+        text = text.replace(f'"{key}": "{FRAME}"', f'"{key}": {json.dumps(frame)}')
+    (folder / layout.name).write_text(text, encoding='utf-8')
+
+
+def viewers(robot: Any, namespace: str, simulated: bool, frame: str) -> list[Node]:
     """Make the viewers that were asked for, and the transforms that they need."""
     wanted = IfCondition(
         OrSubstitution(LaunchConfiguration('rviz'), LaunchConfiguration('foxglove'))
@@ -213,7 +238,7 @@ def viewers(robot: Any, namespace: str, simulated: bool) -> list[Node]:
             arguments=[
                 '--x', x, '--y', y, '--z', z, '--roll', str(robot.base.roll),
                 '--pitch', str(robot.base.pitch), '--yaw', str(robot.base.yaw),
-                '--frame-id', 'world', '--child-frame-id', root_link(robot.urdf_text),
+                '--frame-id', frame, '--child-frame-id', root_link(robot.urdf_text),
             ],
             namespace=namespace or None,
             parameters=[use_sim_time],
@@ -224,7 +249,7 @@ def viewers(robot: Any, namespace: str, simulated: bool) -> list[Node]:
             package='rviz2',
             executable='rviz2',
             namespace=namespace or None,
-            arguments=['-d', str(share_path('config/handover.rviz'))],
+            arguments=['-d', str(share_path('config/handover.rviz')), '-f', frame],
             parameters=[use_sim_time],
             remappings=[*shown, *own_time],
             condition=IfCondition(LaunchConfiguration('rviz')),

@@ -19,6 +19,7 @@ from __future__ import annotations
 from array import array
 import ast
 from importlib.util import module_from_spec, spec_from_file_location
+import json
 from pathlib import Path
 import signal
 import subprocess
@@ -98,6 +99,28 @@ def sections(file: Path) -> dict[str, dict[str, Any]]:
     return {
         section.removeprefix('/**/'): values['ros__parameters'] for section, values in read.items()
     }
+
+
+@pytest.mark.parametrize('section', ['/**', '/**/dmp', 'dmp', '/left/dmp'])
+def test_the_viewers_follow_the_frame(
+    functions: dict[str, Any], tmp_path: Path, section: str
+) -> None:
+    told = tmp_path / 'told.yaml'
+    told.write_text(yaml.safe_dump({section: {'ros__parameters': {'frame': 'room'}}}))
+    space = 'left' if 'left' in section else ''
+    frame = functions['frame_of'](choose(functions, parameters=str(told), namespace=space))
+    assert frame == 'room'
+    functions['write_layout'](tmp_path, frame)
+    layout = json.loads((tmp_path / 'handover.foxglove.json').read_text(encoding='utf-8'))
+    scene = layout['configById']['3D!scene']
+    assert scene['followTf'] == scene['layers']['grid']['frameId'] == 'room'
+    assert '"world"' not in json.dumps(layout)
+
+
+def test_the_usual_frame_needs_no_layout(functions: dict[str, Any], tmp_path: Path) -> None:
+    assert functions['frame_of'](choose(functions)) == 'world'
+    functions['write_layout'](tmp_path, 'world')
+    assert not any(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize('direction', ['give', 'take'])

@@ -235,19 +235,13 @@ def _tell(
 ) -> int:
     from handover_dmp.common.files import write_text
     from handover_dmp.tracking.calibration_figure import draw_calibration
-    from handover_dmp.tracking.calibration_file import node_parameters, outcome, tells_delay
+    from handover_dmp.tracking.calibration_file import node_parameters, outcome
     from rich.console import Console
 
     figure = options.output.with_suffix('.png')
     draw_calibration(found, figure)
     console = Console(soft_wrap=True, highlight=False)
     _show(console, found)
-    if 'delay' not in found.undetermined and not tells_delay(found):
-        console.print(
-            f'the tracker stamps {-1e3 * found.delay_s:.1f} ms before it measures: its clock is '
-            'ahead; set it, since the nodes take no negative delay',
-            style='yellow',
-        )
     for warning in found.warnings:
         console.print(warning, style='yellow')
     determined = not {'rotation', 'position'} & set(found.undetermined)

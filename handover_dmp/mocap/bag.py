@@ -314,7 +314,7 @@ class _Stream:
             stamps if stamped and clock == 'stamp' else logs,
             logs - stamps if stamped else np.zeros(0, dtype=np.int64),
             logs,
-            np.array([body.position for _, body in rows]),
+            np.array([body.seen_position for _, body in rows]),
             np.array([body.orientation or (float('nan'),) * 4 for _, body in rows]),
             unstamped,
         )

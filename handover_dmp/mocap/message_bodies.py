@@ -44,8 +44,9 @@ class Body(NamedTuple):
         name: what the message calls it; empty where it does not.
         stamp_ns: time of its header, ns; 0 where there is none.
         frame: of its header; empty where there is none.
-        position: x, y, z, m; NaN where the message says that the body was not seen.
+        position: x, y, z, m, as the message has it.
         orientation: quaternion x, y, z, w; None where the message has none.
+        covariance: (36,), m² and rad²; None where the message has none.
 
     """
 
@@ -54,6 +55,17 @@ class Body(NamedTuple):
     frame: str
     position: tuple[float, float, float]
     orientation: tuple[float, float, float, float] | None = None
+    covariance: Sequence[float] | None = None
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether the message says that the body was not seen."""
+        return bool(no_pose(self.position, self.orientation, self.covariance))
+
+    @property
+    def seen_position(self) -> tuple[float, float, float]:
+        """x, y, z, m; NaN where the body was not seen."""
+        return (float('nan'),) * 3 if self.is_lost else self.position
 
 
 def bodies(message: Any) -> list[Body] | None:
@@ -93,10 +105,8 @@ def _body(member: Any, message: Any) -> Body | None:
     except (AttributeError, TypeError, ValueError):
         return None
     turn = getattr(pose, 'orientation', None) or getattr(pose, 'rotation', None)
-    orientation = _quaternion(turn)
-    if no_pose(position, orientation, covariance):
-        position = (float('nan'),) * 3
-    return Body(_name(member), stamp_ns, frame.lstrip('/'), position, orientation)
+    frame = frame.lstrip('/')
+    return Body(_name(member), stamp_ns, frame, position, _quaternion(turn), covariance)
 
 
 def _quaternion(turn: Any) -> tuple[float, float, float, float] | None:

@@ -21,6 +21,7 @@ For the demo, the benchmark and the tests. Whoever uses `ros2 launch` has no nee
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 import faulthandler
 from math import inf
 import os
@@ -66,7 +67,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 NODES = ('recorder', 'hand_tracker', 'dmp', 'priority_ik', 'robot_sim')
-RECORDED_AND_READ = (HAND_POSE, WRIST_POSE, POSE_COMMAND, TWIST_COMMAND, IK_STATUS, JOINT_STATES)
+RECORDED_AND_READ = (WRIST_POSE, POSE_COMMAND, TWIST_COMMAND, IK_STATUS, JOINT_STATES)
 RECORDED_ALONE = (DEMONSTRATOR_POSE, PHASE)
 START_TIMEOUT_S = 90.0
 CALL_TIMEOUT_S = 30.0
@@ -356,13 +357,21 @@ class Graph:
         if set(self._nodes) != set(NODES):
             there = self.node.get_node_names_and_namespaces()
             return all((name, self._namespace) in there for name in self._nodes)
-        ends = [(topic.within(self._namespace), 2) for topic in RECORDED_AND_READ]
+        read = (*RECORDED_AND_READ, *self._topics_of_the_hand())
+        ends = [(topic.within(self._namespace), 2) for topic in read]
         ends += [(topic.within(self._namespace), 1) for topic in RECORDED_ALONE]
         ends.append((JOINT_COMMAND.within(self._namespace), 2))
         return all(
             self.node.count_publishers(name) >= 1 and self.node.count_subscribers(name) >= minimum
             for name, minimum in ends
         )
+
+    def _topics_of_the_hand(self) -> list[Topic]:
+        """Return the topics of all trackers, as their parameters have it."""
+        told = self._parameters['dmp']
+        names = told.get('trackers', ['tracker'])
+        topics = [str(told.get(f'{name}.topic', HAND_POSE.relative)) for name in names]
+        return [replace(HAND_POSE, name=f'/{topic.lstrip("/")}') for topic in topics]
 
     def _wait_for(self, condition: Callable[[], bool], timeout_s: float, fault: str) -> None:
         deadline_s = monotonic() + timeout_s

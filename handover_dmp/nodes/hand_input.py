@@ -27,11 +27,11 @@ from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
 from handover_dmp.common.errors import UsageError
-from handover_dmp.mocap.no_pose import no_pose
+from handover_dmp.mocap.message_bodies import bodies, Body
 from handover_dmp.nodes.conversions import NANOSECONDS
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.topics import HAND_POSE
-from handover_dmp.tracking.pose_messages import BodyChooser, READERS, SeenPose
+from handover_dmp.tracking.pose_messages import BodyChooser, TYPES
 from handover_dmp.tracking.tracker import PATIENCE_PERIODS
 from rclpy.subscription import Subscription
 from rclpy.time import Time as RosTime
@@ -58,7 +58,7 @@ class HandPose(NamedTuple):
 
     stamp_ns: int
     tracker: str
-    pose: SeenPose
+    pose: Body
 
 
 class HandInputs:
@@ -136,7 +136,7 @@ class HandInputs:
         ):
             self._take(pose)
 
-    def _on_hand(self, name: str, time: Time, pose: SeenPose) -> None:
+    def _on_hand(self, name: str, time: Time, pose: Body) -> None:
         node = self._node
         heard = HandPose(node.hand_stamp_ns(time), name, pose)
         if not node.lockstep:
@@ -156,7 +156,7 @@ class HandInput:
         self,
         node: HandoverNode,
         name: str,
-        take: Callable[[Time, SeenPose], None],
+        take: Callable[[Time, Body], None],
         refuse: Callable[[str, str], None],
     ) -> None:
         """
@@ -192,8 +192,8 @@ class HandInput:
             node.once_per_second.add(self._look)
 
     def _listen(self, type_name: str) -> Subscription:
-        if type_name not in READERS:
-            raise UsageError(f'messages of type {type_name}: none of {", ".join(READERS)}')
+        if type_name not in TYPES:
+            raise UsageError(f'messages of type {type_name}: none of {", ".join(TYPES)}')
 
         def heard(message: Any) -> None:
             self._on(type_name, message)
@@ -215,7 +215,7 @@ class HandInput:
         # DDS allows a process one type a topic
         self._node.destroy_subscription(self._subscription)
         self._chooser.names.clear()
-        self._type = min(types, key=lambda type_name: (type_name not in READERS, type_name))
+        self._type = min(types, key=lambda type_name: (type_name not in TYPES, type_name))
         try:
             self._subscription = self._listen(self._type)
         except UsageError as error:
@@ -224,7 +224,7 @@ class HandInput:
             self._subscription = self._listen(self._type)
 
     def _on(self, type_name: str, message: Any) -> None:
-        pose = self._chooser.choose(READERS[type_name](message))
+        pose = self._chooser.choose(bodies(message) or [])
         if isinstance(pose, str):
             # of messages about one body each, those about others are no concern of ours
             if pose != 'other_body' or type_name != 'geometry_msgs/msg/TransformStamped':
@@ -232,7 +232,7 @@ class HandInput:
             return
         frame = message.header.frame_id
         # a zero that was moved to another frame would be none
-        if frame != self._node.frame and not no_pose(*pose[1:3]):
+        if frame != self._node.frame and not pose.is_lost:
             place = self._placed(pose.position, message.header)
             if place is None:
                 self._refuse('other_frame', self._of_the_frame(frame))

@@ -34,7 +34,7 @@ from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.nodes.spin import run
 from handover_dmp.recording import BagWriter, Qos
 from handover_dmp.recording.messages import string
-from handover_dmp.topics import CLOCK, DIAGNOSTICS, INFO, Quality, TOPICS
+from handover_dmp.topics import CLOCK, DIAGNOSTICS, HAND_POSE, INFO, Quality, TOPICS
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
@@ -157,11 +157,24 @@ class Recorder(HandoverNode):
             topic.within(self._space)
             for topic in TOPICS
             if topic.quality in STREAMING
+            and topic is not HAND_POSE
             and self._is_wanted(topic.within(self._space))
             and (topic is not CLOCK or self.lockstep)
         ]
+        streams += self._hands(known)
         unheard = [name for name in streams if name not in self._writer.topics]
         return f'nothing yet on {", ".join(unheard)}' if unheard else ''
+
+    def _hands(self, known: set[str]) -> list[str]:
+        """Return the topics on which trackers tell of the hand, as they are or are to be."""
+        usual = HAND_POSE.within(self._space)
+        names = {name for name, _ in self.get_topic_names_and_types()} - known | {usual}
+        hands = [
+            name
+            for name in sorted(names)
+            if name.startswith(usual.removesuffix('pose')) and self.count_publishers(name)
+        ]
+        return [name for name in hands or [usual] if self._is_wanted(name)]
 
     def _is_wanted(self, name: str) -> bool:
         if self._wanted:

@@ -611,7 +611,7 @@ def _seen(message: Any) -> tuple[float, float, float]:
     found = bodies(message)
     if found is None:
         raise AttributeError(f'{type(message).__name__} holds no position')
-    return found[0].position if found else (np.nan,) * 3
+    return found[0].seen_position if found else (np.nan,) * 3
 
 
 def _position(message: Any) -> tuple[float, float, float]:

@@ -19,13 +19,8 @@ from __future__ import annotations
 from typing import Any
 
 from handover_dmp.common.plain_yaml import dump_plain
-from handover_dmp.common.settings import defaults
 from handover_dmp.topics import FRAME
 from handover_dmp.tracking.calibration import Calibration
-
-DELAY = next(
-    name for name in ('tracker.delay_s', 'hand_filter.delay_s') if name in defaults('dmp')
-)
 
 
 def node_parameters(found: Calibration, frame: str, body: str, reference_frame: str) -> str:
@@ -39,7 +34,7 @@ def node_parameters(found: Calibration, frame: str, body: str, reference_frame: 
         reference_frame: that the calibration is in.
 
     Returns:
-        YAML. A delay that is not determined, or less than nothing, is left out.
+        YAML. A delay that is not determined is left out.
 
     """
     tracker: dict[str, Any] = {
@@ -52,24 +47,9 @@ def node_parameters(found: Calibration, frame: str, body: str, reference_frame: 
     values: dict[str, Any] = {'tracker': tracker}
     if reference_frame not in ('', FRAME):
         values['frame'] = reference_frame
-    if tells_delay(found):
-        group, _, name = DELAY.partition('.')
-        values.setdefault(group, {})[name] = round(max(found.delay_s, 0.0), 5)
+    if 'delay' not in found.undetermined:
+        tracker['delay_s'] = round(found.delay_s, 5)
     return dump_plain({'/**': {'ros__parameters': values}})
-
-
-def tells_delay(found: Calibration) -> bool:
-    """
-    Tell whether the parameter file holds the delay.
-
-    Args:
-        found: the calibration.
-
-    Returns:
-        Whether it is determined, and not that of a clock which is ahead.
-
-    """
-    return 'delay' not in found.undetermined and found.delay_s > -found.delay_interval_s
 
 
 def outcome(found: Calibration) -> dict[str, Any]:

@@ -281,8 +281,8 @@ class TrackedHand:
     def _measure(self, number: int) -> HandSample | None:
         sensor = self._sensor
         stamp_s = number / sensor.rate_hz
-        if number < 0:
-            # measured before there was a time
+        if number < 0 or (number == 0 and sensor.delay_s > 0.0):
+            # measured before there was a time, or at zero, which as a stamp means none
             return HandSample(0.0, np.full(3, np.nan)) if self._tells_lost else None
         position = self._seen(number, stamp_s - self._start_s)
         if position is None and not self._tells_lost:

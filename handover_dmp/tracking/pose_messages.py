@@ -12,71 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-Where the hand is, in messages of the types that trackers publish.
-
-By the names of their fields alone, so that a type whose package is not installed does no harm.
-"""
+"""Which body of a message is the hand, and in messages of which types a tracker may tell of it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Sequence
 
+from handover_dmp.mocap.message_bodies import Body
 
-class SeenPose(NamedTuple):
-    """
-    One body in a message.
-
-    Attributes:
-        name: of the body; its number in a `PoseArray`; empty where there is only one.
-        position: x, y, z in m, in the frame of the message.
-        orientation: quaternion x, y, z, w; None where the message has none.
-        covariance: (36,), m² and rad²; None where the message has none.
-
-    """
-
-    name: str
-    position: tuple[float, float, float]
-    orientation: tuple[float, float, float, float] | None = None
-    covariance: Sequence[float] | None = None
-
-
-BodyReader = Callable[[Any], list[SeenPose]]
-
-
-def _xyz(vector: Any) -> tuple[float, float, float]:
-    return vector.x, vector.y, vector.z
-
-
-def _pose(name: str, pose: Any, covariance: Sequence[float] | None = None) -> SeenPose:
-    turn = pose.orientation
-    return SeenPose(name, _xyz(pose.position), (turn.x, turn.y, turn.z, turn.w), covariance)
-
-
-def _transform(message: Any) -> SeenPose:
-    turn = message.transform.rotation
-    place = _xyz(message.transform.translation)
-    return SeenPose(message.child_frame_id, place, (turn.x, turn.y, turn.z, turn.w))
-
-
-READERS: dict[str, BodyReader] = {
-    'geometry_msgs/msg/PoseStamped': lambda m: [_pose('', m.pose)],
-    'geometry_msgs/msg/PoseWithCovarianceStamped': lambda m: [
-        _pose('', m.pose.pose, m.pose.covariance)
-    ],
-    'geometry_msgs/msg/PointStamped': lambda m: [SeenPose('', _xyz(m.point))],
-    'geometry_msgs/msg/TransformStamped': lambda m: [_transform(m)],
-    'geometry_msgs/msg/PoseArray': lambda m: [
-        _pose(str(number), pose) for number, pose in enumerate(m.poses)
-    ],
-    'mocap4r2_msgs/msg/RigidBodies': lambda m: [
-        _pose(body.rigid_body_name, body.pose) for body in m.rigidbodies
-    ],
-    'motion_capture_tracking_interfaces/msg/NamedPoseArray': lambda m: [
-        _pose(body.name, body.pose) for body in m.poses
-    ],
-}
+TYPES = (
+    'geometry_msgs/msg/PoseStamped',
+    'geometry_msgs/msg/PoseWithCovarianceStamped',
+    'geometry_msgs/msg/PointStamped',
+    'geometry_msgs/msg/TransformStamped',
+    'geometry_msgs/msg/PoseArray',
+    'mocap4r2_msgs/msg/RigidBodies',
+    'motion_capture_tracking_interfaces/msg/NamedPoseArray',
+)
+"""Of messages about the hand; their packages need not be installed."""
 
 
 class BodyChooser:
@@ -84,7 +37,7 @@ class BodyChooser:
     Picks the hand among the bodies of messages; never a wrong one where several could be meant.
 
     Attributes:
-        names: of the bodies that were seen.
+        names: of the bodies that were seen; those without have their number.
 
     """
 
@@ -99,7 +52,7 @@ class BodyChooser:
         self._wanted = wanted
         self.names: set[str] = set()
 
-    def choose(self, bodies: Sequence[SeenPose]) -> SeenPose | str:
+    def choose(self, bodies: Sequence[Body]) -> Body | str:
         """
         Pick the hand.
 
@@ -111,9 +64,12 @@ class BodyChooser:
             where several are and none is chosen, `absent` where the list is empty.
 
         """
-        self.names.update(body.name for body in bodies)
+        names = [body.name or str(number) for number, body in enumerate(bodies)]
+        self.names.update(names)
         if self._wanted:
-            found = [body for body in bodies if body.name == self._wanted]
+            found = [
+                body for name, body in zip(names, bodies, strict=True) if name == self._wanted
+            ]
             return found[0] if found else 'other_body' if bodies else 'absent'
         if len(self.names) > 1:
             return 'ambiguous'

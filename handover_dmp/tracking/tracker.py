@@ -65,13 +65,13 @@ class Tracker:
     def __post_init__(self) -> None:
         for item in fields(self):
             value, name = getattr(self, item.name), f'{self.name}.{item.name}'
-            if item.name == 'delay_s':
-                if not math.isfinite(value):
-                    raise UsageError(f'{name}: {value} is not finite')
-            elif item.name == 'bias_drift':
-                if not (math.isfinite(value) and value >= 0.0):
-                    raise UsageError(f'{name}: {value} is not 0 or more')
-            elif isinstance(value, float) and not (math.isfinite(value) and value > 0.0):
+            if item.name in ('name', 'use_covariance', 'bias', 'bias_m'):
+                continue
+            if not (isinstance(value, int | float) and math.isfinite(value)):
+                raise UsageError(f'{name}: {value!r} is no finite number')
+            if item.name == 'bias_drift' and value < 0.0:
+                raise UsageError(f'{name}: {value} is not 0 or more')
+            if item.name not in ('delay_s', 'bias_drift') and value <= 0.0:
                 raise UsageError(f'{name}: {value} is not more than 0')
         if self.bias not in BIASES:
             raise UsageError(f'{self.name}.bias is {self.bias!r}, not one of {", ".join(BIASES)}')

@@ -96,7 +96,7 @@ def read_trackers(names: Sequence[str], seed: int = 0) -> list[TrackerPreset]:
 def _read(name: str) -> list[TrackerPreset]:
     path = Path(name)
     if path.suffix not in ('.yaml', '.yml'):
-        path = share_path(f'config/trackers/{name}.yaml')
+        path = share_path('config/trackers') / f'{name}.yaml'
         if not path.is_file():
             known = sorted(file.stem for file in path.parent.glob('*.yaml'))
             raise UsageError(f'tracker {name!r}: none of {", ".join(known)}, and no .yaml file')
@@ -138,7 +138,7 @@ def _tracker(path: Path, name: str, values: Mapping[str, Any]) -> TrackerPreset:
             str(own.get('topic', defaults('dmp')['tracker.topic'])),
             own,
         )
-    except (TypeError, ValueError) as error:
+    except (UsageError, TypeError, ValueError) as error:
         raise UsageError(f'{path}: {error}') from error
 
 

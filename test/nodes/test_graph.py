@@ -26,16 +26,16 @@ import time
 from typing import Any
 
 from handover_dmp.common.settings import defaults
-from handover_dmp.handover.lockstep import Handover
+from handover_dmp.handover.lockstep import Handover, simulate
 from handover_dmp.handover.scenario import Scenario
 from handover_dmp.mocap import write_data_set
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds, to_joint_command
 from handover_dmp.nodes.graph import Graph, GraphError, isolation, NODES
 from handover_dmp.nodes.lockstep import ASK_AGAIN_S, Lockstep, Pace
 from handover_dmp.nodes.qos import message_class, qos_profile
-from handover_dmp.nodes.run_graph import graph_parameters
+from handover_dmp.nodes.run_graph import graph_parameters, run_graph
 from handover_dmp.recording import read_bag
-from handover_dmp.runs.folder import keep_inputs
+from handover_dmp.runs.folder import keep_inputs, run_info
 from handover_dmp.topics import (
     CLOCK,
     HAND_POSE,
@@ -45,6 +45,7 @@ from handover_dmp.topics import (
     SIGNAL,
     STATE,
 )
+from handover_dmp.tracking.tracker_preset import read_trackers
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
@@ -503,6 +504,52 @@ def test_the_hand_may_come_from_a_bag_or_from_a_slow_tracker(
     hand = sorted(positions(folder / 'bag', '/hand/pose'))
     period_s = 1.0 / 24.0 if source == '24 Hz' else 0.005
     np.testing.assert_allclose(np.diff(hand) * 1e-9, period_s, atol=1e-8)
+
+
+def test_two_trackers_give_the_motion_of_lockstep_and_are_told_of(
+    tmp_path: Path, scenario: Scenario
+) -> None:
+    trackers = read_trackers(['mocap', 'depth_camera'], seed=1)
+    keep_inputs(tmp_path, scenario)
+    topics = {one.name: one.absolute_topic for one in trackers}
+    info = run_info(scenario, 1.0, topics)
+    run_graph(tmp_path, scenario, info, lambda _what, _share: None, trackers)
+    periods = simulate(scenario, trackers=trackers)
+    recorded = positions(tmp_path / 'bag', '/wrist/pose')
+    apart = [
+        np.linalg.norm(recorded[period.time_ns] - period.wrist_position)
+        for period in periods
+        if period.time_ns in recorded
+    ]
+    assert len(apart) > 300
+    assert max(apart) < 1e-3
+    for number, topic in enumerate(topics.values()):
+        seen = positions(tmp_path / 'bag', topic)
+        told = {round(1e9 * one.stamp_s) for period in periods for one in period.hands[number]}
+        assert len(told & set(seen)) > 0.9 * len(told)
+    truth = positions(tmp_path / 'bag', '/hand/truth')
+    errors = []
+    for _, message, _ in read_bag(tmp_path / 'bag', ['/hand/fused']):
+        time_ns = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+        place, covariance = message.pose.pose.position, message.pose.covariance
+        if time_ns in truth:
+            errors.append(np.subtract([place.x, place.y, place.z], truth[time_ns]))
+            assert 0.0 < covariance[0] == covariance[7] == covariance[14] < 0.05**2
+    assert len(errors) > 300
+    assert np.sqrt(np.mean(np.sum(np.square(errors), axis=1))) < 2e-3
+    said = [
+        {value.key: value.value for value in status.values}
+        for _, message, _ in read_bag(tmp_path / 'bag', ['/diagnostics'])
+        for status in message.status
+        if status.name == 'dmp'
+    ]
+    # of the reports those after poses have come; how many these are depends on the machine
+    values = next(one for one in said if float(one.get('mocap: rate (Hz)', 0.0)) > 100.0)
+    assert 0.08 <= float(values['depth_camera: age (s)']) < 0.12
+    bias = [float(axis) for axis in values['depth_camera: bias (mm)'].split(', ')]
+    assert np.linalg.norm(np.subtract(bias, [22.0, 0.0, 0.0])) < 15.0
+    assert float(values['depth_camera: distance (mm)']) < 40.0
+    assert {'mocap: refused (%)', 'depth_camera: rate (Hz)'} <= set(values)
 
 
 def last_way(bag: Path) -> np.ndarray:

@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from math import nan
 import os
+from pathlib import Path
 import time
 from types import SimpleNamespace
 from typing import Any
@@ -33,12 +34,13 @@ from geometry_msgs.msg import (
     TransformStamped,
 )
 from handover_dmp.common.errors import UsageError
+from handover_dmp.mocap.message_bodies import bodies, Body
 from handover_dmp.nodes.hand_input import HandInput
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.tracker_parameters import HAND, ONE_TRACKER
 from handover_dmp.topics import HAND_POSE
 from handover_dmp.tracking.frames import FixedTransform
-from handover_dmp.tracking.pose_messages import BodyChooser, READERS, SeenPose
+from handover_dmp.tracking.pose_messages import BodyChooser
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
@@ -67,11 +69,11 @@ class Listener(HandoverNode):
 
     def __init__(self) -> None:
         super().__init__()
-        self.taken: list[tuple[Time, SeenPose]] = []
+        self.taken: list[tuple[Time, Body]] = []
         self.refused: list[tuple[str, str]] = []
         HandInput(
             self,
-            'tracker',
+            self.values['trackers'][-1],
             lambda stamp, pose: self.taken.append((stamp, pose)),
             lambda reason, text: self.refused.append((reason, text)),
         )
@@ -82,8 +84,9 @@ def listener() -> Iterator[Callable[..., Any]]:
     """Make a listener with parameters, which hears a message until it has dealt with it."""
     opened: list[Callable[[], object]] = []
 
-    def make(**parameters: str) -> Callable[[Any], Listener]:
-        words = [word for item in parameters.items() for word in ('-p', '{}:={}'.format(*item))]
+    def make(topic: str = HAND_POSE.name, **parameters: str) -> Callable[[Any], Listener]:
+        words = [] if topic == HAND_POSE.name else ['-r', f'hand/pose:={topic}']
+        words += [word for item in parameters.items() for word in ('-p', '{}:={}'.format(*item))]
         words = [word.replace('tracker_', 'tracker.') for word in words]
         rclpy.init(args=['--ros-args', *words], domain_id=DOMAIN)
         opened.append(rclpy.try_shutdown)
@@ -103,9 +106,7 @@ def listener() -> Iterator[Callable[..., Any]]:
                 for publisher in publishers.values():
                     speaker.destroy_publisher(publisher)
                 publishers.clear()
-                publishers[kind] = speaker.create_publisher(
-                    kind, HAND_POSE.name, qos_profile_sensor_data
-                )
+                publishers[kind] = speaker.create_publisher(kind, topic, qos_profile_sensor_data)
             # what is still on its way from the last time
             for _ in range(5):
                 executor.spin_once(timeout_sec=0.02)
@@ -165,6 +166,31 @@ def test_every_type_is_heard_when_it_is_told(listener: Any, kind: type, body: st
     assert (stamp.sec, pose.position) == (7, PLACE)
 
 
+def test_vrpn_mocap_needs_one_remap(listener: Any) -> None:
+    """It publishes the poses of each body, `/vrpn_mocap/BODY/pose`, as `PoseStamped`."""
+    hear = listener('/vrpn_mocap/wrist/pose')
+    stamp, pose = hear(filled(PoseStamped)).taken[0]
+    assert (stamp.sec, pose.position) == (7, PLACE)
+    for page in ('README.md', 'docs/trackers.md'):
+        text = (Path(__file__).parents[2] / page).read_text(encoding='utf-8')
+        assert '-r hand/pose:=/vrpn_mocap/wrist/pose' in text
+
+
+def test_a_tracker_of_several_is_heard_by_its_own_parameters(listener: Any) -> None:
+    hear = listener(
+        '/body/wrist',
+        trackers='[mocap, camera]',
+        **{
+            'camera.topic': '/body/wrist',
+            'camera.frame': 'camera',
+            'camera.position': '[0.0, 0.0, 1.0]',
+            'mocap.frame': 'camera',
+        },
+    )
+    seen = hear(filled(PoseStamped, frame='camera')).taken[0][1]
+    np.testing.assert_allclose(seen.position, np.add(PLACE, (0.0, 0.0, 1.0)))
+
+
 def test_the_type_is_looked_up_where_it_is_not_told(listener: Any) -> None:
     hear = listener()
     assert hear(filled(PointStamped)).taken[0][1].position == PLACE
@@ -212,20 +238,24 @@ def named(name: str, x: float) -> SimpleNamespace:
 
 
 @pytest.mark.parametrize(
-    ('type_name', 'field'),
+    'field',
     [
-        ('mocap4r2_msgs/msg/RigidBodies', 'rigidbodies'),
-        ('motion_capture_tracking_interfaces/msg/NamedPoseArray', 'poses'),
+        # mocap4r2_msgs/msg/RigidBodies, motion_capture_tracking_interfaces/msg/NamedPoseArray
+        'rigidbodies',
+        'poses',
     ],
 )
-def test_lists_of_named_bodies(type_name: str, field: str) -> None:
+def test_lists_of_named_bodies(field: str) -> None:
     """By the fields that their packages define, since these are not installed here."""
-    message = SimpleNamespace(**{field: [named('object', 1.0), named('wrist', 2.0)]})
-    found = BodyChooser('wrist').choose(READERS[type_name](message))
-    assert isinstance(found, SeenPose)
+    header = SimpleNamespace(stamp=Time(), frame_id='mocap')
+    message = SimpleNamespace(
+        header=header, **{field: [named('object', 1.0), named('wrist', 2.0)]}
+    )
+    found = BodyChooser('wrist').choose(bodies(message))
+    assert isinstance(found, Body)
     assert found.position == (2.0, 0.0, 1.0)
-    assert BodyChooser('hand').choose(READERS[type_name](message)) == 'other_body'
-    assert BodyChooser('').choose(READERS[type_name](message)) == 'ambiguous'
+    assert BodyChooser('hand').choose(bodies(message)) == 'other_body'
+    assert BodyChooser('').choose(bodies(message)) == 'ambiguous'
     assert BodyChooser('wrist').choose([]) == 'absent'
 
 

@@ -252,9 +252,10 @@ def test_what_no_transform_mends_is_refused() -> None:
         calibrate(reference, replace(tracker, times=tracker.times + 1000.0))
 
 
-def test_the_parameters_are_those_of_the_nodes_and_undo_the_tracker() -> None:
+@pytest.mark.parametrize('delay_s', [DELAY_S, -0.03])
+def test_the_parameters_are_those_of_the_nodes_and_undo_the_tracker(delay_s) -> None:
     scene = Scene(10)
-    found = calibrate(*scene.paths())
+    found = calibrate(*scene.paths(delay_s=delay_s))
     tree = load_plain(node_parameters(found, 'camera', 'wrist', 'world'))
     values = tree['/**']['ros__parameters']
     flat = {
@@ -268,8 +269,7 @@ def test_the_parameters_are_those_of_the_nodes_and_undo_the_tracker() -> None:
     in_tracker = scene.turn.inv().apply(point - scene.place)
     np.testing.assert_allclose(transform(in_tracker), point, atol=2e-3)
     assert flat['tracker.body'] == 'wrist'
-    (delay,) = (value for name, value in flat.items() if name.endswith('delay_s'))
-    assert delay == pytest.approx(DELAY_S, abs=2e-3)
+    assert flat['tracker.delay_s'] == pytest.approx(delay_s, abs=2e-3)
 
 
 def test_the_figure_has_both_paths_and_what_was_left_out(tmp_path) -> None:

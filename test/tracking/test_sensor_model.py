@@ -72,6 +72,43 @@ def test_jitter_brings_poses_out_of_order():
     assert (arrivals - stamps).max() <= 0.03 + 1e-9
 
 
+AT_S = 20.0
+
+
+def seen_with(**fault):
+    """Watch the long motion with a fault and without it; return stamps and both paths."""
+    times, path = long_motion()
+    whole, seen = (
+        SensorModel(50.0, 1e-3, seed=2, **changes).observe_motion(times, path)
+        for changes in ({}, fault)
+    )
+    positions = [np.array([pose.position for pose in poses]) for poses in (whole, seen)]
+    return np.array([pose.stamp_s for pose in seen]), *positions
+
+
+def test_a_tracker_dies_freezes_jumps_and_drifts():
+    stamps, whole, seen = seen_with(fault='dies', fault_at_s=AT_S)
+    assert stamps.max() < AT_S
+    np.testing.assert_array_equal(seen, whole[: len(seen)])
+    stamps, whole, seen = seen_with(fault='freezes', fault_at_s=AT_S)
+    after = stamps >= AT_S
+    np.testing.assert_array_equal(seen[~after], whole[~after])
+    assert (seen[after] == seen[after][0]).all(), 'to the last bit, its noise and all'
+    stamps, whole, seen = seen_with(fault='jumps', fault_at_s=AT_S, fault_m=(0.0, 0.5, 0.0))
+    off = np.outer(stamps >= AT_S, [0.0, 0.5, 0.0])
+    np.testing.assert_allclose(seen - whole, off, atol=1e-12)
+    stamps, whole, seen = seen_with(fault='drifts', fault_at_s=AT_S, fault_m=(0.05, 0.0, 0.0))
+    share = np.clip(stamps - AT_S, 0.0, 1.0)
+    np.testing.assert_allclose(seen - whole, np.outer(share, [0.05, 0.0, 0.0]), atol=1e-12)
+
+
+def test_an_offset_and_a_wrong_clock():
+    stamps, whole, seen = seen_with(offset_m=(0.01, -0.02, 0.03), clock_s=-0.3)
+    offset = np.tile([0.01, -0.02, 0.03], (len(seen), 1))
+    np.testing.assert_allclose(seen - whole, offset, atol=1e-12)
+    np.testing.assert_allclose(stamps, np.arange(len(stamps)) / 50.0 - 0.3, atol=1e-9)
+
+
 def test_a_seed_sees_the_same(trial):
     def positions(seed):
         seen = SensorModel(noise_m=1e-3, seed=seed).observe(trial)
@@ -95,6 +132,9 @@ def test_everything_lost(trial):
         {'dropout': 1.5},
         {'outliers': -0.1},
         {'seed': -1},
+        {'fault': 'sleeps'},
+        {'offset_m': (0.0, 1.0)},
+        {'clock_s': float('nan')},
     ],
 )
 def test_parameters_out_of_range(wrong):
