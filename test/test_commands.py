@@ -43,6 +43,7 @@ from handover_dmp.dmp.parameter_file import TunedParameters, write_parameters
 from handover_dmp.handover.scenario import make_scenario
 from handover_dmp.mocap import synthesize, write_trial
 from handover_dmp.nodes.graph import Graph, isolate, NODES
+from handover_dmp.nodes.parameters import is_of_tracker
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.nodes.run_graph import graph_parameters
 from handover_dmp.nodes.shutdown import shut_down
@@ -65,7 +66,7 @@ PLAYER = ROOT / 'test' / 'nodes' / 'play_bag.py'
 WAIT_S = 90.0
 SLOW_MOTION = 0.1
 # These take a quarter of a minute and more each.
-MINUTES = (' bench', ' tune ', ' render runs', ' evaluate ', '--robot panda', ' demo --trial')
+MINUTES = (' bench', ' tune ', ' render runs', ' evaluate ', '--robot panda', ' demo --tr')
 
 
 def commands(path: Path) -> list[str]:
@@ -93,6 +94,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp('reader')
     trial = next(trial for trial in synthesize(trials=1) if trial.direction == 'take')
     write_trial(trial, folder / 'my_trial.csv')
+    # those of the checkout, or of where it is installed
+    shutil.copytree(ROOT / 'config', folder / 'config')
     urdf = (ROOT / 'urdf' / 'lwr4.urdf').read_text(encoding='utf-8')
     (folder / 'my_arm.urdf').write_text(urdf, encoding='utf-8')
     kuka = Path(pybullet_data.getDataPath()) / 'kuka_iiwa'
@@ -214,7 +217,8 @@ def run_ros2(words: list[str], folder: Path, request: pytest.FixtureRequest) -> 
         case ['run', 'handover_dmp', node, *arguments]:
             assert node in (*NODES, 'velocity_to_position')
             # one that is not declared would be passed over
-            assert set(re.findall(r'-p (\S+?):=', ' '.join(arguments))) <= {*defaults(node)}
+            told = set(re.findall(r'-p (\S+?):=', ' '.join(arguments)))
+            assert {name for name in told if not is_of_tracker(name)} <= {*defaults(node)}
             command = [sys.executable, '-m', f'handover_dmp.nodes.{node}', *arguments]
             with ended_by_interrupt(command, folder):
                 wait_for_node(node)

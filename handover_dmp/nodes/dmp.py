@@ -224,7 +224,7 @@ class Dmp(HandoverNode):
         self.warn_when_in_vain(self._missing)
         self.say(
             f'commands the wrist by {path or "a synthetic example"} in frame {self.frame}: '
-            f'hears {self.named(HAND_POSE)} and {self.named(WRIST_POSE)}'
+            f'hears {self._hands.named} and {self.named(WRIST_POSE)}'
         )
         self._publish_state()
 
@@ -461,12 +461,12 @@ class Dmp(HandoverNode):
     def _missing(self) -> str:
         now_s = self.arrival_s()
         if now_s - self._wrist_arrival_s > MISSED_S:
-            topic, who = WRIST_POSE, 'priority_ik'
+            topic, name, who = WRIST_POSE, self.named(WRIST_POSE), 'priority_ik'
         elif self._controller.hand_age_s(now_s) > MISSED_S:
-            topic, who = HAND_POSE, 'a tracker'
+            topic, name, who = HAND_POSE, self._hands.named, 'a tracker'
         else:
             return ''
-        return f'waits for {topic.meaning.split(",")[0]} on {self.named(topic)}: is {who} running?'
+        return f'waits for {topic.meaning.split(",")[0]} on {name}: is {who} running?'
 
     def _jumped(self) -> None:
         self._fault('time jumped')

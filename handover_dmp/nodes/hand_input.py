@@ -107,6 +107,13 @@ class HandInputs:
         """Whether a tracker has said something."""
         return bool(self._newest_ns)
 
+    @property
+    def named(self) -> str:
+        """The topics that are heard, as they are called where this node is."""
+        node = self._node
+        topics = [str(node.values[f'{name}.topic']) for name in self._names]
+        return ', '.join(map(node.resolve_topic_name, topics))
+
     def are_there(self, tick_ns: int, timeout_s: float) -> bool:
         """
         Tell, in lockstep, whether there is no pose to be waited for.

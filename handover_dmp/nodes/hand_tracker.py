@@ -120,8 +120,9 @@ class HandTracker(HandoverNode):
             self.every(period_s, self._tick)
         Diagnostics(self, self._periods, self._condition)
         what = values['bag'] if values['source'] == 'bag' else values['trial']
+        shown = ', '.join(publisher.topic_name for publisher in self._hand_poses)
         self.say(
-            f'shows the hand of {what or "a synthetic trial"} on {self.named(HAND_POSE)}: replays '
+            f'shows the hand of {what or "a synthetic trial"} on {shown}: replays '
             + ('by itself' if values['replay_at_s'] >= 0.0 else 'when told to by ~/replay')
         )
 

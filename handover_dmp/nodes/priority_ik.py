@@ -55,7 +55,6 @@ from handover_dmp.robot.priority_ik import PriorityIk
 from handover_dmp.robot.tasks import WristTarget
 from handover_dmp.robot.wrist_controller import WristController, WristControllerOptions
 from handover_dmp.topics import (
-    HAND_POSE,
     IK_STATUS,
     JOINT_COMMAND,
     JOINT_STATES,
@@ -169,7 +168,7 @@ class PriorityIkNode(HandoverNode):
         self.say_changes(lambda: self._fault or f'follows {self.named(POSE_COMMAND)}')
         self.say(
             f'moves {self._model.wrist_frame} of {self._model.name} in frame {self.frame}: hears '
-            f'{self.named(JOINT_STATES)}, {self.named(POSE_COMMAND)} and {self.named(HAND_POSE)}'
+            f'{self.named(JOINT_STATES)}, {self.named(POSE_COMMAND)} and {self._hands.named}'
         )
 
     def _missing(self) -> str:
