@@ -61,6 +61,8 @@ EXTRAS = {
         'check-jsonschema>=0.29',
         # colcon-core does not work with newer setuptools
         'colcon-common-extensions>=0.3',
+        # The reference implementation of C3D, to hold the reader against.
+        'ezc3d>=1.5; platform_machine == "x86_64" and python_version < "3.14"',
         'hypothesis>=6.100',
         'psutil>=5.9',
         'pytest>=7.4',

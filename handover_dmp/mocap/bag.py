@@ -374,7 +374,7 @@ def _part(path: Path, chosen: list[_Poses], part: int | None) -> list[_Poses]:
     )
     if part is None:
         raise DataError(
-            f'{path}: the clock was set back while it was recorded; say which part of it with '
+            f'{path}: the clock was set back while it was recorded; import one part of it with '
             f'--part ({lengths})'
         )
     if not 1 <= part <= len(parts):

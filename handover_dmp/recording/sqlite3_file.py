@@ -74,6 +74,11 @@ def _read(connection: sqlite3.Connection, path: Path) -> Iterator[McapRecord]:
         definitions = {name: (how, text) for name, how, text in connection.execute(query)}
     query = 'SELECT id, name, type, serialization_format FROM topics'
     for number, name, type_name, encoding in connection.execute(query).fetchall():
+        # A column of sqlite3 may hold anything, whatever its type.
+        if not isinstance(number, int) or not all(
+            isinstance(text, str) for text in (name, type_name, encoding)
+        ):
+            raise DataError(f'{path}: a topic that is none')
         how, text = definitions.get(type_name, ('', '')) or ('', '')
         if not text:
             how, text = 'ros2msg', _known_definition(type_name)
@@ -86,7 +91,8 @@ def _read(connection: sqlite3.Connection, path: Path) -> Iterator[McapRecord]:
         )
     query = 'SELECT topic_id, timestamp, data FROM messages ORDER BY id'
     for count, (number, time_ns, data) in enumerate(connection.execute(query)):
-        if not isinstance(data, bytes) or len(data) > RECORD_LIMIT:
+        whole = isinstance(number, int) and isinstance(time_ns, int) and isinstance(data, bytes)
+        if not whole or len(data) > RECORD_LIMIT:
             raise DataError(f'{path}: message {count + 1} is no message')
         yield Message(
             channel_id=number, log_time=time_ns, publish_time=time_ns, sequence=count, data=data

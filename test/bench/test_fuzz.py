@@ -55,7 +55,7 @@ FOUND = {
     'wrists of a sqlite3 bag': [
         READERS['wrists of a sqlite3 bag']
         .examples()[0]
-        .replace(b'geometry_msgs/msg/PoseStamped', b'geometry_msgs/msg\xff\nPoseStampe')
+        .replace(b'geometry_msgs/msg/PoseStamped', b'geometry_msgs/msg\xff\nPoseStampe'),
     ],
     'bag metadata YAML': [b'a: !!bool maybe', b'a: !!timestamp maybe', b'{' * 5000],
 }

@@ -482,3 +482,22 @@ def test_a_simulation_runs_at_its_own_pace_and_stands_still_now_and_then(tmp_pat
     motion = read_bag_wrists(write(tmp_path / 'bag', streams), '/a', '/b')
     np.testing.assert_array_equal(motion.partner, trial.partner)
     np.testing.assert_allclose(motion.demonstrator, trial.demonstrator, atol=1e-9)
+
+
+@pytest.mark.parametrize('change', [
+    "messages SET timestamp = 'x'", 'messages SET timestamp = 1.5', "messages SET data = 'x'",
+    "messages SET topic_id = 'x'", "topics SET name = x'00'", "topics SET type = x'ff'",
+    'topics SET serialization_format = 3.5',
+])  # fmt: skip
+def test_columns_of_sqlite3_that_hold_something_else(tmp_path, trial, change):
+    import sqlite3
+
+    streams = [
+        ('/hand/pose', POSE, 'world', rows(trial.times, trial.partner)),
+        ('/human/pose', POSE, 'world', rows(trial.times, trial.demonstrator)),
+    ]
+    folder = write(tmp_path / 'bag', streams, storage='SQLITE3')
+    with sqlite3.connect(folder / 'bag.db3') as connection:
+        connection.execute(f'UPDATE {change}')
+    with pytest.raises(DataError, match=r'bag\.db3: '):
+        read_bag_wrists(folder)
