@@ -237,7 +237,8 @@ def _check(options: argparse.Namespace) -> None:
         for name in ('giver', 'near', 'apart', 'moving', 'reach'):
             if getattr(options, name) is not None:
                 raise UsageError(f'--{name} needs --segment')
-    if both := set(options.p1 or []) & set(options.p2 or []):
+    both = set(options.p1 or []) & set(options.p2 or [])
+    if both and options.format != 'bag':
         raise UsageError(f'--p1 and --p2 both name {min(both)!r}; they are two people')
     if options.format == 'bag':
         if max(len(options.p1 or []), len(options.p2 or [])) > 1:

@@ -94,6 +94,8 @@ def read_bag_wrists(
     streams = [_Stream(path, partner), _Stream(path, demonstrator)]
     _fill(path, streams)
     chosen = [stream.poses(clock) for stream in streams]
+    if chosen[0].label == chosen[1].label:
+        raise DataError(f'{path}: both wrists are {chosen[0].label}; they are of two people')
     if chosen[0].frame != chosen[1].frame:
         first, second = chosen
         raise DataError(

@@ -56,9 +56,9 @@ def read_sqlite3(path: Path) -> Iterator[McapRecord]:
     try:
         with closing(sqlite3.connect(place, uri=True)) as connection:
             yield from _read(connection, path)
-    except (sqlite3.Error, ValueError, TypeError, OverflowError) as error:
-        # The library quotes what stands in the file.
-        what = repr(str(error))[1:-1]
+    except (sqlite3.Error, ValueError, TypeError, OverflowError, MemoryError) as error:
+        # The library quotes what stands in the file; of lengths beyond all bounds it says nothing.
+        what = repr(str(error))[1:-1] or 'damaged'
         raise DataError(f'{path}: not a sqlite3 bag that can be read: {what}'[:300]) from error
 
 

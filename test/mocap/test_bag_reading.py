@@ -377,6 +377,12 @@ def test_several_bodies_on_one_topic(tmp_path, trial, kind):
     folder = write_lists(tmp_path / 'bag', kind, trial)
     with pytest.raises(DataError, match=f'/bodies holds several bodies.*/bodies:NAME, of {known}'):
         read_bag_wrists(folder, '/bodies', f'/bodies:{second}')
+    with pytest.raises(DataError, match=f'/bodies holds several bodies.*of {known}'):
+        read_bag_wrists(folder, '/bodies', '/bodies')
+    with pytest.raises(
+        DataError, match=f'both wrists are /bodies:{first}; they are of two people'
+    ):
+        read_bag_wrists(folder, f'/bodies:{first}', f'/bodies:{first}')
     with pytest.raises(DataError, match=f"no 'p3' on /bodies; there are {known}"):
         read_bag_wrists(folder, f'/bodies:{first}', '/bodies:p3')
     motion = read_bag_wrists(folder, f'/bodies:{first}', f'/bodies:{second}')
