@@ -32,7 +32,9 @@ from handover_dmp.handover.controller import (
 from handover_dmp.handover.lockstep import Handover
 from handover_dmp.handover.scenario import example_model, example_trials, make_scenario
 from handover_dmp.handover.teaching import learn_from_trials, rollout_against
+from handover_dmp.tracking import GoalEstimator
 from handover_dmp.tracking.partner_model import PartnerOptions
+from handover_dmp.tracking.tracker import Tracker
 import numpy as np
 from numpy.typing import NDArray
 import pytest
@@ -161,6 +163,34 @@ def test_a_lost_hand_stops_the_phase_and_it_goes_on_without_a_rush(model: Decoup
     loop.run(hand, 1.5)
     assert loop.controller.state is HandoverState.EXCHANGE
     assert loop.accelerations.max() <= AUTO.acceleration_limit * (1 + 1e-9)
+
+
+@pytest.mark.parametrize('names', [['left'], ['left', 'right']])
+def test_expects_the_same_of_a_hand_that_several_trackers_see(
+    model: DecoupledDmp, names: list[str]
+) -> None:
+    """With noise, each at half the rate, against one that sees it truly."""
+    random, hand = np.random.default_rng(3), usual(model)
+    estimator = GoalEstimator(trackers=[Tracker(name=name) for name in names])
+    loop = loop_of(model, AUTO)
+    loop.run(hand, 0.8, begin=True)
+    controller = HandoverController(model, AUTO, estimator)
+    controller.set_wrist(tuple(model.start.tolist()))
+    for k in range(round(0.8 / PERIOD_S)):
+        now_s = k * PERIOD_S
+        place = hand(now_s) + 5e-4 * random.normal(size=3)
+        name = names[k % len(names)]
+        controller.set_hand(now_s, tuple(place.tolist()), now_s, now_s, tracker=name)
+        if k == 0:
+            controller.start()
+        command = controller.step(now_s, PERIOD_S)
+        assert command is not None
+        controller.set_wrist(command.position)
+    true = loop.commands[-1]
+    assert command.expectation is not None and true.expectation is not None
+    assert command.expectation.trust == 1.0
+    assert np.allclose(command.expectation.goal, true.expectation.goal, atol=0.01)
+    assert np.allclose(command.position, true.position, atol=0.01)
 
 
 def test_a_hand_that_comes_late_into_view_begins_there(model: DecoupledDmp) -> None:
