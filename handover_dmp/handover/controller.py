@@ -173,8 +173,8 @@ class WristCommand(NamedTuple):
     phase: float
     goal_weight: float
     hand_age_s: float
-    phase_rate: float
-    expectation: Expectation | None
+    phase_rate: float = 0.0
+    expectation: Expectation | None = None
 
     def status_values(self, time_s: float) -> dict[str, float]:
         """
