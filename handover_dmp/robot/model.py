@@ -211,7 +211,8 @@ class RobotModel:
         wrist_id = model.getFrameId(wrist_frame, pin.FrameType.BODY)
         if any(tool):
             wrist_id = _add_tool(model, wrist_id, tool)
-        limits = _with_strong_motors(found, model)
+        limits, weakness = _with_strong_motors(found, model, joint_names)
+        remarks += [weakness] if weakness else []
         return cls(
             name=tree.get('name', path.stem),
             description=description,
@@ -413,22 +414,32 @@ def _add_tool(model: Any, wrist_id: int, tool: tuple[float, float, float]) -> in
     return int(model.addFrame(frame))
 
 
-def _with_strong_motors(found: EffectiveLimits, model: Any) -> JointLimits:
-    """Give joints of which nobody knows the effort one that can hold and accelerate the arm."""
+def _with_strong_motors(
+    found: EffectiveLimits, model: Any, joint_names: Sequence[str]
+) -> tuple[JointLimits, str]:
+    """
+    Give joints of which nobody knows the effort one that can hold and accelerate the arm.
+
+    Returns:
+        The limits, and which of the efforts that are known cannot hold it; empty if all can.
+
+    """
     limits = found.limits
-    unknown = [source == DEFAULT for source in found.sources['effort']]
-    if not any(unknown):
-        return limits
+    unknown = np.array([source == DEFAULT for source in found.sources['effort']])
     low, high = limits.one_turn
-    data, needed = model.createData(), limits.effort.copy()
+    data, needed, held = model.createData(), limits.effort.copy(), np.zeros(model.nv)
     for q in np.random.default_rng(0).uniform(low, high, (SAMPLED, model.nq)):
         upper = np.triu(pin.crba(model, data, q))
         inertia = np.abs(upper + np.triu(upper, 1).T)
         hold = np.abs(pin.computeGeneralizedGravity(model, data, q))
         needed = np.maximum(needed, hold + inertia @ limits.acceleration)
+        held = np.maximum(held, hold)
     effort = np.where(unknown, needed, limits.effort)
     effort.flags.writeable = False
-    return replace(limits, effort=effort)
+    weak = np.flatnonzero(held > effort).tolist()
+    told = ', '.join(f'{joint_names[i]} {effort[i]:.3g} of {held[i]:.3g} Nm' for i in weak)
+    said = f'effort limits that cannot hold the arm, which may sag in the simulation: {told}'
+    return replace(limits, effort=effort), said if weak else ''
 
 
 def _home(known: Sequence[float | None], limits: JointLimits, model: Any, wrist_id: int) -> Array:

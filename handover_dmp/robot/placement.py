@@ -16,9 +16,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
 import itertools
 
+from handover_dmp.common.settings import defaults
+from handover_dmp.robot.collision import CollisionModel
 from handover_dmp.robot.errors import UnreachableError
 from handover_dmp.robot.model import BasePlacement, RobotModel
 import numpy as np
@@ -52,6 +55,17 @@ LEFT_BONUS = 0.01
 """Decides between mirror images: people reach with the right hand, so the body is to its left."""
 BEHIND_START = 0.15
 """How far behind the start of the way the base stands at least, if it can, m."""
+ANCHORS = 6
+"""Configurations that are put at the middle of the way where distances alone lead to nothing."""
+ANCHOR_SAMPLES = 300
+APART = 0.2
+"""Of the reach, between the wrists of two of them."""
+YAWS = 8
+"""Directions that each of them is turned to."""
+HELD_CLEAR_M = 0.005
+"""What links keep from each other beyond the distance that the inverse kinematics keeps."""
+FLAT = 0.15
+"""Of the reach; an arm whose smallest singular value is never more is as good as flat."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +88,10 @@ def choose_base_placement(
     how well the distances from the shoulder suit the arm; the best of them are tried with the
     joints, following the way point by point, and the one is taken whose worst point is best in
     wrist speed that the joints allow, distance from the position limits and distance from
-    singular postures. The height is free: the arm stands on a pedestal. No chance is involved.
+    singular postures; one in which links come too near each other is none. Where all of those
+    fail, as they do for an arm that hangs from the side of a body, configurations in which the
+    wrist moves well are put at the middle of the way. The height is free: the arm stands on a
+    pedestal. No chance is involved.
 
     Args:
         path: (n, 3), m, the way of the wrist in `world`; samples at equal times, if it matters to
@@ -98,37 +115,131 @@ def choose_base_placement(
         (_distance_cost(wrist_path, _shoulder(wrist_path, middle, offset), reach), tuple(offset))
         for offset in offsets
     )
-    best = _Trial(-np.inf, np.zeros(3), np.inf)
-    for _, offset in ranked[:TRIED]:
-        best = max(best, _tried(model, wrist_path, middle, np.array(offset)), key=_Trial.key)
-    spacing = 0.075 * reach
-    for _ in range(REFINEMENTS):
-        centre = best.offset
-        for axis, side in itertools.product(range(3), (-1.0, 1.0)):
-            offset = centre.copy()
-            offset[axis] += side * spacing
-            best = max(best, _tried(model, wrist_path, middle, offset), key=_Trial.key)
-        spacing /= 2.0
+    best = _search(
+        model,
+        wrist_path,
+        [np.array(offset) for _, offset in ranked[:TRIED]],
+        lambda offset: _placement(model, wrist_path, middle, offset),
+    )
+    if best.missing_m > 0.0:
+        anchored = _search(
+            model,
+            wrist_path,
+            _anchored(model, wrist_path, middle),
+            lambda place: BasePlacement((place[0], place[1], place[2]), place[3]),
+        )
+        best = max(best, anchored, key=_Trial.key)
     if best.missing_m > 0.0:
         length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
         raise UnreachableError(
             f'{model.name} cannot follow this way of {length:.2f} m from any place: '
-            f'{best.missing_m:.3f} m are missing to its farthest point',
+            + _why_not(model, best),
             best.missing_m,
         )
-    return _placement(model, wrist_path, middle, best.offset)
+    return best.base
 
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """How well a placement does; `missing_m` is 0 if the whole way can be followed."""
+    """
+    How well a placement does.
+
+    Attributes:
+        score: the greater the better.
+        base: the placement.
+        missing_m: 0 if the whole way can be followed.
+        blocked: whether it can be reached, but not with the links apart.
+
+    """
 
     score: float
-    offset: Array
+    base: BasePlacement
     missing_m: float
+    blocked: bool = False
 
     def key(self) -> tuple[float, float]:
         return -self.missing_m, self.score
+
+
+def _search(
+    model: RobotModel,
+    wrist_path: _WristPath,
+    starts: Iterable[Array],
+    placed: Callable[[Array], BasePlacement],
+) -> _Trial:
+    """Try placements, then the neighbourhood of the best: along the first three numbers of it."""
+    best, at = _Trial(-np.inf, BasePlacement(), np.inf), np.zeros(4)
+    for start in starts:
+        trial = _tried(model, wrist_path, placed(start))
+        if trial.key() > best.key():
+            best, at = trial, start
+    spacing = 0.075 * model.reach_m
+    for _ in range(REFINEMENTS if np.isfinite(best.missing_m) else 0):
+        centre = at
+        for axis, side in itertools.product(range(3), (-1.0, 1.0)):
+            moved = centre.copy()
+            moved[axis] += side * spacing
+            trial = _tried(model, wrist_path, placed(moved))
+            if trial.key() > best.key():
+                best, at = trial, moved
+        spacing /= 2.0
+    return best
+
+
+def _anchored(model: RobotModel, wrist_path: _WristPath, middle: Array) -> Iterator[Array]:
+    """
+    Put configurations in which the wrist moves well at the middle of the way.
+
+    Yields:
+        Position of the root link and yaw, (4,), of those from which the way can be followed.
+
+    """
+    low, high = model.limits.one_turn
+    shares = np.random.default_rng(0).uniform(-0.8, 0.8, (ANCHOR_SAMPLES, model.dof))
+    samples = [model.home, *((low + high) / 2.0 + shares * (high - low) / 2.0)]
+    samples[1:] = sorted(samples[1:], key=lambda q: -_smallest_singular_value(model, q))
+    turn = np.arctan2(wrist_path.forwards[1], wrist_path.forwards[0])
+    wrists: list[Array] = []
+    for q in samples:
+        wrist = model.base.rotation.T @ (model.wrist_pose(q)[0] - np.array(model.base.position))
+        near = [np.linalg.norm(wrist - other) < APART * model.reach_m for other in wrists]
+        if len(wrists) == ANCHORS or any(near):
+            continue
+        wrists.append(wrist)
+        for yaw in turn + np.linspace(0.0, 2.0 * np.pi, YAWS, endpoint=False):
+            base = BasePlacement(yaw=float(yaw))
+            place = middle - base.rotation @ wrist
+            base = replace(base, position=tuple(place.tolist()))
+            if _followed_from(model, q, _seen_from(model, wrist_path, base)):
+                yield np.array([*place, yaw])
+
+
+def _followed_from(model: RobotModel, configuration: Array, points: Array) -> bool:
+    """Tell whether the way can be followed to both of its ends from a configuration amid it."""
+    half = len(points) // 2
+    for part in (points[half::-1], points[half:]):
+        posture = configuration
+        for point in part:
+            posture, missing = _moved(model, posture, point)
+            if missing > 1e-3:
+                return False
+    return True
+
+
+def _smallest_singular_value(model: RobotModel, configuration: Array) -> float:
+    jacobian = model.wrist_jacobian(configuration)[:3]
+    return float(np.linalg.svd(jacobian, compute_uv=False)[-1])
+
+
+def _why_not(model: RobotModel, best: _Trial) -> str:
+    if best.blocked:
+        return 'its links come too near each other'
+    low, high = model.limits.one_turn
+    samples = np.random.default_rng(0).uniform(low, high, (ANCHOR_SAMPLES, model.dof))
+    sideways = max(_smallest_singular_value(model, q) for q in samples)
+    if sideways < FLAT * model.reach_m:
+        return 'it hardly moves its wrist out of a surface'
+    return f'{best.missing_m:.3f} m are missing to its farthest point'
 
 
 def _wrist_path(path: Array, partner: Array | None) -> _WristPath:
@@ -203,32 +314,39 @@ def _placement(
     return BasePlacement((float(position[0]), float(position[1]), float(position[2])), yaw)
 
 
-def _tried(model: RobotModel, wrist_path: _WristPath, middle: Array, offset: Array) -> _Trial:
-    """Follow the way with the joints from one placement."""
-    base = _placement(model, wrist_path, middle, offset)
-    # the model stays where it is, and the way moves instead
+def _seen_from(model: RobotModel, wrist_path: _WristPath, base: BasePlacement) -> Array:
+    """Return the way as the arm would see it from a placement: it stays, and the way moves."""
     points = (wrist_path.points - np.array(base.position)) @ base.rotation
-    points = points @ model.base.rotation.T + np.array(model.base.position)
+    return np.asarray(points @ model.base.rotation.T + np.array(model.base.position))
+
+
+def _tried(model: RobotModel, wrist_path: _WristPath, base: BasePlacement) -> _Trial:
+    """Follow the way with the joints from one placement."""
+    points = _seen_from(model, wrist_path, base)
     farthest = float(np.linalg.norm(points - model.shoulder, axis=1).max()) - model.reach_m
     if farthest > 0.0:
-        return _Trial(-np.inf, offset, farthest)
+        return _Trial(-np.inf, base, farthest)
     try:
         posture = model.inverse(points[0])
     except UnreachableError as error:
-        return _Trial(-np.inf, offset, max(error.missing_m, 1e-9))
-    ease = []
+        return _Trial(-np.inf, base, max(error.missing_m, 1e-9))
+    ease, clear = [], np.inf
     for i, point in enumerate(points):
         posture, missing = _moved(model, posture, point)
         if missing > 1e-3:
-            return _Trial(-np.inf, offset, missing)
+            return _Trial(-np.inf, base, missing)
+        clear = min(clear, CollisionModel.of(model).min_distance(posture))
         direction = points[min(i + 1, len(points) - 1)] - points[max(i - 1, 0)]
         ease.append(_ease(model, posture, direction, wrist_path.speed_weight[i]))
-    short = max(
-        0.0, BEHIND_START - _behind_start(wrist_path, _shoulder(wrist_path, middle, offset))
-    )
+    if clear < defaults('priority_ik')['collision_distance'] + HELD_CLEAR_M:
+        return _Trial(clear, base, 1e-9, blocked=True)
+    own = model.base.rotation.T @ (model.shoulder - np.array(model.base.position))
+    shoulder = np.array(base.position) + base.rotation @ own
+    short = max(0.0, BEHIND_START - _behind_start(wrist_path, shoulder))
     score = min(ease) + 0.1 * float(np.mean(ease)) - 3.0 * short
-    score += LEFT_BONUS * float(np.sign(np.round(offset[1], 9)))
-    return _Trial(score, offset, 0.0)
+    aside = float((shoulder - wrist_path.points.mean(axis=0)) @ wrist_path.leftwards)
+    score += LEFT_BONUS * float(np.sign(np.round(aside, 9)))
+    return _Trial(score, base, 0.0)
 
 
 def _moved(model: RobotModel, posture: Array, point: Array) -> tuple[Array, float]:

@@ -177,9 +177,16 @@ def test_motors_of_unknown_effort_can_hold_a_heavy_arm(tmp_path):
         'iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
     )
     path = tmp_path / 'heavy.urdf'
-    path.write_text(text.replace('<link name="hand"/>', inertial))
+    text = text.replace('<link name="hand"/>', inertial)
+    path.write_text(text)
     arm = RobotModel.load(path)
     assert arm.limits.effort[1] > 60 * 9.81 * np.cos(0.3)
+    assert not any('cannot hold' in remark for remark in arm.remarks)
+    # what a description says is not made greater, but that it does not suffice is said
+    path.write_text(text.replace('velocity="1.5"', 'velocity="1.5" effort="10"'))
+    arm = RobotModel.load(path)
+    assert arm.limits.effort[1] == 10.0
+    assert re.search(r'cannot hold the arm.*: second 10 of 5\d\d Nm$', arm.remarks[-1])
 
 
 def test_an_entry_of_another_arm_of_the_same_name_does_not_count(tmp_path):

@@ -16,6 +16,8 @@ from __future__ import annotations
 
 from handover_dmp.mocap.data_set import read_data_set
 from handover_dmp.mocap.filtering import condition
+from handover_dmp.robot.collision import CollisionModel
+from handover_dmp.robot.descriptions import example_robot_data_folder
 from handover_dmp.robot.errors import UnreachableError
 from handover_dmp.robot.model import BasePlacement, RobotModel
 from handover_dmp.robot.placement import choose_base_placement
@@ -56,6 +58,58 @@ def test_the_arm_follows_from_where_it_is_put(robot, length):
         assert (path[0, :2] - placed.shoulder[:2]) @ ahead / np.linalg.norm(ahead) > 0.05
         distances = np.linalg.norm(path - placed.shoulder, axis=1)
         assert distances.max() < 0.95 * arm.reach_m
+
+
+@pytest.mark.parametrize(
+    ('file', 'wrist', 'base', 'length'),
+    [
+        # an arm that hangs from a shoulder, one before a chest, one on the back of a robot that
+        # walks, and one whose first joint slides
+        ('simple_humanoid_description/urdf/simple_humanoid.urdf', 'r_wrist', 'torso', 0.35),
+        ('g1_description/urdf/g1_29dof_rev_1_0.urdf', 'left_wrist_yaw_link', 'torso_link', 0.25),
+        ('anymal_b_simple_description/robots/anymal-kinova.urdf', None, None, 0.6),
+        ('tiago_description/robots/tiago_no_hand.urdf', None, None, 0.6),
+    ],
+)
+def test_an_arm_is_put_where_its_own_body_leaves_it_room(file, wrist, base, length):
+    path = arc(length)
+    arm = RobotModel.load(
+        example_robot_data_folder() / 'robots' / file, wrist_frame=wrist, base_frame=base
+    )
+    placed = arm.placed(choose_base_placement(path, arm))
+    ik, bodies = PriorityIk(placed), CollisionModel.of(placed)
+    posture, velocity = placed.inverse(path[0]), np.zeros(placed.dof)
+    steps = 1000
+    for step in range(steps):
+        share = step / steps
+        eased, rate = share**2 * (3 - 2 * share), 6 * share * (1 - share) / (steps * DT)
+        i = eased * (len(path) - 1)
+        at = np.array([np.interp(i, range(len(path)), path[:, k]) for k in range(3)])
+        later = np.array([np.interp(i + 1e-3, range(len(path)), path[:, k]) for k in range(3)])
+        speed = (later - at) / 1e-3 * rate * (len(path) - 1)
+        assert np.linalg.norm(placed.wrist_pose(posture)[0] - at) < 0.005
+        assert step % 50 or bodies.min_distance(posture) > 0.019
+        velocity = ik.solve(posture, velocity, WristTarget(at, speed), DT).joint_velocity
+        posture = posture + velocity * DT
+
+
+def test_an_arm_that_moves_in_a_plane_alone(tmp_path):
+    links = ''.join(f'<link name="l{i}"/>' for i in range(4))
+    joints = ''.join(
+        f'<joint name="j{i}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/><origin '
+        'xyz="0.3 0 0"/><axis xyz="0 1 0"/><limit lower="-2" upper="2" velocity="1" effort="9"/>'
+        '</joint>'
+        for i in range(3)
+    )
+    file = tmp_path / 'flat.urdf'
+    file.write_text(f'<robot name="flat">{links}{joints}</robot>')
+    arm = RobotModel.load(file)
+    path = np.linspace([0.0, 0.0, 1.0], [0.1, 0.2, 1.1], 50)
+    path[:, 0] += 0.1 * np.sin(np.linspace(0.0, np.pi, 50))
+    with pytest.raises(
+        UnreachableError, match=r'flat cannot .*: it hardly moves its wrist out of'
+    ):
+        choose_base_placement(path, arm)
 
 
 def test_does_not_depend_on_where_the_arm_stands_now(lwr4):
