@@ -28,7 +28,8 @@ class UnreachableError(DataError):
     A wrist pose, or a path, that the arm cannot reach.
 
     Attributes:
-        missing_m: how far the nearest point in reach is from the one asked for, m.
+        missing_m: how far the nearest point in reach is from the one asked for, m; infinite for a
+            path that the arm could not follow if it were smaller, either.
 
     """
 

@@ -64,6 +64,10 @@ YAWS = 8
 """Directions that each of them is turned to."""
 HELD_CLEAR_M = 0.005
 """What links keep from each other beyond the distance that the inverse kinematics keeps."""
+NO_WAY = 'cannot follow this way from any place:'
+FLAT_REASON = 'it hardly moves its wrist out of a surface'
+PLANE = 1e-3
+"""Of the reach, what is as good as in a plane."""
 FLAT = 0.15
 """Of the reach; an arm whose smallest singular value is never more is as good as flat."""
 
@@ -115,6 +119,10 @@ def choose_base_placement(
         (_distance_cost(wrist_path, _shoulder(wrist_path, middle, offset), reach), tuple(offset))
         for offset in offsets
     )
+    sideways = _sideways(model)
+    if sideways < PLANE * reach and _depth(wrist_path) > PLANE * reach:
+        # a smaller motion would not help
+        raise UnreachableError(f'{model.name} {NO_WAY} {FLAT_REASON}', np.inf)
     best = _search(
         model,
         wrist_path,
@@ -132,8 +140,8 @@ def choose_base_placement(
     if best.missing_m > 0.0:
         length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
         raise UnreachableError(
-            f'{model.name} cannot follow this way of {length:.2f} m from any place: '
-            + _why_not(model, best),
+            f'{model.name} {NO_WAY.replace("way", f"way of {length:.2f} m")} '
+            + _why_not(best, sideways < FLAT * reach),
             best.missing_m,
         )
     return best.base
@@ -231,15 +239,24 @@ def _smallest_singular_value(model: RobotModel, configuration: Array) -> float:
     return float(np.linalg.svd(jacobian, compute_uv=False)[-1])
 
 
-def _why_not(model: RobotModel, best: _Trial) -> str:
-    if best.blocked:
-        return 'its links come too near each other'
+def _sideways(model: RobotModel) -> float:
+    """Return the greatest smallest singular value of many configurations, m per rad."""
     low, high = model.limits.one_turn
     samples = np.random.default_rng(0).uniform(low, high, (ANCHOR_SAMPLES, model.dof))
-    sideways = max(_smallest_singular_value(model, q) for q in samples)
-    if sideways < FLAT * model.reach_m:
-        return 'it hardly moves its wrist out of a surface'
-    return f'{best.missing_m:.3f} m are missing to its farthest point'
+    return max(_smallest_singular_value(model, q) for q in samples)
+
+
+def _depth(wrist_path: _WristPath) -> float:
+    """Return how far a way leaves the plane that it is nearest to, m."""
+    about_middle = wrist_path.points - wrist_path.points.mean(axis=0)
+    normal = np.linalg.svd(about_middle)[2][-1]
+    return float(np.abs(about_middle @ normal).max())
+
+
+def _why_not(best: _Trial, flat: bool) -> str:
+    if best.blocked:
+        return 'its links come too near each other'
+    return FLAT_REASON if flat else f'{best.missing_m:.3f} m are missing to its farthest point'
 
 
 def _wrist_path(path: Array, partner: Array | None) -> _WristPath:

@@ -18,9 +18,16 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+import subprocess
+import sys
 
+from handover_dmp.bench.odd_arms import odd_arm
 from handover_dmp.cli.main import main
 from handover_dmp.common.resources import share_path
+from handover_dmp.handover.lockstep import simulate
+from handover_dmp.handover.scenario import make_scenario
+from handover_dmp.runs.bag import write_run_bag
+from handover_dmp.runs.folder import run_info
 import numpy as np
 from PIL import Image
 import pytest
@@ -54,3 +61,72 @@ def test_an_arm_that_cannot_be_used(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert capsys.readouterr().err == (
         f'handover_dmp robot: {arm}: no joint moves any link; is it an arm?\n'
     )
+
+
+@pytest.fixture(scope='module')
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Record a run, to draw another arm into."""
+    folder = tmp_path_factory.mktemp('run')
+    scenario = make_scenario()
+    write_run_bag(folder / 'bag', scenario, simulate(scenario), run_info(scenario, 1.0))
+    return folder
+
+
+WRONG = {
+    'the only jaw of a gripper': 'say which link is the wrist',
+    'two arms': 'say which link is the wrist',
+    'an axis of no direction': "joint 'j2' has an axis of no direction",
+    'a ball joint': "joint 'j1' is ball",
+    'a loop in place of a tree': 'must form a tree',
+    'macros of xacro that are not expanded': 'a xacro that is not expanded',
+}
+
+
+@pytest.mark.parametrize('name', WRONG)
+def test_every_command_says_the_same_line_before_anything_starts(
+    name: str, recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, run = str(odd_arm(name, tmp_path).path), str(tmp_path / 'run')
+    said = set()
+    for words in (
+        ['robot', file],
+        ['simulate', '--robot', file, '-o', run],
+        ['demo', '--robot', file, '-o', run],
+        ['render', str(recorded), '--robot', file, '-o', str(tmp_path / 'film.mp4')],
+        ['view', str(recorded), '--robot', file, '--no-browser'],
+    ):
+        assert main(words) == 1
+        line = capsys.readouterr().err.splitlines()[-1]
+        start = f'handover_dmp {words[0]}: '
+        assert line.startswith(start)
+        said.add(line.removeprefix(start))
+    assert len(said) == 1
+    assert said.pop().startswith(f'{file}: ') and WRONG[name] in line
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['odd.urdf']
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize('node', ['robot_sim', 'priority_ik', 'velocity_to_position'])
+def test_every_node_says_it_in_the_words_of_the_commands(
+    node: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = str(odd_arm('two arms', tmp_path).path)
+    assert main(['robot', file]) == 1
+    expected = capsys.readouterr().err.removeprefix('handover_dmp robot: ')
+    words = ['-m', f'handover_dmp.nodes.{node}', '--ros-args', '-p', f'robot:={file}']
+    ended = subprocess.run([sys.executable, *words], capture_output=True, text=True, timeout=100)
+    assert (ended.returncode, ended.stderr.partition(f'{file}: ')[2]) == (
+        1,
+        expected.removeprefix(f'{file}: '),
+    )
+    assert ended.stderr.count('\n') == 1
+
+
+def test_one_arm_of_two_by_the_two_options(tmp_path: Path) -> None:
+    file = str(odd_arm('two arms', tmp_path).path)
+    numbers = tmp_path / 'numbers.json'
+    frames = ['--wrist-frame', 'right_l7', '--base-frame', 'right_l1']
+    assert main(['robot', file, *frames, '--json', str(numbers)]) == 0
+    told = json.loads(numbers.read_text())
+    assert [joint['name'] for joint in told['joints']] == [f'right_j{i}' for i in range(2, 8)]
+    assert (told['wrist_frame'], told['base_frame']) == ('right_l7', 'right_l1')
