@@ -14,15 +14,24 @@
 
 from __future__ import annotations
 
+import ast
+import dataclasses
+from pathlib import Path
 import re
 from xml.etree import ElementTree
 
+import handover_dmp
+from handover_dmp.bench.zoo import file_limits
+from handover_dmp.robot.chain import described_limits
 from handover_dmp.robot.descriptions import known_arms, urdf_file
 from handover_dmp.robot.errors import RobotDescriptionError
-from handover_dmp.robot.model import RobotModel
+from handover_dmp.robot.model import BasePlacement, RobotModel
+from hypothesis import given, settings
+from hypothesis import strategies as st
 import numpy as np
 import pytest
 
+PACKAGE = Path(handover_dmp.__file__).parent
 ARMS = tuple(known_arms())
 PAIR = """<robot name="pair">
   <link name="base"/><link name="upper"/><link name="hand"/>
@@ -74,6 +83,108 @@ def test_no_limit_of_a_file_is_ever_widened(tmp_path, name, factor):
         np.testing.assert_array_equal(getattr(arm.limits, key), expected)
     assert arm.limits.inside(arm.home, tolerance=-1e-3)
     assert arm.placed(arm.base).limits.velocity.tolist() == arm.limits.velocity.tolist()
+
+
+@settings(max_examples=12, deadline=None)
+@given(name=st.sampled_from(ARMS), seed=st.integers(0, 10**6))
+def test_no_limit_of_any_joint_of_a_known_arm_is_widened(tmp_path_factory, name, seed):
+    """Each limit of each joint is made smaller or greater by itself."""
+    rng = np.random.default_rng(seed)
+    text = urdf_file(name).read_text()
+    for key in ('lower', 'upper', 'velocity', 'effort'):
+        text = re.sub(
+            rf'\b{key}="([-0-9.e]+)"',
+            lambda m, k=key: f'{k}="{float(rng.choice([0.05, 0.4, 1.0, 7.0])) * float(m[1])!r}"',
+            text,
+        )
+    path = tmp_path_factory.getbasetemp() / 'known.urdf'
+    path.write_text(text)
+    kept_within(RobotModel.load(path), text)
+
+
+VALUES = st.sampled_from([None, '0', '-1', '0.03', '0.5', '2', '90', '999', '1e3', '1e16', 'inf'])
+JOINT = st.fixed_dictionaries(
+    {
+        'kind': st.sampled_from(['revolute', 'continuous', 'prismatic']),
+        'limit': st.fixed_dictionaries(
+            {
+                'lower': st.sampled_from([None, '-3', '-1', '0', '0.2', '-1e16', '-inf']),
+                'upper': st.sampled_from([None, '3', '1', '0', '0.4', '1e16', 'inf']),
+                **dict.fromkeys(('velocity', 'effort', 'acceleration', 'jerk'), VALUES),
+            }
+        ),
+        'soft': st.fixed_dictionaries(
+            {
+                'soft_lower_limit': st.sampled_from([None, '0', '-0.6', '-9']),
+                'soft_upper_limit': st.sampled_from([None, '0', '0.7', '9']),
+            }
+        ),
+    }
+)
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    name=st.sampled_from(['some', 'panda', 'lbr_iiwa', 'lwr4', 'ur5']),
+    joints=st.lists(JOINT, min_size=2, max_size=4),
+)
+def test_no_limit_of_any_file_is_widened(tmp_path_factory, name, joints):
+    parts = ['<link name="l0"/>']
+    for i, joint in enumerate(joints):
+        limit, soft = (
+            ' '.join(f'{key}="{value}"' for key, value in joint[part].items() if value is not None)
+            for part in ('limit', 'soft')
+        )
+        parts.append(
+            f'<link name="l{i + 1}"/><joint name="j{i}" type="{joint["kind"]}"><parent '
+            f'link="l{i}"/><child link="l{i + 1}"/><origin xyz="0.3 0 0.1"/><axis xyz="0 {i % 2} '
+            f'1"/><limit {limit}/><safety_controller {soft}/></joint>'
+        )
+    text = f'<robot name="{name}">{"".join(parts)}</robot>'
+    path = tmp_path_factory.getbasetemp() / 'any.urdf'
+    path.write_text(text)
+    try:
+        arm = RobotModel.load(path, wrist_frame=f'l{len(joints)}')
+    except RobotDescriptionError as error:
+        assert 'position limit' in str(error) and '\n' not in str(error)
+        return
+    kept_within(arm, text)
+
+
+def kept_within(arm, text):
+    """Hold every limit of an arm against what its file says, read by other code."""
+    judged = described_limits(text, arm.joint_names, 'the judge').limits
+    for limits in (arm.limits, judged, arm.placed(BasePlacement((1.0, 2.0, 0.5), 1.0)).limits):
+        told = file_limits(text, arm.joint_names)
+        assert np.all(limits.velocity <= told.velocity)
+        assert np.all(limits.lower >= told.lower) and np.all(limits.upper <= told.upper)
+        for i, name in enumerate(arm.joint_names):
+            element = ElementTree.fromstring(text).find(f"joint[@name='{name}']/limit")
+            for key, most in (('effort', np.inf), ('acceleration', 1e3), ('jerk', 1e3)):
+                value = float(element.get(key, '0'))
+                assert getattr(limits, key)[i] <= value or not 0.0 < value < most
+    assert np.all(arm.home > told.lower) and np.all(arm.home < told.upper)
+
+
+def test_limits_are_made_in_one_place_and_never_changed():
+    """Whoever else made limits, or changed them, could make them wider than a file says."""
+    made = {
+        file.relative_to(PACKAGE).as_posix()
+        for file in PACKAGE.rglob('*.py')
+        for node in ast.walk(ast.parse(file.read_text(encoding='utf-8')))
+        if isinstance(node, ast.Call) and ast.unparse(node.func).endswith('JointLimits')
+    }
+    assert made == {'robot/effective_limits.py'}
+    replaced = {
+        file.relative_to(PACKAGE).as_posix()
+        for file in PACKAGE.rglob('*.py')
+        if re.search(r'replace\(\s*\S*limits\b', file.read_text(encoding='utf-8'))
+    }
+    assert replaced == {'robot/model.py'}
+    limits = RobotModel.load('lwr4').limits
+    for field in dataclasses.fields(limits):
+        with pytest.raises(ValueError, match='read-only'):
+            getattr(limits, field.name)[0] = 1e9
 
 
 def test_the_table_rules_for_an_arm_by_its_name_alone():
