@@ -37,6 +37,7 @@ import sys
 from time import monotonic, sleep
 from typing import Any
 
+from handover_dmp.bench.odd_arms import lbr
 from handover_dmp.common.settings import defaults
 from handover_dmp.dmp import DmpParameters
 from handover_dmp.dmp.parameter_file import TunedParameters, write_parameters
@@ -51,7 +52,6 @@ from handover_dmp.recording import read_bag
 from handover_dmp.runs.folder import keep_inputs
 from handover_dmp.topics import HAND_POSE, STATE
 import numpy as np
-import pybullet_data
 import pytest
 from rcl_interfaces.srv import DescribeParameters, SetParameters
 import rclpy
@@ -98,11 +98,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copytree(ROOT / 'config', folder / 'config')
     urdf = (ROOT / 'urdf' / 'lwr4.urdf').read_text(encoding='utf-8')
     (folder / 'my_arm.urdf').write_text(urdf, encoding='utf-8')
-    kuka = Path(pybullet_data.getDataPath()) / 'kuka_iiwa'
-    iiwa = (kuka / 'model.urdf').read_text(encoding='utf-8')
-    (folder / 'iiwa14.urdf').write_text(
-        iiwa.replace('filename="', f'filename="{kuka}/'), encoding='utf-8'
+    (folder / 'my_arm.urdf.xacro').write_text(
+        urdf.replace('<robot ', '<robot xmlns:xacro="http://wiki.ros.org/xacro" '),
+        encoding='utf-8',
     )
+    (folder / 'iiwa14.urdf').write_text(lbr('iiwa14'), encoding='utf-8')
     values = {'dmp': {'ros__parameters': {'exchange_distance_m': 0.03}}}
     (folder / 'my_parameters.yaml').write_text(yaml.safe_dump(values), encoding='utf-8')
     # What `tune` writes.
