@@ -49,7 +49,7 @@ MIN_SCALE = 0.05
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ZooOutcome:
     """
     What became of an arm.
 
@@ -84,7 +84,7 @@ class Outcome:
     gap_m: float | None = None
 
 
-def examine(arm: ZooArm, *, ik_steps: int = IK_STEPS, hand_over: bool = True) -> Outcome:
+def examine(arm: ZooArm, *, ik_steps: int = IK_STEPS, hand_over: bool = True) -> ZooOutcome:
     """
     Try an arm as a stranger would: without options, and with them if they are asked for.
 
@@ -109,7 +109,7 @@ def examine(arm: ZooArm, *, ik_steps: int = IK_STEPS, hand_over: bool = True) ->
             )
         apart = check_models(model).mass
     except DataError as error:
-        return Outcome(arm, needs, str(error).replace(f'{arm.path}: ', ''))
+        return ZooOutcome(arm, needs, str(error).replace(f'{arm.path}: ', ''))
     limits = file_limits(model.urdf_text, model.joint_names)
     ik_us, unsolved, shares = _random_steps(model, limits, ik_steps)
     scale, gap_m, fault = 0.0, None, ''
@@ -123,7 +123,7 @@ def examine(arm: ZooArm, *, ik_steps: int = IK_STEPS, hand_over: bool = True) ->
             gap_m = _gap(scenario, periods)
             fault = '' if gap_m is not None else 'the exchange did not begin'
             shares = _larger(shares, _moved(model, limits, periods))
-    return Outcome(
+    return ZooOutcome(
         arm, needs, fault, model.dof, model.reach_m, model.remarks, apart, ik_us, unsolved, shares,
         scale, gap_m,
     )  # fmt: skip
@@ -202,7 +202,8 @@ def _gap(scenario: Scenario, periods: list[Period]) -> float | None:
     """Return how far the wrist was from its goal at the hand when the exchange began, m."""
     hand = scenario.trial.partner[0]
     for period in periods:
-        hand = period.hand[-1].position if period.hand else hand
+        seen = [sample.position for samples in period.hands for sample in samples]
+        hand = seen[-1] if seen else hand
         if period.command.state is HandoverState.EXCHANGE:
             goal = hand + scenario.model.goal_offset
             return float(np.linalg.norm(period.wrist_position - goal))
