@@ -31,13 +31,15 @@ from handover_dmp.nodes.diagnostics import Attendance, Diagnostics, full_name, P
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import Parameter
 from handover_dmp.nodes.qos import message_class, qos_profile
+from handover_dmp.nodes.rest import is_left_out_at_rest, Rest
 from handover_dmp.nodes.spin import run
 from handover_dmp.recording import BagWriter, Qos
 from handover_dmp.recording.messages import string
-from handover_dmp.topics import CLOCK, DIAGNOSTICS, HAND_POSE, INFO, Quality, TOPICS
+from handover_dmp.topics import CLOCK, DIAGNOSTICS, HAND_POSE, INFO, Quality, STATE, TOPICS
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
+from std_msgs.msg import String
 
 STREAMING = (Quality.SENSOR, Quality.COMMAND)
 OF_ALL_GRAPHS = {'/tf', '/tf_static', '/rosout', '/parameter_events'} | {
@@ -60,6 +62,13 @@ class Recorder(HandoverNode):
         Parameter('topics', 'what to record; empty: every topic', read_only=True),
         Parameter(
             'info', 'JSON about the run, kept as a message of /handover/info', read_only=True
+        ),
+        Parameter(
+            'rest_s',
+            's without a handover, after which only what is rarely said is recorded; 0: all',
+            0.0,
+            1e6,
+            read_only=True,
         ),
         Parameter('compression', 'of the chunks', choices=('zstd', 'lz4', 'none'), read_only=True),
         Parameter(
@@ -94,6 +103,8 @@ class Recorder(HandoverNode):
         self._offered: dict[str, list[Qos]] = {}
         self._not_installed: set[str] = set()
         self._failure = ''
+        self._rest = Rest(values['rest_s'])
+        self._streams = {t.within(self._space) for t in TOPICS if is_left_out_at_rest(t)}
         for topic in TOPICS:
             # at once, without knowing what will be offered, so that nothing of the start is missed
             name = topic.within(self._space)
@@ -238,15 +249,22 @@ class Recorder(HandoverNode):
 
     def _writing(self, name: str, type_name: str) -> Callable[[bytes], None]:
         clock, writer, attendance = self.get_clock(), self._writer, self._attendance
+        rest, streams = self._rest, name in self._streams
+        tells_state = name == STATE.within(self._space)
 
         def write(data: bytes) -> None:
             if self._failure:
                 return
+            time_ns = clock.now().nanoseconds
             try:
                 if name not in writer.topics:
                     self._look_at(name)
                     writer.add_topic(name, type_name, self._offered[name] or self._by_table(name))
-                writer.write(name, data, clock.now().nanoseconds)
+                if tells_state:
+                    for kept in rest.hear(deserialize_message(data, String).data, time_ns):
+                        writer.write(*kept)
+                if not (streams and rest.keeps(name, data, time_ns)):
+                    writer.write(name, data, time_ns)
                 if name == DIAGNOSTICS.name:
                     attendance.hear(deserialize_message(data, DiagnosticArray))
             except DataError as error:
