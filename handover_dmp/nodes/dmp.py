@@ -23,6 +23,7 @@ from pathlib import Path
 import sys
 from time import monotonic
 
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
 from handover_dmp.dmp import DecoupledDmp
 from handover_dmp.dmp.parameters import RANGES
@@ -33,6 +34,7 @@ from handover_dmp.handover.controller import (
     HandoverState,
     movement_for,
     MOVING,
+    WristCommand,
 )
 from handover_dmp.handover.lockstep import AFTERWARDS_S
 from handover_dmp.handover.scenario import example_model, read_model
@@ -166,6 +168,13 @@ class Dmp(HandoverNode):
         Parameter('model', 'file of the learnt movement; empty: a synthetic one', read_only=True),
         Parameter('rate_hz', 'of the commands, Hz', 10.0, 1000.0, read_only=True),
         Parameter(
+            'status_rate_at_rest_hz',
+            'of handover/phase and hand/fused then, Hz',
+            0.1,
+            1000.0,
+            read_only=True,
+        ),
+        Parameter(
             'exit_when_done',
             'whether to end after a handover, with exit code 0, or 1 if it was aborted',
             read_only=True,
@@ -191,6 +200,8 @@ class Dmp(HandoverNode):
         period_s = 1.0 / self.values['rate_hz']
         self._period_ns = round(period_s * NANOSECONDS)
         self._periods = Periods(period_s)
+        rate_hz = self.values['rate_hz']
+        self._status_every = max(1, round(rate_hz / self.values['status_rate_at_rest_hz']))
         self._phase_rate = 1.0
         self._phase_rate_ns = -1
         self._lockstep_s = 0.0
@@ -236,6 +247,7 @@ class Dmp(HandoverNode):
         self._state = self.advertise(STATE)
         self._pose = self._twist = self._values = self._seen = None
         self._said = ''
+        self._told = False
         self._hands = HandInputs(
             self, self._on_hand, self._refuse_hand, lambda: self._clock_of_periods.look()
         )
@@ -374,13 +386,13 @@ class Dmp(HandoverNode):
             time, command.position, self._orientation, frame=self.frame, into=self._pose
         )
         self._twist = twist_message(time, command.velocity, frame=self.frame, into=self._twist)
-        known = {'hand_stamp_s': self._controller.hand_stamp_s, 'period': self._periods.count}
-        self._values = to_float_array({**command.status_values(now_s), **known}, into=self._values)
-        hand = self._controller.estimate(now_s)
-        if hand is not None:
-            self._seen = pose_with_covariance(
-                time, hand.position, hand.deviation_m, frame=self.frame, into=self._seen
-            )
+        self._told = (
+            self._stepped_in_motion
+            or self.lockstep
+            or self._periods.count % self._status_every == 0
+        )
+        if self._told:
+            self._tell(command, now_s, time)
         self._publish()
         self._publish_state()
         self._exit_when_done(now_s)
@@ -392,6 +404,19 @@ class Dmp(HandoverNode):
             controller.exchange_position,
             None if expectation is None else expectation.goal,
         )
+
+    def _tell(self, command: WristCommand, now_s: float, time: Time) -> None:
+        """Say what is only to be looked at, where somebody does."""
+        if self._phase.get_subscription_count():
+            known = {'hand_stamp_s': self._controller.hand_stamp_s, 'period': self._periods.count}
+            numbers = {**command.status_values(now_s), **known}
+            self._values = to_float_array(numbers, into=self._values)
+        if self._fused.get_subscription_count():
+            hand = self._controller.estimate(now_s)
+            if hand is not None:
+                self._seen = pose_with_covariance(
+                    time, hand.position, hand.deviation_m, frame=self.frame, into=self._seen
+                )
 
     def _exit_when_done(self, now_s: float) -> None:
         state = self._controller.state
@@ -433,8 +458,9 @@ class Dmp(HandoverNode):
         if self._pose is not None:
             self._pose_command.publish(self._pose)
             self._twist_command.publish(self._twist)
+        if self._told and self._values is not None:
             self._phase.publish(self._values)
-        if self._seen is not None:
+        if self._told and self._seen is not None:
             self._fused.publish(self._seen)
 
     def _publish_state(self) -> None:

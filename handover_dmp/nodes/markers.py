@@ -88,7 +88,7 @@ class Markers:
 
         """
         self._count += 1
-        if self._count % EVERY:
+        if self._count % EVERY or not self._publisher.get_subscription_count():
             return
         markers = [self._path]
         if self._exchanged and exchange_position is None:  # another handover
