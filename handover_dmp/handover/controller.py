@@ -269,7 +269,7 @@ class HandoverController:
 
     @property
     def hand(self) -> Vector | None:
-        """Newest accepted position of the hand, m."""
+        """Position of the hand when it was last seen, m, as all trackers have it."""
         return self._hand
 
     @property
@@ -389,7 +389,8 @@ class HandoverController:
         reason = self._estimator.update(stamp_s, position, now_s, orientation, covariance, tracker)
         if reason:
             return reason
-        self._hand = position
+        seen = self._estimator.estimate(stamp_s)
+        self._hand = None if seen is None else seen.position
         self.hand_stamp_s = stamp_s
         self._hand_arrival_s = arrival_s
         return ''
