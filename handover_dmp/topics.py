@@ -32,6 +32,8 @@ from math import pi
 from typing import Any
 
 FRAME = 'world'
+TF_PERIOD_S = 0.02
+"""How often the links of a moving arm are told, s; viewers draw no faster."""
 SEPARATOR = ','
 HARDWARE_ID = 'handover_dmp'
 """By which a report on `/diagnostics` says that it is of a node of this package."""
@@ -44,6 +46,8 @@ class Quality(Enum):
     COMMAND = ('reliable', 'volatile', 1)
     LATCHED = ('reliable', 'transient_local', 1)
     REPORT = ('reliable', 'volatile', 10)
+    # as tf2 asks for
+    TRANSFORMS = ('reliable', 'volatile', 100)
     # also for who listens late, where the first message matters beside the last
     LATCHED_REPORT = ('reliable', 'transient_local', 10)
 
@@ -186,6 +190,20 @@ INFO = Topic(
 ROBOT_DESCRIPTION = Topic(
     '/robot_description', 'std_msgs/msg/String', Quality.LATCHED, 'URDF of the arm'
 )
+TF = Topic(
+    '/tf',
+    'tf2_msgs/msg/TFMessage',
+    Quality.TRANSFORMS,
+    'where the moving links of the arm are, each in the one before',
+    is_global=True,
+)
+TF_STATIC = Topic(
+    '/tf_static',
+    'tf2_msgs/msg/TFMessage',
+    Quality.LATCHED,
+    'where the arm stands, and the links that do not move in the one before',
+    is_global=True,
+)
 DIAGNOSTICS = Topic(
     '/diagnostics',
     'diagnostic_msgs/msg/DiagnosticArray',
@@ -197,7 +215,7 @@ DIAGNOSTICS = Topic(
 TOPICS = (
     CLOCK, HAND_POSE, HAND_FUSED, HAND_TRUTH, DEMONSTRATOR_POSE, SIGNAL, WRIST_POSE, POSE_COMMAND,
     TWIST_COMMAND, IK_STATUS, JOINT_STATES, JOINT_COMMAND, STATE, PHASE, MARKERS, INFO,
-    ROBOT_DESCRIPTION, DIAGNOSTICS,
+    ROBOT_DESCRIPTION, TF, TF_STATIC, DIAGNOSTICS,
 )  # fmt: skip
 
 

@@ -37,7 +37,6 @@ import shlex
 import sys
 from tempfile import TemporaryDirectory
 from typing import Any
-from xml.etree import ElementTree
 
 from ament_index_python.packages import get_package_prefix, PackageNotFoundError
 from handover_dmp.common.resources import share_path
@@ -46,7 +45,7 @@ from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch.conditions import IfCondition
 from launch.events.process import ProcessExited
-from launch.substitutions import LaunchConfiguration, OrSubstitution
+from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 PACKAGE = 'handover_dmp'
@@ -76,8 +75,8 @@ ARGUMENTS: dict[str, tuple[str, str, tuple[str, ...] | None]] = {
     'foxglove': ('false', 'whether to start the bridge (package foxglove_bridge)', BOOLEAN),
 }
 VIEWERS = {
-    'rviz': ('robot_state_publisher', 'tf2_ros', 'rviz2'),
-    'foxglove': ('robot_state_publisher', 'tf2_ros', 'foxglove_bridge'),
+    'rviz': ('tf2_msgs', 'rviz2'),
+    'foxglove': ('tf2_msgs', 'foxglove_bridge'),
 }
 """Argument to the packages that it needs."""
 
@@ -101,7 +100,7 @@ def nodes(context: LaunchContext) -> list[Node]:
     """Make the nodes, with the parameters that follow from the recording and the arm."""
     chosen = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
     look_up(chosen)
-    robot, own = prepare(chosen)
+    own = prepare(chosen)
     simulated = _is_true(chosen['use_sim_time'])
     graph = [
         Node(
@@ -123,7 +122,7 @@ def nodes(context: LaunchContext) -> list[Node]:
     ]
     frame = frame_of(chosen)
     write_layout(own.parent, frame)
-    return graph + viewers(robot, chosen['namespace'], simulated, frame)
+    return graph + viewers(own.parent, chosen['namespace'], simulated, frame)
 
 
 def end(name: str, event: ProcessExited, _context: LaunchContext) -> Shutdown:
@@ -153,7 +152,7 @@ def look_up(chosen: dict[str, str]) -> None:
         raise RuntimeError(f'parameters:={chosen["parameters"]}: there is no such file')
 
 
-def prepare(chosen: dict[str, str]) -> tuple[Any, Path]:
+def prepare(chosen: dict[str, str]) -> Path:
     """
     Put the run together and make its folder.
 
@@ -161,7 +160,7 @@ def prepare(chosen: dict[str, str]) -> tuple[Any, Path]:
         chosen: value of each launch argument.
 
     Returns:
-        The arm in its place, and the file of the parameters that go before those of the user's.
+        The file of the parameters that go before those of the user's.
 
     """
     from handover_dmp.handover.lockstep import REPLAY_AT_S
@@ -187,7 +186,7 @@ def prepare(chosen: dict[str, str]) -> tuple[Any, Path]:
     parameters['dmp']['exit_when_done'] = _is_true(chosen['exit_when_done'])
     file = folder / 'parameters.yaml'
     write_node_parameters(file, parameters)
-    return scenario.robot, file
+    return file
 
 
 def frame_of(chosen: dict[str, str]) -> str:
@@ -212,44 +211,18 @@ def write_layout(folder: Path, frame: str) -> None:
     (folder / layout.name).write_text(text, encoding='utf-8')
 
 
-def viewers(robot: Any, namespace: str, simulated: bool, frame: str) -> list[Node]:
-    """Make the viewers that were asked for, and the transforms that they need."""
-    wanted = IfCondition(
-        OrSubstitution(LaunchConfiguration('rviz'), LaunchConfiguration('foxglove'))
-    )
-    x, y, z = (str(value) for value in robot.base.position)
+def viewers(folder: Path, namespace: str, simulated: bool, frame: str) -> list[Node]:
+    """Make the viewers that were asked for; `robot_sim` publishes the transforms they need."""
     use_sim_time = {'use_sim_time': simulated}
     own_time = [('/clock', 'clock')] if simulated else []
     # RViz has only absolute names in its files.
     shown = [(topic.name, topic.relative) for topic in TOPICS if not topic.is_global]
     return [
         Node(
-            package='robot_state_publisher',
-            executable='robot_state_publisher',
-            namespace=namespace or None,
-            parameters=[{'robot_description': robot.urdf_text}, use_sim_time],
-            # `robot_sim` publishes it on robot_description already.
-            remappings=[('robot_description', '~/robot_description'), *own_time],
-            condition=wanted,
-        ),
-        Node(
-            package='tf2_ros',
-            executable='static_transform_publisher',
-            arguments=[
-                '--x', x, '--y', y, '--z', z, '--roll', str(robot.base.roll),
-                '--pitch', str(robot.base.pitch), '--yaw', str(robot.base.yaw),
-                '--frame-id', frame, '--child-frame-id', root_link(robot.urdf_text),
-            ],
-            namespace=namespace or None,
-            parameters=[use_sim_time],
-            remappings=own_time,
-            condition=wanted,
-        ),
-        Node(
             package='rviz2',
             executable='rviz2',
             namespace=namespace or None,
-            arguments=['-d', str(share_path('config/handover.rviz')), '-f', frame],
+            arguments=['-d', str(rviz_file(folder, namespace)), '-f', frame],
             parameters=[use_sim_time],
             remappings=[*shown, *own_time],
             condition=IfCondition(LaunchConfiguration('rviz')),
@@ -263,15 +236,18 @@ def viewers(robot: Any, namespace: str, simulated: bool, frame: str) -> list[Nod
             remappings=own_time,
             condition=IfCondition(LaunchConfiguration('foxglove')),
         ),
-    ]  # fmt: skip
+    ]
 
 
-def root_link(urdf_text: str) -> str:
-    """Return the name of the link that no joint moves."""
-    tree = ElementTree.fromstring(urdf_text)
-    moved = {child.get('link') for child in tree.findall('joint/child')}
-    (root,) = (link.get('name') for link in tree.findall('link') if link.get('name') not in moved)
-    return str(root)
+def rviz_file(folder: Path, namespace: str) -> Path:
+    """Give the file for RViz; in a namespace a copy, as the links of an arm are called after it."""
+    file = share_path('config/handover.rviz')
+    if not namespace.strip('/'):
+        return file
+    own = folder / file.name
+    prefix = f'TF Prefix: {namespace.strip("/")}'
+    own.write_text(file.read_text(encoding='utf-8').replace('TF Prefix: ""', prefix), 'utf-8')
+    return own
 
 
 def _scenario(chosen: dict[str, str]) -> Any:

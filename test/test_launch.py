@@ -31,6 +31,7 @@ from handover_dmp.common.errors import HandoverError
 from handover_dmp.common.settings import defaults
 from handover_dmp.dmp import load_model
 from handover_dmp.mocap import read_trial
+from handover_dmp.robot.model import BasePlacement, RobotModel
 import numpy as np
 import pytest
 import yaml
@@ -135,12 +136,16 @@ def test_a_synthetic_handover_is_left_for_the_nodes(
     pytest.importorskip('rclpy')
     monkeypatch.chdir(tmp_path)
     chosen = choose(functions, exchange=direction, use_sim_time=use_sim_time)
-    robot, file = functions['prepare'](chosen)
+    file = functions['prepare'](chosen)
     parameters = sections(file)
     assert set(parameters) == NODES
     trial = read_trial(Path(parameters['hand_tracker']['trial']))
     assert load_model(Path(parameters['dmp']['model'])).duration_s > 0.0
-    wrist, _ = robot.wrist_pose(np.array(parameters['robot_sim']['initial_positions']))
+    arm = parameters['robot_sim']
+    base = BasePlacement(tuple(arm['base_position']), yaw=arm['base_yaw'])
+    wrist, _ = RobotModel.load(arm['robot'], base=base).wrist_pose(
+        np.array(arm['initial_positions'])
+    )
     np.testing.assert_allclose(wrist, trial.demonstrator[0], atol=0.01)
     bag = Path(parameters['recorder']['folder'])
     assert bag.parent.parent == tmp_path / 'runs'
@@ -153,7 +158,7 @@ def test_a_synthetic_handover_is_left_for_the_nodes(
 
 def test_every_node_gets_parameters_that_it_has(functions: dict[str, Any], tmp_path: Path) -> None:
     pytest.importorskip('rclpy')
-    _, file = functions['prepare'](choose(functions, output=str(tmp_path / 'run')))
+    file = functions['prepare'](choose(functions, output=str(tmp_path / 'run')))
     parameters = sections(file)
     # Of rclpy; and without a default, so not in the file of defaults.
     others = {'use_sim_time', 'initial_positions'}
@@ -252,7 +257,7 @@ def test_a_trial_of_the_users_own(
     pytest.importorskip('rclpy')
     trial = sorted(kth_folder.rglob('raw_*.csv'))[0]
     chosen = choose(functions, trial=str(trial), output=str(tmp_path / 'run'))
-    _, file = functions['prepare'](chosen)
+    file = functions['prepare'](chosen)
     kept = read_trial(Path(sections(file)['hand_tracker']['trial']))
     assert kept.duration_s == pytest.approx(read_trial(trial).duration_s, abs=0.05)
 
@@ -282,9 +287,21 @@ def test_what_is_wrong_is_said(
     assert not output.exists()
 
 
-def test_the_root_link(functions: dict[str, Any]) -> None:
-    text = (ROOT / 'urdf' / 'lwr4.urdf').read_text(encoding='utf-8')
-    assert functions['root_link'](text) == 'lwr4_base'
+def test_rviz_is_told_what_the_links_of_an_arm_in_a_namespace_are_called(
+    functions: dict[str, Any], tmp_path: Path
+) -> None:
+    rviz = ROOT / 'config' / 'handover.rviz'
+    for none in ('', '/'):
+        assert functions['rviz_file'](tmp_path, none).samefile(rviz)
+    own = functions['rviz_file'](tmp_path, '/left')
+    assert own.parent == tmp_path
+    was, now = (yaml.safe_load(f.read_text(encoding='utf-8')) for f in (rviz, own))
+    arm = next(
+        d for d in now['Visualization Manager']['Displays'] if d['Class'].endswith('RobotModel')
+    )
+    assert arm['TF Prefix'] == 'left'
+    arm['TF Prefix'] = ''
+    assert now == was
 
 
 def test_launch_loads_it_where_it_is_installed() -> None:

@@ -27,22 +27,35 @@ from time import monotonic, sleep
 
 from diagnostic_msgs.msg import DiagnosticArray
 from handover_dmp.common.errors import DataError
+from handover_dmp.nodes.arm import load_arm
 from handover_dmp.nodes.diagnostics import Attendance, Diagnostics, full_name, Periods
 from handover_dmp.nodes.node import HandoverNode
-from handover_dmp.nodes.parameters import Parameter
+from handover_dmp.nodes.parameters import ARM, DRIVER, Parameter
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.nodes.rest import is_left_out_at_rest, Rest
 from handover_dmp.nodes.spin import run
+from handover_dmp.nodes.transforms import tf_is_installed, TransformRecorder
 from handover_dmp.recording import BagWriter, Qos
 from handover_dmp.recording.messages import string
-from handover_dmp.topics import CLOCK, DIAGNOSTICS, HAND_POSE, INFO, Quality, STATE, TOPICS
+from handover_dmp.topics import (
+    CLOCK,
+    DIAGNOSTICS,
+    HAND_POSE,
+    INFO,
+    JOINT_STATES,
+    Quality,
+    STATE,
+    TF,
+    TF_STATIC,
+    TOPICS,
+)
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 from std_msgs.msg import String
 
 STREAMING = (Quality.SENSOR, Quality.COMMAND)
-OF_ALL_GRAPHS = {'/tf', '/tf_static', '/rosout', '/parameter_events'} | {
+OF_ALL_GRAPHS = {'/rosout', '/parameter_events'} | {
     topic.name for topic in TOPICS if topic.is_global
 }
 LOOK_S = 0.5
@@ -68,6 +81,13 @@ class Recorder(HandoverNode):
             's without a handover, after which only what is rarely said is recorded; 0: all',
             0.0,
             1e6,
+            read_only=True,
+        ),
+        *ARM,
+        *DRIVER,
+        Parameter(
+            'transforms',
+            'whether to write /tf of this arm where nobody publishes it',
             read_only=True,
         ),
         Parameter('compression', 'of the chunks', choices=('zstd', 'lz4', 'none'), read_only=True),
@@ -105,10 +125,14 @@ class Recorder(HandoverNode):
         self._failure = ''
         self._rest = Rest(values['rest_s'])
         self._streams = {t.within(self._space) for t in TOPICS if is_left_out_at_rest(t)}
+        self._transforms: TransformRecorder | None = None
+        if values['transforms']:
+            self._transforms = TransformRecorder(self, load_arm(self), self._writer)
         for topic in TOPICS:
             # at once, without knowing what will be offered, so that nothing of the start is missed
             name = topic.within(self._space)
-            if self._is_wanted(name) and topic is not INFO:
+            known = topic not in (TF, TF_STATIC) or tf_is_installed()
+            if self._is_wanted(name) and topic is not INFO and known:
                 self._subscribe(name, topic.type_name, qos_profile(topic.quality))
         # what a remap has moved is kept under the name that it has here
         self._moved = {self.resolve_topic_name(name) for name in self._heard} - set(self._heard)
@@ -194,6 +218,8 @@ class Recorder(HandoverNode):
 
     def _look(self) -> None:
         """Find topics that appeared since, and publishers that offer less than was asked for."""
+        if self._transforms is not None:
+            self._transforms.look()
         for name, _ in self.get_topic_names_and_types():
             if name in self._moved or not self._is_wanted(name):
                 continue
@@ -262,15 +288,21 @@ class Recorder(HandoverNode):
                     writer.add_topic(name, type_name, self._offered[name] or self._by_table(name))
                 if tells_state:
                     for kept in rest.hear(deserialize_message(data, String).data, time_ns):
-                        writer.write(*kept)
+                        self._keep(*kept)
                 if not (streams and rest.keeps(name, data, time_ns)):
-                    writer.write(name, data, time_ns)
+                    self._keep(name, data, time_ns)
                 if name == DIAGNOSTICS.name:
                     attendance.hear(deserialize_message(data, DiagnosticArray))
             except DataError as error:
                 self._fail(error)
 
         return write
+
+    def _keep(self, name: str, data: bytes, time_ns: int) -> None:
+        """Write a message, and after that of the joints where their links are."""
+        self._writer.write(name, data, time_ns)
+        if self._transforms is not None and name == JOINT_STATES.within(self._space):
+            self._transforms.hear(data, time_ns)
 
     def _by_table(self, name: str) -> tuple[Qos, ...]:
         """Tell what a topic of our table is offered with, where nobody was seen to offer it."""

@@ -30,7 +30,9 @@ from handover_dmp.nodes.lockstep import ASK_AGAIN_S, HEAD_START_S, Pace
 from handover_dmp.nodes.node import HandoverNode, MISSED_S
 from handover_dmp.nodes.parameters import ARM, declare, on_change, Parameter, Values
 from handover_dmp.nodes.spin import run
+from handover_dmp.nodes.transforms import TransformPublisher
 from handover_dmp.robot.model import RobotModel
+from handover_dmp.robot.published_description import published_description
 from handover_dmp.robot.velocity_driver import ArmOptions, ArmState
 from handover_dmp.simulation.arm import SimulatedArm
 from handover_dmp.topics import CLOCK, JOINT_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
@@ -134,9 +136,13 @@ class RobotSim(HandoverNode):
         self._message = JointState(name=list(model.joint_names))
         self._still = [0.0] * model.dof
         # who has the description from there does not say it again
-        if self.values['robot'] != self.resolve_topic_name(ROBOT_DESCRIPTION.relative):
+        alone = self.values['robot'] != self.resolve_topic_name(ROBOT_DESCRIPTION.relative)
+        if alone:
             self._description = self.advertise(ROBOT_DESCRIPTION)
-            self._description.publish(String(data=model.urdf_text))
+            folder = model.urdf_path.parent
+            described = published_description(model.urdf_text, folder, self.frame)
+            self._description.publish(String(data=described))
+        self._transforms = TransformPublisher(self, model, alone=alone)
         self.subscribe(JOINT_COMMAND, self._on_command)
         self.serve_switch('pause', self._pause)
         self.serve('resume', self._resume)
@@ -220,6 +226,7 @@ class RobotSim(HandoverNode):
         moves = self.lockstep or not self._paused
         self._message.velocity = self._arm.joint_velocities.tolist() if moves else self._still
         self._states.publish(self._message)
+        self._transforms.tell(time, self._arm.joint_positions)
 
     def destroy_node(self) -> None:
         """Let go of the simulated world, then end."""

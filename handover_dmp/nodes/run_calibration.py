@@ -76,7 +76,14 @@ def move_and_record(
         'robot': arm.robot, 'wrist_frame': arm.wrist_frame, 'base_frame': arm.base_frame
     }  # fmt: skip
     parameters: dict[str, dict[str, Any]] = {
-        'recorder': {'folder': str(bag.absolute()), 'topics': topics},
+        'recorder': {
+            'folder': str(bag.absolute()),
+            'topics': topics,
+            # no handover is awaited
+            'rest_s': 0.0,
+            'transforms': not running,
+            **described,
+        },
         MOTION: {
             **described,
             'duration_s': duration_s,

@@ -113,7 +113,12 @@ def graph_parameters(
             if not name.startswith(SENSOR):
                 seen[f'{one.name}.{name}'] = value
     return {
-        'recorder': {'folder': str(folder / 'bag'), 'info': json.dumps(info)},
+        'recorder': {
+            'folder': str(folder / 'bag'),
+            'info': json.dumps(info),
+            'transforms': True,
+            **arm,
+        },
         'hand_tracker': {
             'trial': str(folder / 'trial.csv'),
             'cutoff_hz': 0.0,

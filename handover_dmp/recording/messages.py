@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
 from typing import Any
 
@@ -158,6 +158,31 @@ def joint_state(
         'position': _floats(positions),
         'velocity': _floats(velocities),
         'effort': _floats(efforts),
+    }
+
+
+def transforms(time_ns: int, frames: Iterable[Sequence[Any]]) -> dict[str, Any]:
+    """
+    Return a `tf2_msgs/TFMessage`.
+
+    Args:
+        time_ns: stamp in nanoseconds.
+        frames: for each the names of parent and child, the position of the child in the parent,
+            (3,) m, and the quaternion x, y, z, w from the child's axes to the parent's.
+
+    """
+    return {
+        'transforms': [
+            {
+                'header': header(time_ns, parent),
+                'child_frame_id': child,
+                'transform': {
+                    'translation': _named(position, 'xyz'),
+                    'rotation': _named(quaternion, 'xyzw'),
+                },
+            }
+            for parent, child, position, quaternion in frames
+        ]
     }
 
 

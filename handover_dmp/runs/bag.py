@@ -34,11 +34,15 @@ from handover_dmp.recording.messages import (
     pose_stamped,
     pose_with_covariance_stamped,
     string,
+    transforms,
     twist_stamped,
 )
+from handover_dmp.robot.link_frames import LinkFrames
+from handover_dmp.robot.published_description import published_description
 from handover_dmp.topics import (
     CLOCK,
     DEMONSTRATOR_POSE,
+    FRAME,
     HAND_FUSED,
     HAND_POSE,
     HAND_TRUTH,
@@ -50,6 +54,9 @@ from handover_dmp.topics import (
     POSE_COMMAND,
     ROBOT_DESCRIPTION,
     STATE,
+    TF,
+    TF_PERIOD_S,
+    TF_STATIC,
     Topic,
     TWIST_COMMAND,
     WRIST_POSE,
@@ -82,7 +89,12 @@ def write_run_bag(
     """
     with BagWriter(folder) as bag:
         start_ns = periods[0].time_ns
-        _write(bag, ROBOT_DESCRIPTION, string(scenario.robot.urdf_text), start_ns)
+        robot = scenario.robot
+        described = published_description(robot.urdf_text, robot.urdf_path.parent, FRAME)
+        _write(bag, ROBOT_DESCRIPTION, string(described), start_ns)
+        links = LinkFrames(robot, FRAME)
+        _write(bag, TF_STATIC, transforms(start_ns, links.fixed), start_ns)
+        next_tf_ns = start_ns
         _write(bag, INFO, string(json.dumps(info)), start_ns)
         state = None
         rotation = periods[0].wrist_rotation
@@ -101,6 +113,10 @@ def write_run_bag(
                     _write(bag, topic, pose_stamped(stamp_ns, place), time_ns)
             for topic, message in _messages(period, scenario.robot.joint_names, rotation):
                 _write(bag, topic, message, period.time_ns)
+            if period.time_ns >= next_tf_ns:
+                next_tf_ns += round(TF_PERIOD_S * NANOSECONDS)
+                moved = transforms(period.time_ns, links.moving(period.joint_positions))
+                _write(bag, TF, moved, period.time_ns)
             if period.command.state is not state:
                 state = period.command.state
                 _write(bag, STATE, string(state.value), period.time_ns)

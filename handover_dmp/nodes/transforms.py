@@ -1,0 +1,188 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The frames of the arm's links: published where tf2 is installed, recorded in any case."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import TransformStamped
+from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
+from handover_dmp.nodes.node import HandoverNode
+from handover_dmp.nodes.qos import message_class
+from handover_dmp.recording import BagWriter, Qos
+from handover_dmp.recording.messages import transforms
+from handover_dmp.robot.joint_states import JointStateReader
+from handover_dmp.robot.link_frames import LinkFrames, LinkTransform
+from handover_dmp.robot.model import RobotModel
+from handover_dmp.topics import TF, TF_PERIOD_S, TF_STATIC, Topic
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.publisher import Publisher
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
+
+PERIOD_NS = round(TF_PERIOD_S * NANOSECONDS)
+
+
+def frame_prefix(namespace: str) -> str:
+    """
+    Name what stands before the links of an arm in a namespace, since all arms share `/tf`.
+
+    Args:
+        namespace: of the node, e.g. `/left`.
+
+    Returns:
+        E.g. `left/`; nothing in the root namespace.
+
+    """
+    inner = namespace.strip('/')
+    return f'{inner}/' if inner else ''
+
+
+def tf_is_installed() -> bool:
+    """Tell whether messages of `/tf` can be sent here; the wheels of ROS 2 have none."""
+    try:
+        message_class(TF.type_name)
+    except (ImportError, AttributeError):
+        return False
+    return True
+
+
+def transform_messages(time: Time, links: Iterable[LinkTransform]) -> list[TransformStamped]:
+    """
+    Make the transforms of a message.
+
+    Args:
+        time: their stamp.
+        links: what they say.
+
+    Returns:
+        One for each.
+
+    """
+    made = []
+    for link in links:
+        message = TransformStamped(child_frame_id=link.child)
+        message.header.stamp, message.header.frame_id = time, link.parent
+        place, turn = message.transform.translation, message.transform.rotation
+        place.x, place.y, place.z = link.position
+        turn.x, turn.y, turn.z, turn.w = link.quaternion
+        made.append(message)
+    return made
+
+
+class TransformPublisher:
+    """Publishes where the arm stands, and while it has the description to itself, its links."""
+
+    def __init__(self, node: HandoverNode, model: RobotModel, *, alone: bool) -> None:
+        """
+        Say what does not move.
+
+        Args:
+            node: publishes.
+            model: the arm.
+            alone: whether nobody else, as `robot_state_publisher`, describes the arm.
+
+        """
+        self._links = LinkFrames(model, node.frame, frame_prefix(node.get_namespace()))
+        self._publisher: Publisher | None = None
+        self._told_ns = -PERIOD_NS
+        if not tf_is_installed():
+            return
+        fixed = self._links.fixed if alone else self._links.fixed[:1]
+        self._fixed = node.advertise(TF_STATIC)
+        kind = message_class(TF.type_name)
+        # they hold at any time, whatever the clock
+        self._fixed.publish(kind(transforms=transform_messages(Time(), fixed)))
+        if alone:
+            self._publisher, self._kind = node.advertise(TF), kind
+
+    def tell(self, time: Time, joint_positions: NDArray[np.float64]) -> None:
+        """
+        Say where the links are, if anybody listens and it is time to.
+
+        Args:
+            time: of the joint positions.
+            joint_positions: (n,) rad.
+
+        """
+        if self._publisher is None or not self._publisher.get_subscription_count():
+            return
+        time_ns = nanoseconds(time)
+        if not 0 <= time_ns - self._told_ns < PERIOD_NS:
+            self._told_ns = time_ns
+            links = transform_messages(time, self._links.moving(joint_positions))
+            self._publisher.publish(self._kind(transforms=links))
+
+
+class TransformRecorder:
+    """Writes the frames into a bag, out of the joint states, where nobody publishes them."""
+
+    def __init__(self, node: HandoverNode, model: RobotModel, writer: BagWriter) -> None:
+        """
+        Take the arm.
+
+        Args:
+            node: records.
+            model: the arm, in its place.
+            writer: of the bag.
+
+        """
+        self._node, self._writer = node, writer
+        self._links = LinkFrames(model, node.frame, frame_prefix(node.get_namespace()))
+        self._reader = JointStateReader(model.joint_names, node.values['joint_prefix'])
+        self._told_ns: int | None = None
+        self._published = False
+        self.look()
+
+    def look(self) -> None:
+        """See whether somebody publishes the frames, so that they are recorded as they come."""
+        self._published = tf_is_installed() and self._node.count_publishers(TF.name) > 0
+
+    def hear(self, data: bytes, log_time_ns: int) -> None:
+        """
+        Write where the links are.
+
+        Args:
+            data: a message of the joint states.
+            log_time_ns: when it came, ns.
+
+        Raises:
+            DataError: the bag cannot be written.
+
+        """
+        if self._published:
+            return
+        message = deserialize_message(data, JointState)
+        time_ns = nanoseconds(message.header.stamp)
+        first = self._told_ns is None
+        if self._told_ns is not None and 0 <= time_ns - self._told_ns < PERIOD_NS:
+            return
+        found = self._reader.read(message.name, message.position, message.velocity)
+        if isinstance(found, str):
+            return
+        self._told_ns = time_ns
+        if first:
+            self._write(TF_STATIC, time_ns, self._links.fixed, log_time_ns)
+        self._write(TF, time_ns, self._links.moving(found[0]), log_time_ns)
+
+    def _write(
+        self, topic: Topic, time_ns: int, links: Iterable[LinkTransform], log_time_ns: int
+    ) -> None:
+        reliability, durability, _ = topic.quality.value
+        self._writer.add_topic(topic.name, topic.type_name, Qos(reliability, durability))
+        self._writer.write_message(topic.name, transforms(time_ns, links), log_time_ns)
