@@ -73,6 +73,9 @@ def test_leaves_a_run_that_others_can_read(tmp_path: Path) -> None:
             counts[connection.topic] += 1
     assert counts['/wrist/pose'] > 300
     assert counts['/handover/info'] == 1
+    # the place of the arm and its links, though no tf2 is installed
+    assert counts['/tf_static'] == 1
+    assert counts['/tf'] > 50
 
 
 @pytest.mark.slow
