@@ -240,7 +240,7 @@ def viewers(folder: Path, namespace: str, simulated: bool, frame: str) -> list[N
 
 
 def rviz_file(folder: Path, namespace: str) -> Path:
-    """Give the file for RViz; in a namespace a copy, as the links of an arm are called after it."""
+    """Give the file for RViz; in a namespace a copy, as links are called after that."""
     file = share_path('config/handover.rviz')
     if not namespace.strip('/'):
         return file

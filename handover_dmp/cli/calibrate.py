@@ -71,6 +71,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--frame', default='', help='of the tracker, where its poses do not name one of their own'
     )
     parser.add_argument(
+        '--name',
+        default='tracker',
+        help='of the tracker in the parameters of the nodes (default: %(default)s)',
+    )
+    parser.add_argument(
         '--marker',
         nargs=3,
         type=float,
@@ -235,20 +240,27 @@ def _tell(
 ) -> int:
     from handover_dmp.common.files import write_text
     from handover_dmp.tracking.calibration_figure import draw_calibration
-    from handover_dmp.tracking.calibration_file import node_parameters, outcome
+    from handover_dmp.tracking.calibration_file import node_parameters, outcome, tells_delay
     from rich.console import Console
 
     figure = options.output.with_suffix('.png')
     draw_calibration(found, figure)
     console = Console(soft_wrap=True, highlight=False)
     _show(console, found)
+    if 'delay' not in found.undetermined and not tells_delay(found):
+        console.print(
+            f'the clock of the tracker is {abs(found.delay_s):.1f} s off, more than the nodes '
+            'take: set it, or say hand_stamps:=arrival to them',
+            style='yellow',
+        )
     for warning in found.warnings:
         console.print(warning, style='yellow')
     determined = not {'rotation', 'position'} & set(found.undetermined)
     result: dict[str, Any] = outcome(found) | {'figure': str(figure)}
     if determined:
-        _, _, body = options.tracker.partition(':')
-        write_text(options.output, node_parameters(found, frame, body, reference_frame))
+        topic, _, body = options.tracker.partition(':')
+        parameters = node_parameters(found, options.name, topic, body, frame, reference_frame)
+        write_text(options.output, parameters)
         result['parameters'] = str(options.output)
         console.print(f'parameters: {options.output}, figure: {figure}')
     else:

@@ -16,40 +16,69 @@
 
 from __future__ import annotations
 
+from math import sqrt
 from typing import Any
 
 from handover_dmp.common.plain_yaml import dump_plain
-from handover_dmp.topics import FRAME
+from handover_dmp.topics import FRAME, HAND_POSE
 from handover_dmp.tracking.calibration import Calibration
+import numpy as np
+
+MAX_DELAY_S = 10.0
+"""What the nodes take, either way."""
+MIN_NOISE_M = 1e-5
 
 
-def node_parameters(found: Calibration, frame: str, body: str, reference_frame: str) -> str:
+def node_parameters(
+    found: Calibration, name: str, topic: str, body: str, frame: str, reference_frame: str
+) -> str:
     """
     Write the parameter file for `dmp` and `priority_ik`.
 
     Args:
         found: the calibration.
-        frame: that the tracker's poses name.
+        name: that the nodes know the tracker by.
+        topic: of its poses.
         body: name or number of the body on the topic; empty where there is one only.
+        frame: that its poses name.
         reference_frame: that the calibration is in.
 
     Returns:
-        YAML. A delay that is not determined is left out.
+        YAML, also of how good and how frequent the poses were; without a delay that is not
+        determined, or that the nodes do not take.
 
     """
-    tracker: dict[str, Any] = {
-        'frame': frame,
-        'position': [round(float(x), 6) for x in found.position],
-        'quaternion': [round(float(x), 9) for x in found.quaternion],
-    }
-    if body:
-        tracker['body'] = body
-    values: dict[str, Any] = {'tracker': tracker}
+    values: dict[str, Any] = {}
     if reference_frame not in ('', FRAME):
         values['frame'] = reference_frame
-    if 'delay' not in found.undetermined:
+    tracker: dict[str, Any] = {}
+    if topic != HAND_POSE.name:
+        tracker['topic'] = topic
+    if body:
+        tracker['body'] = body
+    tracker['frame'] = frame
+    tracker['position'] = [round(float(x), 6) for x in found.position]
+    tracker['quaternion'] = [round(float(x), 9) for x in found.quaternion]
+    if tells_delay(found):
         tracker['delay_s'] = round(found.delay_s, 5)
+    tracker['noise_m'] = round(max(found.residual_m / sqrt(3.0), MIN_NOISE_M), 6)
+    tracker['rate_hz'] = round(1.0 / float(np.median(np.diff(found.times))), 1)
+    values[name] = tracker
     return dump_plain({'/**': {'ros__parameters': values}})
+
+
+def tells_delay(found: Calibration) -> bool:
+    """
+    Tell whether the parameter file holds the delay.
+
+    Args:
+        found: the calibration.
+
+    Returns:
+        Whether it is determined, and not that of a clock which is far off.
+
+    """
+    return 'delay' not in found.undetermined and abs(found.delay_s) <= MAX_DELAY_S
 
 
 def outcome(found: Calibration) -> dict[str, Any]:

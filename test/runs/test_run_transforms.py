@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A bag opened alone shows the arm, in its place, moving: read by rosbags, held against Pinocchio."""
+"""A bag opened alone shows the arm, in its place, moving; as rosbags reads it, by Pinocchio."""
 
 from __future__ import annotations
 
@@ -83,7 +83,8 @@ def test_the_arm_of_a_bag_stands_where_it_stood_and_moves_as_it_moved(
                     moved[stamp.sec, stamp.nanosec] = parts
     assert kinds['/tf'] == kinds['/tf_static'] == 'tf2_msgs/msg/TFMessage'
     assert latched == {
-        '/tf': 'volatile', '/tf_static': 'transient_local', '/robot_description': 'transient_local',
+        '/tf': 'volatile', '/tf_static': 'transient_local',
+        '/robot_description': 'transient_local',
     }  # fmt: skip
     model = pin.buildModelFromXML(described)
     data = model.createData()
@@ -101,9 +102,7 @@ def test_the_arm_of_a_bag_stands_where_it_stood_and_moves_as_it_moved(
             assert in_room(carried, body).isApprox(expected, 1e-9), body
         # and the wrist's own topic says the same
         wrist = 'wrist' if robot == 'lwr4' else 'tool0'
-        np.testing.assert_allclose(
-            in_room(carried, wrist).translation, wrists[stamp], atol=1e-9
-        )
+        np.testing.assert_allclose(in_room(carried, wrist).translation, wrists[stamp], atol=1e-9)
 
 
 def test_the_definition_of_transforms_needs_no_ros() -> None:

@@ -252,15 +252,12 @@ def test_what_no_transform_mends_is_refused() -> None:
         calibrate(reference, replace(tracker, times=tracker.times + 1000.0))
 
 
-@pytest.mark.parametrize('delay_s', [DELAY_S, -0.03])
-def test_the_parameters_are_those_of_the_nodes_and_undo_the_tracker(delay_s) -> None:
+def test_the_parameters_are_those_of_the_nodes_and_undo_the_tracker() -> None:
     scene = Scene(10)
-    found = calibrate(*scene.paths(delay_s=delay_s))
-    tree = load_plain(node_parameters(found, 'camera', 'wrist', 'world'))
-    values = tree['/**']['ros__parameters']
-    flat = {
-        f'{group}.{name}': value for group, part in values.items() for name, value in part.items()
-    }
+    found = calibrate(*scene.paths())
+    told = node_parameters(found, 'tracker', '/vrpn/wand', 'wrist', 'camera', 'world')
+    values = load_plain(told)['/**']['ros__parameters']
+    flat = {f'tracker.{name}': value for name, value in values['tracker'].items()}
     for node in ('dmp', 'priority_ik'):
         assert set(flat) <= set(defaults(node))
         assert not unknown_parameter(flat, set(defaults(node)), for_many=True)
@@ -268,8 +265,16 @@ def test_the_parameters_are_those_of_the_nodes_and_undo_the_tracker(delay_s) -> 
     point = np.array([0.4, -0.2, 0.7])
     in_tracker = scene.turn.inv().apply(point - scene.place)
     np.testing.assert_allclose(transform(in_tracker), point, atol=2e-3)
+    assert flat['tracker.topic'] == '/vrpn/wand'
     assert flat['tracker.body'] == 'wrist'
-    assert flat['tracker.delay_s'] == pytest.approx(delay_s, abs=2e-3)
+    assert flat['tracker.delay_s'] == pytest.approx(DELAY_S, abs=2e-3)
+    assert flat['tracker.noise_m'] == pytest.approx(MILLIMETRE, rel=0.1)
+    assert flat['tracker.rate_hz'] == 60.0
+    # the topic that the nodes hear anyhow may be remapped
+    other = load_plain(node_parameters(found, 'mocap', '/hand/pose', '', 'camera', 'hall'))
+    values = other['/**']['ros__parameters']
+    assert values['frame'] == 'hall'
+    assert {'topic', 'body'}.isdisjoint(values['mocap'])
 
 
 def test_the_figure_has_both_paths_and_what_was_left_out(tmp_path) -> None:

@@ -34,9 +34,11 @@ RVIZ_TYPES = {
     'rviz_default_plugins/RobotModel': 'std_msgs/msg/String',
     'rviz_default_plugins/MarkerArray': 'visualization_msgs/msg/MarkerArray',
     'rviz_default_plugins/Pose': 'geometry_msgs/msg/PoseStamped',
+    'rviz_default_plugins/PoseWithCovariance': 'geometry_msgs/msg/PoseWithCovarianceStamped',
 }
 SHOWN_IN_3D = {
     'geometry_msgs/msg/PoseStamped',
+    'geometry_msgs/msg/PoseWithCovarianceStamped',
     'visualization_msgs/msg/MarkerArray',
     'std_msgs/msg/String',
 }
@@ -63,7 +65,9 @@ def test_rviz_shows_topics_that_exist_in_the_type_of_the_display(rviz: dict[str,
         topic = BY_NAME[where['Value']]
         assert topic.type_name == RVIZ_TYPES[display['Class']], topic.name
         shown.add(topic.name)
-    assert {'/robot_description', '/handover/markers'} <= shown
+    assert {'/robot_description', '/handover/markers', '/hand/pose', '/human/pose'} <= shown
+    frames = next(d for d in rviz['Displays'] if d['Class'] == 'rviz_default_plugins/TF')
+    assert frames['Enabled'] is frames['Value'] is True
     assert rviz['Global Options']['Fixed Frame'] == FRAME
 
 
@@ -135,8 +139,70 @@ def test_foxglove_shows_the_arm_and_the_markers(foxglove: dict[str, Any]) -> Non
     assert BY_NAME[urdf['topic']].type_name == 'std_msgs/msg/String'
     assert scene['topics']['/handover/markers']['visible']
     assert scene['followTf'] == FRAME
+    assert urdf['framePrefix'] == ''
+    assert all(scene['topics'][name]['visible'] for name in ('/hand/pose', '/human/pose'))
     summary = foxglove['configById']['DiagnosticSummary!nodes']['topicToRender']
     assert BY_NAME[summary].type_name == 'diagnostic_msgs/msg/DiagnosticArray'
+
+
+# fmt: off
+# What the panels of Lichtblick, the open Foxglove, know of their settings: `RendererConfig` and
+# `LayerSettingsCustomUrdf` of its 3D panel, `PlotConfig`, `StateTransitionConfig`, and what its
+# summary of `/diagnostics` takes; a title is that of the panel, here and there.
+TITLES = {'foxglovePanelTitle', 'lichtblickPanelTitle'}
+PANELS = {
+    '3D': {
+        'cameraState', 'followTf', 'followMode', 'scene', 'publish', 'transforms', 'topics',
+        'layers', 'imageMode',
+    },
+    'Plot': {
+        'paths', 'minXValue', 'maxXValue', 'minYValue', 'maxYValue', 'showLegend', 'legendDisplay',
+        'showPlotValuesInLegend', 'showXAxisLabels', 'showYAxisLabels', 'isSynced', 'xAxisVal',
+        'xAxisPath', 'followingViewWidth', 'sidebarDimension',
+    },
+    'StateTransitions': {
+        'isSynced', 'paths', 'xAxisMaxValue', 'xAxisMinValue', 'xAxisRange', 'showPoints',
+    },
+    'DiagnosticSummary': {
+        'minLevel', 'pinnedIds', 'topicToRender', 'hardwareIdFilter', 'sortByLevel',
+        'secondsUntilStale',
+    },
+}
+PATHS = {'value', 'enabled', 'color', 'label', 'timestampMethod', 'showLine', 'lineSize'}
+SCENE = {
+    'enableStats', 'backgroundColor', 'labelScaleFactor', 'ignoreColladaUpAxis', 'meshUpAxis',
+    'transforms', 'syncCamera', 'topicsVisible',
+}
+FRAMES = {
+    'editable', 'showLabel', 'labelSize', 'axisScale', 'lineWidth', 'lineColor', 'enablePreloading'
+}
+URDF = {
+    'visible', 'frameLocked', 'label', 'instanceId', 'layerId', 'order', 'sourceType', 'url',
+    'filePath', 'parameter', 'topic', 'framePrefix', 'displayMode', 'fallbackColor',
+}
+# fmt: on
+
+
+def test_panels_of_foxglove_have_settings_that_there_are(foxglove: dict[str, Any]) -> None:
+    for panel, config in foxglove['configById'].items():
+        kind = panel.partition('!')[0]
+        assert set(config) <= PANELS[kind] | TITLES, panel
+        assert config['foxglovePanelTitle'] == config['lichtblickPanelTitle']
+        for path in config.get('paths', []):
+            assert set(path) <= PATHS
+            assert path['timestampMethod'] in ('receiveTime', 'headerStamp')
+    plots = [c for p, c in foxglove['configById'].items() if p.startswith('Plot!')]
+    optional = {'minXValue', 'maxXValue', 'minYValue', 'maxYValue', 'xAxisPath'}
+    optional.add('followingViewWidth')
+    assert all(PANELS['Plot'] - optional <= set(plot) for plot in plots)
+    scene = foxglove['configById']['3D!scene']
+    assert set(scene['scene']) <= SCENE
+    assert set(scene['scene']['transforms']) <= FRAMES
+    assert set(scene['layers']['arm']) <= URDF
+    assert scene['scene']['meshUpAxis'] in ('y_up', 'z_up')
+    assert set(foxglove) == {
+        'configById', 'globalVariables', 'userNodes', 'playbackConfig', 'layout'
+    }  # fmt: skip
 
 
 def test_every_panel_of_foxglove_has_a_place(foxglove: dict[str, Any]) -> None:
