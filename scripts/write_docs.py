@@ -46,7 +46,8 @@ NODES = (
 )  # fmt: skip
 # Helpers of nodes that have topics of their own, and who uses them.
 HELPERS = {
-    'markers': 'dmp', 'diagnostics': 'every node', 'hand_input': '`dmp`, `priority_ik`'
+    'markers': 'dmp', 'diagnostics': 'every node', 'hand_input': '`dmp`, `priority_ik`',
+    'transforms': '`robot_sim`, or `recorder` into the bag',
 }  # fmt: skip
 BEGIN, END = '<!-- generated: {} -->', '<!-- end -->'
 
