@@ -107,7 +107,8 @@ class CalibrationMotionNode(HandoverNode):
         self._wanted = values['start'] == 'auto'
         self._follower: MotionFollower | None = None
         self._positions = self._model.home
-        self._began_s = self._told_s = self._heard_s = 0.0
+        self._began_s = self._told_s = 0.0
+        self._heard_s: float | None = None
         self._told_ns = -1
         self._fault = ''
         self._tracker: SimulatedTracker | None = None
@@ -128,6 +129,17 @@ class CalibrationMotionNode(HandoverNode):
         if not self.lockstep:
             self.every(LOOK_S, self._watch)
         Diagnostics(self, self._periods, self._condition)
+        self.warn_when_in_vain(self._missing)
+        self.say(
+            f'moves {self._model.name} about to calibrate a tracker: answers '
+            f'{self.named(JOINT_STATES)} with {self.named(JOINT_COMMAND)}'
+        )
+
+    def _missing(self) -> str:
+        if self._heard_s is None:
+            states = self.named(JOINT_STATES)
+            return f"no joint states yet on {states}: is robot_sim or the arm's driver running?"
+        return ''
 
     def _start(self) -> str:
         self._wanted = True
@@ -142,8 +154,9 @@ class CalibrationMotionNode(HandoverNode):
             return
         self._positions = found[0]
         time_ns = nanoseconds(message.header.stamp)
-        self._heard_s = self.arrival_s()
-        now_s = time_ns / NANOSECONDS if self.lockstep else self._heard_s
+        now_s = self._heard_s = self.arrival_s()
+        if self.lockstep:
+            now_s = time_ns / NANOSECONDS
         again = self.lockstep and time_ns == self._told_ns
         self._periods.tick()
         self._tell_where(message.header.stamp, now_s, again)
@@ -179,7 +192,7 @@ class CalibrationMotionNode(HandoverNode):
             self._end(str(error))
             return
         low, high = wrist_box(self._model, motion).tolist()
-        self.get_logger().info(
+        self.say(
             'the wrist will move within '
             + ', '.join(
                 f'{axis} {a:.2f} to {b:.2f} m' for axis, a, b in zip('xyz', low, high, strict=True)
@@ -211,7 +224,7 @@ class CalibrationMotionNode(HandoverNode):
     def _watch(self) -> None:
         """Brake without looking where joint states stay away."""
         moving = self._follower is not None and not self._follower.resting
-        late_s = self.arrival_s() - self._heard_s
+        late_s = self.arrival_s() - (self._heard_s or 0.0)
         if moving and late_s > self.values['joint_state_timeout_s']:
             self._end(f'no joint states for {late_s:.2f} s')
             self.finish_motion()
