@@ -219,6 +219,7 @@ def test_the_nodes_take_what_the_launch_file_gives_them(
     """The files name the same nodes, so the later one wins; seen from another process."""
     rclpy = pytest.importorskip('rclpy')
     from handover_dmp.nodes.graph import isolate
+    from handover_dmp.nodes.parameters import unquoted
     from rclpy.parameter import parameter_value_to_python
     from rclpy.parameter_client import AsyncParameterClient
 
@@ -243,7 +244,11 @@ def test_the_nodes_take_what_the_launch_file_gives_them(
             asked = client.get_parameters(list(expected))
             rclpy.spin_until_future_complete(look, asked, timeout_sec=60.0)
             values = [parameter_value_to_python(value) for value in asked.result().values]
-            assert [list(v) if isinstance(v, array) else v for v in values] == [*expected.values()]
+            plain = [list(v) if isinstance(v, array) else v for v in values]
+            # a text that looks like YAML is kept in quotes, so that a dump can be loaded
+            assert [unquoted(v) if isinstance(v, str) else v for v in plain] == [
+                *expected.values()
+            ]
     finally:
         for process in processes:
             process.send_signal(signal.SIGINT)

@@ -124,7 +124,7 @@ def test_foxglove_names_the_numbers_of_the_phase_rightly(foxglove: dict[str, Any
     """`/handover/phase` has its values in the order that the controller gives them."""
     from handover_dmp.handover.controller import HandoverState, WristCommand
 
-    command = WristCommand((0.0,) * 3, (0.0,) * 3, HandoverState.IDLE, 1.0, 0.0, 0.0)
+    command = WristCommand((0.0,) * 3, (0.0,) * 3, HandoverState.IDLE, 1.0, 0.0, 0.0, 1.0, None)
     names = [name.replace('_', ' ') for name in command.status_values(0.0)]
     for path in foxglove['configById']['Plot!phase']['paths']:
         index = int(re.fullmatch(rf'{PHASE.name}\.data\[(\d+)\]', path['value'])[1])
