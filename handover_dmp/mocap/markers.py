@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.tables import quote
 from handover_dmp.mocap.units import known_unit, METRES
-from handover_dmp.mocap.up_axis import doubts, find_up_axis, turn_up
+from handover_dmp.mocap.up_axis import doubts, find_up_axis, turn_up, USUAL_UP
 from handover_dmp.mocap.wrists import (
     AS_TOLD,
     ASSUMED,
@@ -53,6 +53,7 @@ class MarkerRecording:
         up: the axis that points up as the file tells it; empty where it tells none.
         source: where it comes from, in words.
         usual_unit: of the program that wrote the file, unless told otherwise.
+        usual_up: the same for the axis.
 
     """
 
@@ -63,6 +64,7 @@ class MarkerRecording:
     up: str
     source: str
     usual_unit: str = 'mm'
+    usual_up: str = 'z'
 
     def __post_init__(self) -> None:
         marked = {name: mark_unseen(places) for name, places in self.positions.items()}
@@ -117,7 +119,9 @@ class MarkerRecording:
         ).checked()
         # In a wrong unit no height tells anything, so that is looked at before.
         axis = self._up(up, both)
-        remarks = doubts(both, axis.value) if axis.why == IN_FILE else ()
+        remarks: tuple[str, ...] = ()
+        if axis.why in (IN_FILE, USUAL_UP):
+            remarks = doubts(both, axis.value, assumed=axis.why == USUAL_UP)
         return replace(
             motion,
             partner=turn_up(motion.partner, axis.value),
@@ -147,7 +151,7 @@ class MarkerRecording:
             return Known(up, AS_TOLD)
         if self.up:
             return Known(self.up, IN_FILE)
-        return Known(*find_up_axis(wrists, self.source))
+        return Known(*find_up_axis(wrists, self.usual_up, self.source))
 
     def _wrist(self, names: Sequence[str]) -> NDArray[np.float64]:
         markers = [self._find(name) for name in names]

@@ -105,7 +105,7 @@ def read_motive(path: str | Path, markers: Sequence[str] | None = None) -> Marke
         raise DataError(f'{path}: {len(table)} frames, the header tells of {int(told)}')
     unit = about.get('Length Units', '')
     return MarkerRecording(
-        table.times(), names, table.positions(), unit, _up(about), path.name, 'm'
+        table.times(), names, table.positions(), unit, _up(about), path.name, 'm', 'y'
     )
 
 

@@ -75,5 +75,5 @@ def read_trc(path: str | Path, markers: Sequence[str] | None = None) -> MarkerRe
     if told.isdecimal() and len(told) < 12 and int(told) > len(table):
         raise DataError(f'{path}: {len(table)} frames, the header tells of {int(told)}')
     return MarkerRecording(
-        table.times(), names, table.positions(), about.get('Units', ''), '', path.name
+        table.times(), names, table.positions(), about.get('Units', ''), '', path.name, 'mm', 'y'
     )

@@ -18,8 +18,7 @@ Which axis of a recording points up, where the file does not tell.
 A person's wrists rest between 0.5 m (hanging, of someone small) and 1.6 m (raised to the shoulder)
 above the floor. The origin of a mocap laboratory lies on its floor, so the axis along which both
 wrists rest at such heights is the one that points up, if there is just one; an axis along which a
-wrist passes zero is none. Where there are more,
-or none because the origin is on a table or between the people, nobody but the user knows.
+wrist passes zero is none. Where there are more, nobody but the user knows.
 """
 
 from __future__ import annotations
@@ -43,6 +42,9 @@ _TURNS = {
 }
 AXES = tuple(_TURNS)
 _REST_SHARE = 0.2
+
+
+USUAL_UP = 'usual of the format, no height tells'
 
 
 def turn_up(positions: NDArray[np.float64], up: str) -> NDArray[np.float64]:
@@ -75,42 +77,59 @@ def resting_axes(wrists: tuple[NDArray[np.float64], ...]) -> list[str]:
     return [axis for axis in AXES if all(_may_point_up(axis, wrist) for wrist in wrists)]
 
 
-def find_up_axis(wrists: tuple[NDArray[np.float64], ...], source: str) -> tuple[str, str]:
+def find_up_axis(
+    wrists: tuple[NDArray[np.float64], ...], usual: str, source: str
+) -> tuple[str, str]:
     """
     Find out which axis points up from how high the wrists rest.
 
+    Where they rest at such a height along no axis at all, the origin is not on the floor, heights
+    tell nothing, and the axis that the program uses unless told otherwise is taken.
+
     Args:
         wrists: (n, 3) m each, NaN where it was not seen.
+        usual: the axis that the program uses unless told otherwise.
         source: the file, for the error.
 
     Returns:
         The axis, and in words how it was found.
 
     Raises:
-        DataError: more than one axis may point up, or none.
+        DataError: more than one axis may point up.
 
     """
     fit = resting_axes(wrists)
-    if len(fit) != 1:
+    if len(fit) > 1:
         raise DataError(
             f'{source}: it does not tell which axis points up, and the wrists rest at a '
-            f"person's height above zero along {' and '.join(fit) or 'none'}; say which with --up"
+            f"person's height along {' and '.join(fit)}; say which with --up"
         )
+    if not fit:
+        return usual, USUAL_UP
     return fit[0], 'by the height of the wrists'
 
 
-def doubts(wrists: tuple[NDArray[np.float64], ...], up: str) -> tuple[str, ...]:
+def doubts(
+    wrists: tuple[NDArray[np.float64], ...], up: str, *, assumed: bool = False
+) -> tuple[str, ...]:
     """
     Doubt an axis that a file or a convention says to point up, by how high the wrists rest.
 
     Args:
         wrists: (n, 3) m each, NaN where it was not seen.
         up: the axis.
+        assumed: whether it is only the usual one of the format.
 
     Returns:
-        A sentence, where the wrists rest as high as a person's along others alone.
+        A sentence, where it is assumed, or where the wrists rest as high as a person's along
+        others alone.
 
     """
+    if assumed:
+        return (
+            f'nothing tells which axis points up: {up} is assumed, as is usual for the format; '
+            'say which with --up',
+        )
     fit = resting_axes(wrists)
     if not fit or up in fit:
         return ()

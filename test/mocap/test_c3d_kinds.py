@@ -296,8 +296,9 @@ def test_any_mix_gives_the_truth_or_is_refused(tmp_path, case):
     assert (recording.unit, recording.up) == (file.unit, case.up if told else '')
     unsure = case.floor and not told
     if unsure:
-        with pytest.raises(DataError, match='along none; say which with --up'):
-            recording.wrists(file.names[:-1], file.names[-1:])
+        assumed = recording.wrists(file.names[:-1], file.names[-1:])
+        assert assumed.up.value == 'z'
+        assert any('z is assumed' in remark for remark in assumed.remarks), 'never silently'
     motion = recording.wrists(file.names[:-1], file.names[-1:], up=case.up if unsure else None)
     assert motion.up.value == case.up
     rounding = 0.0 if file.real else file.scale * METRES[file.unit]

@@ -83,7 +83,7 @@ def test_every_layout(tmp_path, frame_and_time, titles, version):
     assert recording.names == NAMES
     # It tells neither.
     assert (recording.unit, recording.up) == ('', '')
-    assert recording.usual_unit == 'mm'
+    assert (recording.usual_unit, recording.usual_up) == ('mm', 'z')
     np.testing.assert_allclose(recording.times, np.arange(FRAMES) / 120.0, atol=1e-5)
     for k, name in enumerate(NAMES):
         np.testing.assert_allclose(recording.positions[name], positions()[:, k], atol=1e-3)
