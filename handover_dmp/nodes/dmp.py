@@ -407,11 +407,12 @@ class Dmp(HandoverNode):
 
     def _tell(self, command: WristCommand, now_s: float, time: Time) -> None:
         """Say what is only to be looked at, where somebody does."""
-        if self._phase.get_subscription_count():
+        # in lockstep the same is told again, perhaps to somebody who has come since
+        if self.lockstep or self._phase.get_subscription_count():
             known = {'hand_stamp_s': self._controller.hand_stamp_s, 'period': self._periods.count}
             numbers = {**command.status_values(now_s), **known}
             self._values = to_float_array(numbers, into=self._values)
-        if self._fused.get_subscription_count():
+        if self.lockstep or self._fused.get_subscription_count():
             hand = self._controller.estimate(now_s)
             if hand is not None:
                 self._seen = pose_with_covariance(

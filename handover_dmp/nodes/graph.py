@@ -193,7 +193,9 @@ class Graph:
             self.processes[name] = subprocess.Popen(
                 [
                     sys.executable, '-m', f'handover_dmp.nodes.{name}',
-                    '--ros-args', '--params-file', str(self._folder / 'parameters.yaml'),
+                    # a log that is not empty is one to be read
+                    '--ros-args', '--log-level', 'warn',
+                    '--params-file', str(self._folder / 'parameters.yaml'),
                     *self._remaps,
                 ],
                 stdin=subprocess.DEVNULL,
@@ -382,8 +384,7 @@ class Graph:
 
     def _last_words(self, name: str) -> str:
         log = self._folder / 'logs' / f'{name}.log'
-        text = log.read_text(encoding='utf-8', errors='replace').strip()
-        lines = [line for line in text.splitlines() if not line.startswith('[INFO]')]
+        lines = log.read_text(encoding='utf-8', errors='replace').strip().splitlines()
         return f': {lines[-1]}' if lines else ''
 
     def _end(self) -> dict[str, int]:
