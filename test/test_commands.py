@@ -170,7 +170,9 @@ def test_every_command(
 
 def run(words: list[str], folder: Path) -> None:
     """Run a command in the reader's folder; it must succeed."""
-    result = subprocess.run(words, cwd=folder, capture_output=True, text=True)
+    result = subprocess.run(
+        words, cwd=folder, env=environment_alone(), capture_output=True, text=True
+    )
     assert result.returncode == 0, result.stdout + result.stderr
 
 
@@ -312,11 +314,10 @@ RUN: dict[str, Callable[[list[str], Path, pytest.FixtureRequest], None]] = {
 @contextmanager
 def ended_by_interrupt(command: list[str], folder: Path) -> Iterator[subprocess.Popen[str]]:
     """Run a command until the block ends, and then by SIGINT, which it must take well."""
-    environment = {**os.environ, 'ROS_DOMAIN_ID': str(domain_alone())}
     with subprocess.Popen(
         command,
         cwd=folder,
-        env=environment,
+        env=environment_alone(),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -331,6 +332,11 @@ def ended_by_interrupt(command: list[str], folder: Path) -> Iterator[subprocess.
                 process.kill()
                 raise
         assert process.returncode == 0, said
+
+
+def environment_alone() -> dict[str, str]:
+    """Give the environment of a command that shall not hear the running graph."""
+    return {**os.environ, 'ROS_DOMAIN_ID': str(domain_alone())}
 
 
 def domain_alone() -> int:

@@ -24,6 +24,7 @@ it says the time of the recording on `/clock`.
 from __future__ import annotations
 
 import argparse
+from importlib.util import find_spec
 from pathlib import Path
 import sys
 from threading import Event, Thread
@@ -56,9 +57,11 @@ def main() -> int:
     rclpy.init()
     node = rclpy.create_node('play_bag')
     with Reader(words.bag) as reader:
-        publishers = {c.id: publisher(node, c) for c in reader.connections}
-        offered = {c.topic: publishers[c.id] for c in reader.connections}
-        messages = [(c.id, time_ns, data) for c, time_ns, data in reader.messages()]
+        # as rosbag2 leaves out types that are not installed
+        played = [c for c in reader.connections if find_spec(c.msgtype.partition('/')[0])]
+        publishers = {c.id: publisher(node, c) for c in played}
+        offered = {c.topic: publishers[c.id] for c in played}
+        messages = [(c.id, time_ns, data) for c, time_ns, data in reader.messages(played)]
     for topic, listeners in words.heard:
         while offered[topic].get_subscription_count() < int(listeners):
             sleep(0.02)
