@@ -39,7 +39,7 @@ from handover_dmp.common.resources import share_path
 from handover_dmp.common.settings import ANYWHERE
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
 from handover_dmp.nodes.qos import message_class, qos_profile
-from handover_dmp.nodes.shutdown import shut_down
+from handover_dmp.nodes.shutdown import end_context, shut_down
 from handover_dmp.nodes.spin import MAX_END_S, PARENT_VARIABLE, STDERR
 from handover_dmp.topics import (
     CLOCK,
@@ -154,7 +154,7 @@ class Graph:
         try:
             self._watch()
         except BaseException:
-            rclpy.try_shutdown(context=self._context)
+            end_context(self._context)
             raise
         try:
             for name in self._nodes:

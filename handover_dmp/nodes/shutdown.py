@@ -25,6 +25,7 @@ from time import monotonic, sleep
 from typing import TextIO
 
 import rclpy
+from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.node import Node
 
@@ -55,9 +56,20 @@ def shut_down(node: Node) -> None:
         sleep(SETTLE_S)
         _deliver(node)
         node.destroy_node()
-        # only so is the default one replaced; that of another node is not to end with it
-        own = node.context is not rclpy.utilities.get_default_context()
-        rclpy.try_shutdown(context=node.context if own else None)
+        end_context(node.context)
+
+
+def end_context(context: Context) -> None:
+    """
+    Shut a context down, so that the process may begin another one.
+
+    Args:
+        context: the default one or another; the other of the two does not end with it.
+
+    """
+    # only without a name is the default one replaced
+    own = context is not rclpy.utilities.get_default_context()
+    rclpy.try_shutdown(context=context if own else None)
 
 
 def _deliver(node: Node) -> None:
