@@ -127,7 +127,7 @@ class TrackerErrors:
 
     @property
     def better(self) -> Errors:
-        """The better one alone, by its position."""
+        """Return the better one alone, by its position."""
         return min(self.mocap, self.camera, key=lambda errors: errors.position_m)
 
 

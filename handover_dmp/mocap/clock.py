@@ -85,7 +85,8 @@ def clock_step(delays_ns: NDArray[np.int64]) -> int:
     usual = np.array([np.median(block) for block in blocks])
     usual -= np.median(np.diff(usual)) * np.arange(len(usual))
     for number in np.flatnonzero(np.abs(usual[2:] - usual[:-2]) > STEP_NS) + 1:
-        step = np.median(usual[:number]) - np.median(usual[number + 1 :])
+        after = number + 1
+        step = np.median(usual[:number]) - np.median(usual[after:])
         if abs(step) > STEP_NS:
             return int(step)
     return 0

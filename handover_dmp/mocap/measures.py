@@ -239,8 +239,9 @@ def synchrony(first: Array, second: Array, rate_hz: float) -> Synchrony | None:
     reach = int(MAX_LAG_SHARE * count)
     best: tuple[float, int] | None = None
     for lag in range(-reach, reach + 1):
-        one = first[max(0, -lag) : count - max(0, lag)]
-        other = second[max(0, lag) : count - max(0, -lag)]
+        earlier, later = max(0, -lag), max(0, lag)
+        one = first[earlier:count][: count - earlier - later]
+        other = second[later:count][: count - earlier - later]
         one, other = one - one.mean(), other - other.mean()
         scale = sqrt(float((one**2).sum() * (other**2).sum()))
         if scale > MIN_SCALE:

@@ -109,7 +109,7 @@ class HandInputs:
 
     @property
     def named(self) -> str:
-        """The topics that are heard, as they are called where this node is."""
+        """Name the topics that are heard, as they are called where this node is."""
         node = self._node
         topics = [str(node.values[f'{name}.topic']) for name in self._names]
         return ', '.join(map(node.resolve_topic_name, topics))

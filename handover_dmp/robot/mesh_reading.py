@@ -91,7 +91,7 @@ def why_not_drawn(path: Path) -> str:
     elif kind == '.obj':
         whole = all(re.search(rb'^\s*%s\s' % key, data, re.MULTILINE) for key in (b'v', b'f'))
     else:
-        facets = int.from_bytes(data[STL_HEAD - 4 : STL_HEAD], 'little')
+        facets = int.from_bytes(data[:STL_HEAD][-4:], 'little')
         binary = facets > 0 and STL_HEAD + STL_FACET * facets <= len(data)
         whole = binary or (b'facet' in head and b'end' in tail)
     return '' if whole else f'no whole {kind} file'

@@ -80,7 +80,7 @@ def clock_offset(times: Array, path: Array, of_times: Array, of_path: Array) -> 
     spread = np.square(path - path.mean(axis=0)).sum()
     if spread < count * MIN_MOTION_M**2 or errors[best] > 0.1 * spread:
         return None
-    before, least, after = errors[best - 1 : best + 2]
+    before, least, after = (errors[best + step] for step in (-1, 0, 1))
     curvature = (before - 2.0 * least + after) / STEP_S**2
     if curvature <= 0.0:
         return None

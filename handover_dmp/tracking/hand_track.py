@@ -293,7 +293,10 @@ class HandTrack:
                     mean,
                     with_position + dt * with_velocity,
                     with_velocity,
-                    (*others[:k], others[k] + self._drifts[k] * dt, *others[k + 1 :]),
+                    tuple(
+                        other + self._drifts[k] * dt if at == k else other
+                        for at, other in enumerate(others)
+                    ),
                 )
                 for k, (mean, with_position, with_velocity, others) in enumerate(biases)
             )

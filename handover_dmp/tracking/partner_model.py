@@ -219,7 +219,7 @@ class PartnerModel:
 
     @property
     def amplitude(self) -> float:
-        """a, how much farther than usual the hand is taken to go, as a share."""
+        """Tell a, how much farther than usual the hand is taken to go, as a share."""
         return self._amplitude
 
     def wait(self, dt: float) -> None:

@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import log
+from pathlib import Path
 
 from handover_dmp.common.errors import DataError
 from handover_dmp.dmp import DecoupledDmp, load_model, save_model
@@ -152,7 +153,8 @@ def test_a_lost_hand_stops_the_phase_and_it_goes_on_without_a_rush(model: Decoup
     loop, hand = loop_of(model, AUTO), usual(model)
     loop.run(hand, 0.5, begin=True)
     lost = loop.run(None, 0.6)
-    braking = lost[round(0.1 / PERIOD_S) + 1 :]
+    first = round(0.1 / PERIOD_S) + 1
+    braking = lost[first:]
     assert len({command.phase for command in braking}) == 1
     assert {command.phase_rate for command in braking} == {0.0}
     assert {command.expectation for command in braking} == {None}
@@ -291,7 +293,7 @@ def test_another_word_is_refused() -> None:
 
 
 @pytest.mark.parametrize('jointly', [False, True])
-def test_learns_the_path_from_one_trial_and_from_several(jointly: bool, tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_learns_the_path_from_one_trial_and_from_several(jointly: bool, tmp_path: Path) -> None:
     first, second = example_trials()
     one = learn_from_trials([first])
     assert one.partner_path.shape == (101, 3)

@@ -60,7 +60,8 @@ def body_tracker(rate_hz, told_hz):
 def stops(times, speeds):
     """Count how often the wrist comes to rest before it has made its way."""
     moving = np.flatnonzero(speeds > 0.1 * speeds.max())
-    way = speeds[moving[0] : moving[-1] + 1]
+    first, end = moving[0], moving[-1] + 1
+    way = speeds[first:end]
     return int(np.count_nonzero(np.diff((way < 0.02 * speeds.max()).astype(int)) > 0))
 
 

@@ -95,7 +95,7 @@ def test_worlds_side_by_side_do_not_know_of_each_other():
 
 @pytest.mark.parametrize('filler', range(0, 50, 11))
 def test_a_description_in_one_long_line_is_read_as_it_is(tmp_path, filler):
-    """PyBullet breaks such lines, and what stands there; a xacro is often expanded to one."""
+    """Such lines PyBullet breaks, and what stands there; a xacro is often expanded to one."""
     text = share_path('urdf/lwr4.urdf').read_text(encoding='utf-8')
     weights = [
         f'<link name="weight_{i:03d}"><inertial><mass value="0.0{i + 11}"/><inertia ixx="0.001" '
