@@ -25,8 +25,8 @@ from typing import Any
 
 from handover_dmp.dmp import DecoupledDmp
 from handover_dmp.evaluation.cases import Case
-from handover_dmp.evaluation.envelope import Array, Envelope
-from handover_dmp.evaluation.protocol import CaseScores, Evaluation, Progress, Protocol
+from handover_dmp.evaluation.envelope import Array
+from handover_dmp.evaluation.protocol import band_of, CaseScores, Evaluation, Progress, Protocol
 from handover_dmp.evaluation.rollouts import learn_from_case, plan, RolloutTask
 from handover_dmp.evaluation.scores import BANDS, judge, Scores
 from handover_dmp.handover.lockstep import Handover, REPLAY_AT_S
@@ -300,9 +300,7 @@ def _judge(
 ) -> ArmCase:
     case = judged.case
     alone = judged.scores[learn, 'decoupled']
-    band = (
-        Envelope.of_the_others(case.curves) if protocol.leave_one_out else Envelope.of(case.curves)
-    )
+    band = band_of(case, leave_one_out=protocol.leave_one_out)
     shape = alone.gap_m.shape
     arm = Scores(
         np.zeros((*shape, 3)), np.zeros(shape), np.zeros(shape), np.zeros(shape, dtype=np.bool_)

@@ -183,7 +183,7 @@ class _Block:
 
 
 def _units(case: Case, protocol: Protocol) -> Iterator[_Unit]:
-    band = _band(case, leave_one_out=protocol.leave_one_out)
+    band = band_of(case, leave_one_out=protocol.leave_one_out)
     for learn in protocol.learn:
         tasks = plan(case, learn, leave_one_out=protocol.leave_one_out)
         for method in protocol.learning.methods:
@@ -191,7 +191,18 @@ def _units(case: Case, protocol: Protocol) -> Iterator[_Unit]:
                 yield _Unit(case, band, learn, method, tasks[first: first + _CHUNK])  # fmt: skip
 
 
-def _band(case: Case, *, leave_one_out: bool) -> Envelope:
+def band_of(case: Case, *, leave_one_out: bool) -> Envelope:
+    """
+    Make the band that the rollouts of a case are held against.
+
+    Args:
+        case: the trials.
+        leave_one_out: whether each trial has a band of its own, of all the others.
+
+    Returns:
+        The band.
+
+    """
     if leave_one_out:
         return Envelope.of_the_others(case.curves)
     return Envelope.of(case.curves)
@@ -287,7 +298,7 @@ def _judge_minimum_jerk(case: Case, protocol: Protocol) -> Scores:
     reaches = [
         minimum_jerk(trial.demonstrator[0], trial.demonstrator[-1]) for trial in case.trials
     ]
-    band = _band(case, leave_one_out=protocol.leave_one_out)
+    band = band_of(case, leave_one_out=protocol.leave_one_out)
     return judge(np.stack(reaches)[None], case.curves, band, durations_s=case.durations_s)
 
 

@@ -53,7 +53,6 @@ REFINEMENTS = 3
 WITHIN = len(BANDS) - 1
 SQUARED, GAP, COUNT = 3, 4, 5
 
-
 REST_SPEED = 0.1
 """m/s; a hand that is slower rests."""
 
