@@ -175,6 +175,30 @@ PHASE = Topic(
     Quality.COMMAND,
     'of the movement primitive; the label of the layout names the values',
 )
+GRIPPER_COMMAND = Topic(
+    '/gripper/command',
+    'std_msgs/msg/Bool',
+    Quality.LATCHED,
+    'true: the gripper is to close; false: to open',
+)
+WRIST_WRENCH = Topic(
+    '/wrist/wrench',
+    'geometry_msgs/msg/WrenchStamped',
+    Quality.SENSOR,
+    'what acts on the wrist from what it holds, N and Nm, in the frame of the header',
+)
+OBJECT_POSE = Topic(
+    '/object/pose',
+    'geometry_msgs/msg/PoseStamped',
+    Quality.REPORT,
+    'where the object is that is handed over, m',
+)
+OBJECT_HOLDER = Topic(
+    '/object/holder',
+    'std_msgs/msg/String',
+    Quality.LATCHED,
+    'who holds the object: robot, partner, both or nobody',
+)
 MARKERS = Topic(
     '/handover/markers',
     'visualization_msgs/msg/MarkerArray',
@@ -214,9 +238,12 @@ DIAGNOSTICS = Topic(
 
 TOPICS = (
     CLOCK, HAND_POSE, HAND_FUSED, HAND_TRUTH, DEMONSTRATOR_POSE, SIGNAL, WRIST_POSE, POSE_COMMAND,
-    TWIST_COMMAND, IK_STATUS, JOINT_STATES, JOINT_COMMAND, STATE, PHASE, MARKERS, INFO,
-    ROBOT_DESCRIPTION, TF, TF_STATIC, DIAGNOSTICS,
+    TWIST_COMMAND, IK_STATUS, JOINT_STATES, JOINT_COMMAND, STATE, PHASE, GRIPPER_COMMAND,
+    WRIST_WRENCH, OBJECT_POSE, OBJECT_HOLDER, MARKERS, INFO, ROBOT_DESCRIPTION, TF, TF_STATIC,
+    DIAGNOSTICS,
 )  # fmt: skip
+OF_SESSIONS = (GRIPPER_COMMAND, WRIST_WRENCH, OBJECT_POSE, OBJECT_HOLDER)
+"""Those that exist only where a gripper holds an object: in sessions."""
 
 
 def position_covariance(deviation_m: float) -> list[float]:
