@@ -22,13 +22,11 @@ from math import erf, sqrt
 from typing import Any
 
 from handover_dmp.bench.measurement import Measurement, time_call
+from handover_dmp.common.arrays import Array
 from handover_dmp.dmp import DecoupledDmp, DmpParameters, learn
 from handover_dmp.tracking.partner_model import PartnerModel
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
-
-Array = NDArray[np.float64]
 
 SAMPLES = 301
 DURATION_S = 1.5

@@ -26,6 +26,7 @@ from tempfile import TemporaryDirectory
 from time import monotonic, time
 from typing import Any, TYPE_CHECKING
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import HandoverError
 from handover_dmp.handover.scenario import Scenario
 from handover_dmp.recording import read_bag
@@ -39,12 +40,10 @@ from handover_dmp.topics import (
     STATE,
 )
 import numpy as np
-from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from handover_dmp.nodes.graph import Graph
 
-Array = NDArray[np.float64]
 
 SETTLING_S = 3.0
 """Until the graph runs evenly with the probes beside it, s."""

@@ -33,15 +33,13 @@ from handover_dmp.bench.ik_scenarios import (
     Run,
 )
 from handover_dmp.bench.measurement import Measurement, time_call
+from handover_dmp.common.arrays import Array
 from handover_dmp.robot.interpolator import JointInterpolator
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.priority_ik import PriorityIk
 from handover_dmp.robot.tasks import WristTarget
 import numpy as np
-from numpy.typing import NDArray
 import pinocchio as pin
-
-Array = NDArray[np.float64]
 
 LONG_RUN = 100_000
 STEPS, BLOCK = 3000, 50

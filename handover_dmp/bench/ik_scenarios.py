@@ -19,12 +19,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.robot.errors import UnreachableError
 from handover_dmp.robot.model import RobotModel
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 PERIOD_S = 0.005
 

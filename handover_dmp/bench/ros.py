@@ -20,13 +20,13 @@ from collections.abc import Callable
 import os
 
 from handover_dmp.bench.graph_run import (
-    Array,
     LockstepRun,
     run_by_the_wall_clock,
     run_in_lockstep,
     WallClockRun,
 )
 from handover_dmp.bench.measurement import Measurement
+from handover_dmp.common.arrays import Array
 from handover_dmp.handover.scenario import make_scenario
 import numpy as np
 

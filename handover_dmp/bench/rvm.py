@@ -21,13 +21,11 @@ from functools import partial
 from statistics import median
 
 from handover_dmp.bench.measurement import Measurement, time_call
+from handover_dmp.common.arrays import Array
 from handover_dmp.dmp.basis import equally_spaced
 from handover_dmp.dmp.learning import WIDTHS
 from handover_dmp.dmp.sparse_bayes import sparse_bayes
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 SAMPLES = 301
 CANDIDATES = 100

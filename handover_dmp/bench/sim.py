@@ -21,6 +21,7 @@ from statistics import median
 from time import perf_counter
 
 from handover_dmp.bench.measurement import Measurement, time_call
+from handover_dmp.common.arrays import Array
 from handover_dmp.handover.lockstep import Handover
 from handover_dmp.handover.scenario import make_scenario
 from handover_dmp.robot.model import BasePlacement, RobotModel
@@ -30,9 +31,6 @@ from handover_dmp.simulation.self_check import check_models
 from handover_dmp.simulation.world import World
 from handover_dmp.view.scene import Scene
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 PERIOD_S = 0.005
 PERIODS = 200

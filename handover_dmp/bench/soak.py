@@ -23,6 +23,7 @@ from time import monotonic
 
 from handover_dmp.bench.faults import FaultyHand, InvariantChecker, tracker_faults
 from handover_dmp.bench.measurement import Measurement
+from handover_dmp.common.arrays import Array
 from handover_dmp.handover.controller import HandoverState, MOVING
 from handover_dmp.handover.lockstep import Handover, Period
 from handover_dmp.handover.scenario import make_scenario, Scenario
@@ -31,10 +32,8 @@ from handover_dmp.robot.velocity_driver import ArmState, CommandOutcome
 from handover_dmp.robot.wrist_controller import WristController
 from handover_dmp.simulation.arm import SimulatedArm
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 import psutil
-
-Array = NDArray[np.float64]
 
 MINUTES = 30.0
 SEEDS = 4

@@ -28,14 +28,12 @@ from functools import cache
 import math
 from typing import Any
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.mocap import condition, HandoverTrial, synthesize
 from handover_dmp.mocap.filtering import interpolate
 from handover_dmp.tracking import GoalEstimator
 from handover_dmp.tracking.tracker_preset import read_trackers, TrackerPreset
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 PERIOD_S = 0.005
 REST_S = 0.8

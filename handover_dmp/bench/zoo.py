@@ -28,12 +28,11 @@ from pathlib import Path
 import re
 from xml.etree import ElementTree
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.robot.descriptions import example_robot_data_folder, pybullet_data_folder
 from handover_dmp.robot.plain_description import parse_xml
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
 Element = ElementTree.Element
 
 MOVING = ('revolute', 'continuous', 'prismatic')

@@ -22,6 +22,7 @@ from statistics import median
 from time import perf_counter
 
 from handover_dmp.bench.zoo import file_limits, FileLimits, ZooArm
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.handover.controller import HandoverState
 from handover_dmp.handover.lockstep import Period, simulate
@@ -33,9 +34,6 @@ from handover_dmp.robot.priority_ik import PriorityIk
 from handover_dmp.robot.tasks import WristTarget
 from handover_dmp.simulation.self_check import check_models
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 PERIOD_S = 0.005
 IK_STEPS = 2000

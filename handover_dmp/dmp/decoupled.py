@@ -22,9 +22,10 @@ from functools import cached_property
 from math import erf, log, sqrt
 from typing import Any
 
+from handover_dmp.common.arrays import Vector
 from handover_dmp.dmp.basis import LAST_NODE, TABLE_RATE
 from handover_dmp.dmp.primitive import Primitive, SMALLEST_PHASE, Step
-from handover_dmp.dmp.state import DmpState, Vector
+from handover_dmp.dmp.state import DmpState
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import erf as erf_of_array

@@ -25,11 +25,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 import os
 
+from handover_dmp.common.arrays import Array
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dtbtrs
-
-Array = NDArray[np.float64]
 
 BLOCK = 8  # intervals of a batch that one matrix product covers
 SHARE = 512  # motions of a batch that one thread works on: few enough for its cache

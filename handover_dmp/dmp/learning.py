@@ -20,6 +20,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError, UsageError
 from handover_dmp.dmp.basis import equally_spaced
 from handover_dmp.dmp.decoupled import DecoupledDmp
@@ -29,10 +30,9 @@ from handover_dmp.dmp.posterior import WeightPosterior
 from handover_dmp.dmp.primitive import Primitive
 from handover_dmp.dmp.sparse_bayes import sparse_bayes
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg.lapack import dgels
 
-Array = NDArray[np.float64]
 AnyPrimitive = TypeVar('AnyPrimitive', bound=Primitive)
 
 REGRESSIONS = ('rvm', 'ridge')

@@ -29,17 +29,17 @@ from functools import cached_property
 from math import ceil, exp, inf, log, nan
 from typing import Any, NamedTuple, TypeVar
 
+from handover_dmp.common.arrays import Array, Vector
 from handover_dmp.common.errors import DataError
 from handover_dmp.dmp.basis import Basis, LAST_NODE, TABLE_RATE
 from handover_dmp.dmp.intervals import Intervals
 from handover_dmp.dmp.parameters import DmpParameters
 from handover_dmp.dmp.posterior import WeightPosterior
-from handover_dmp.dmp.state import DmpState, Rollout, Vector
+from handover_dmp.dmp.state import DmpState, Rollout
 from handover_dmp.dmp.transition import GAUSS_A, GAUSS_B, steady, Transition, varying
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
 Self = TypeVar('Self', bound='Primitive')
 
 MAX_DURATION_S = 3600.0

@@ -24,11 +24,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from handover_dmp.common.arrays import Array
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dpotrf, dpotri
-
-Array = NDArray[np.float64]
 
 MIN_GAIN = 1e-2  # in the logarithm of the evidence; smaller steps end the search
 MIN_CHANGE = 1e-2  # of ln β

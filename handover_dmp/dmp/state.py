@@ -19,10 +19,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from handover_dmp.common.arrays import Vector
 import numpy as np
 from numpy.typing import NDArray
-
-Vector = tuple[float, ...]
 
 
 class DmpState(NamedTuple):

@@ -23,9 +23,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.dmp import DecoupledDmp
 from handover_dmp.evaluation.cases import Case
-from handover_dmp.evaluation.envelope import Array
 from handover_dmp.evaluation.protocol import band_of, CaseScores, Evaluation, Progress, Protocol
 from handover_dmp.evaluation.rollouts import learn_from_case, plan, RolloutTask
 from handover_dmp.evaluation.scores import BANDS, judge, Scores

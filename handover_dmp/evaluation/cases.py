@@ -20,8 +20,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
-from handover_dmp.evaluation.envelope import Array
 from handover_dmp.mocap import condition, HandoverTrial, velocities
 from handover_dmp.mocap.filtering import CUTOFF_HZ
 from handover_dmp.mocap.typical import demonstrator_curves, SAMPLES, time_normalise

@@ -19,13 +19,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from handover_dmp.common.arrays import Array
 import numpy as np
-from numpy.typing import NDArray
 
 ROUNDING_M = 1e-9
 """What may be rounding and nothing else: a nanometre decides no test."""
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -20,11 +20,11 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.files import replacing
 from handover_dmp.evaluation.bootstrap import draw_samples, interval
 from handover_dmp.evaluation.cases import Case
-from handover_dmp.evaluation.envelope import Array
 from handover_dmp.evaluation.rollouts import curves_of, Learning, RolloutTask
 from handover_dmp.evaluation.table import TITLES
 from handover_dmp.tracking.partner_model import PartnerOptions

@@ -20,6 +20,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.files import replacing
 from handover_dmp.common.plot_style import PLOT_STYLE
 from handover_dmp.dmp.decoupled import DecoupledDmp
@@ -29,9 +30,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-Array = NDArray[np.float64]
+from numpy.typing import ArrayLike
 
 MU = (0.25, 0.5, 0.75)
 # light to dark, and each with a stroke of its own: none hangs on telling two hues apart

@@ -22,10 +22,11 @@ from pathlib import Path
 import re
 from typing import Any
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.files import replacing
 from handover_dmp.common.plot_style import EXCHANGE_COLOUR, PLOT_STYLE
 from handover_dmp.evaluation.cases import Case
-from handover_dmp.evaluation.envelope import Array, Envelope
+from handover_dmp.evaluation.envelope import Envelope
 from handover_dmp.evaluation.motions import MEASURES, pairs_of, TrialMeasures
 from handover_dmp.evaluation.rejections import Rejections
 from handover_dmp.evaluation.scores import BANDS

@@ -19,8 +19,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.evaluation.cases import Case, Hands
-from handover_dmp.evaluation.envelope import Array, Envelope
+from handover_dmp.evaluation.envelope import Envelope
 from handover_dmp.evaluation.rollouts import learn_from_case, Learning, roll_out
 from handover_dmp.evaluation.scores import judge, Totals
 import numpy as np

@@ -18,8 +18,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.evaluation.cases import Hands
-from handover_dmp.evaluation.envelope import Array
 from handover_dmp.tracking import GoalEstimator
 import numpy as np
 from scipy.signal import lfilter

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from handover_dmp.evaluation.envelope import Array
+from handover_dmp.common.arrays import Array
 from handover_dmp.mocap.typical import SAMPLES
 import numpy as np
 from scipy.interpolate import BPoly

@@ -20,10 +20,10 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.evaluation.bootstrap import draw_samples, interval
 from handover_dmp.evaluation.case_table import CaseTable
 from handover_dmp.evaluation.cases import Case
-from handover_dmp.evaluation.envelope import Array
 from handover_dmp.evaluation.rollouts import learn_from_case, Learning, roll_out
 from handover_dmp.mocap import velocities
 from handover_dmp.mocap.filtering import RATE_HZ

@@ -21,10 +21,11 @@ from dataclasses import dataclass, field
 from functools import reduce
 from operator import add
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.evaluation import LEARN
 from handover_dmp.evaluation.bootstrap import draw_samples, ROUNDS
 from handover_dmp.evaluation.cases import Case, make_cases
-from handover_dmp.evaluation.envelope import Array, Envelope
+from handover_dmp.evaluation.envelope import Envelope
 from handover_dmp.evaluation.minimum_jerk import minimum_jerk
 from handover_dmp.evaluation.motions import measure_trials, TrialMeasures
 from handover_dmp.evaluation.rejections import (

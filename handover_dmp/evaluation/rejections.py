@@ -26,8 +26,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.evaluation.cases import Case
-from handover_dmp.evaluation.envelope import Array, Envelope, ROUNDING_M
+from handover_dmp.evaluation.envelope import Envelope, ROUNDING_M
 from handover_dmp.evaluation.scores import BANDS
 import numpy as np
 

@@ -19,9 +19,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.dmp import ClassicalDmp, DecoupledDmp, DmpParameters, learn
 from handover_dmp.evaluation.cases import Case, Hands
-from handover_dmp.evaluation.envelope import Array
 from handover_dmp.mocap.filtering import CUTOFF_HZ
 from handover_dmp.mocap.typical import nearest_to_mean, time_normalise
 from handover_dmp.tracking.partner_model import PartnerOptions, rollout_expecting

@@ -18,8 +18,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.evaluation.bootstrap import interval
-from handover_dmp.evaluation.envelope import Array, Envelope
+from handover_dmp.evaluation.envelope import Envelope
 from handover_dmp.evaluation.time_shift import best_time_shift
 import numpy as np
 from numpy.typing import NDArray

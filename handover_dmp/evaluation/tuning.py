@@ -21,9 +21,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.evaluation.bootstrap import draw_samples, interval
 from handover_dmp.evaluation.cases import Case, make_cases
-from handover_dmp.evaluation.envelope import Array
 from handover_dmp.evaluation.folds import (
     Candidate,
     FOLDS,

@@ -51,13 +51,10 @@ from math import copysign, dist, exp, hypot, inf, log, sqrt
 from operator import add, mul, sub
 from typing import NamedTuple
 
+from handover_dmp.common.arrays import Array, Vector
 from handover_dmp.common.settings import defaults, setting
 from handover_dmp.dmp import DecoupledDmp, DmpState
-from handover_dmp.dmp.state import Vector
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 SETTLED_DEVIATIONS = 5.0
 """Standard deviations from which on the weight is 0 or 1 to a millionth."""

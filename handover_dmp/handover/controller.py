@@ -31,6 +31,7 @@ from functools import lru_cache
 from math import dist, hypot, inf, isfinite, nan, sqrt
 from typing import Any, NamedTuple
 
+from handover_dmp.common.arrays import Vector
 from handover_dmp.common.settings import setting
 from handover_dmp.dmp import DecoupledDmp, DmpParameters, DmpState, relearn
 from handover_dmp.handover.approach import ApproachOptions, bounded, step_towards
@@ -41,8 +42,6 @@ from handover_dmp.tracking.partner_model import (
     PartnerModel,
     PartnerOptions,
 )
-
-Vector = tuple[float, ...]
 
 
 class HandoverState(str, Enum):

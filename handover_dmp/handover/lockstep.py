@@ -24,6 +24,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.handover.controller import (
     HandoverController,
     HandoverOptions,
@@ -40,9 +41,6 @@ from handover_dmp.tracking import GoalEstimator, HandEstimate
 from handover_dmp.tracking.playback import HandSample, Replay, TrackedHand
 from handover_dmp.tracking.tracker_preset import TrackerPreset
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 NANOSECONDS = 1_000_000_000
 REPLAY_AT_S = 0.5

@@ -19,6 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.settings import defaults, setting
 from handover_dmp.dmp import DecoupledDmp, load_model
@@ -30,9 +31,6 @@ from handover_dmp.robot.descriptions import ArmChoice
 from handover_dmp.robot.model import BasePlacement, RobotModel
 from handover_dmp.robot.placement import choose_base_placement
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 EXAMPLE = ('engine_bay', 'give')
 MAX_REST_S = 0.5

@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.dmp.decoupled import DecoupledDmp
 from handover_dmp.dmp.demonstration import mean_motion
@@ -34,9 +35,7 @@ from handover_dmp.tracking.partner_model import (
     with_goal_weight_of,
 )
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-Array = NDArray[np.float64]
+from numpy.typing import ArrayLike
 
 PATH_NODES = 101
 """Of the partner's path."""

@@ -23,11 +23,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import ceil, inf, log, log2, sqrt
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.mocap.filtering import velocities
 import numpy as np
 from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 ONSET = 0.05
 """A motion goes on where its speed is above this share of its peak."""

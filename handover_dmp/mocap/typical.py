@@ -19,10 +19,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.trial import HandoverTrial, read_trial
 import numpy as np
-from numpy.typing import NDArray
 
 SAMPLES = 101
 """Samples of a time-normalised curve: every hundredth of the duration, both ends included."""
@@ -31,8 +31,6 @@ UNUSUAL = 2.0
 """A trial is unusual if it is this many times as far from the others as they are in the middle."""
 MIN_OTHERS = 3
 """Fewer trials do not tell what is usual."""
-
-Array = NDArray[np.float64]
 
 
 def time_normalise(times: Array, positions: Array, samples: int = SAMPLES) -> Array:

@@ -21,10 +21,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.report.metrics import measure
 from handover_dmp.report.motions import compare_motions
-from handover_dmp.report.recorded_run import Array, load_run
+from handover_dmp.report.recorded_run import load_run
 import numpy as np
 
 CONFIDENCE = 0.95

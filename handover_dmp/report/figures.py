@@ -22,11 +22,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.files import replacing
 from handover_dmp.common.plot_style import EXCHANGE_COLOUR, PLOT_STYLE
 from handover_dmp.report.metrics import FEEDBACK_WEIGHT, FUSED, goal_at, seen_hands, tracker_errors
 from handover_dmp.report.motion import bell_of, resample, velocity
-from handover_dmp.report.recorded_run import Array, RunRecord
+from handover_dmp.report.recorded_run import RunRecord
 from handover_dmp.topics import (
     HAND_POSE,
     JOINT_STATES,

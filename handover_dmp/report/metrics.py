@@ -19,8 +19,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.report.motion import bell_of, RATE_HZ, resample, velocity
-from handover_dmp.report.recorded_run import Array, RecordedLimits, RunRecord
+from handover_dmp.report.recorded_run import RecordedLimits, RunRecord
 from handover_dmp.topics import DIAGNOSTICS, HAND_TRUTH
 import numpy as np
 

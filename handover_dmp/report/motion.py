@@ -18,10 +18,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from handover_dmp.common.arrays import Array
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 RATE_HZ = 200.0
 # long enough for the noise of a tracker (0.1 mm) to stay below 5 mm/s, short against a reach

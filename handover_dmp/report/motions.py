@@ -19,10 +19,11 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.mocap.filtering import smooth
 from handover_dmp.mocap.measures import fluency, measure_motion, synchrony
 from handover_dmp.report.motion import RATE_HZ, resample
-from handover_dmp.report.recorded_run import Array, RunRecord
+from handover_dmp.report.recorded_run import RunRecord
 import numpy as np
 
 MIN_SAMPLES = 10

@@ -23,6 +23,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.message_bodies import bodies
 from handover_dmp.recording import bag_files, read_bag, recorded_namespace
@@ -53,8 +54,6 @@ from handover_dmp.topics import (
 )
 import numpy as np
 from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 NEEDED = (WRIST_POSE, JOINT_STATES)
 # the log time of a message and the clock of its graph are the same up to delays of this size,

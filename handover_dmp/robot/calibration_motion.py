@@ -25,14 +25,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.robot.collision import CollisionModel
 from handover_dmp.robot.errors import UnreachableError
 from handover_dmp.robot.limits import VelocityBox
 from handover_dmp.robot.model import RobotModel
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 SWING_RAD = 0.35
 """Greatest amplitude of a joint."""

@@ -22,14 +22,12 @@ from typing import Any, ClassVar
 from weakref import WeakKeyDictionary
 
 import coal
+from handover_dmp.common.arrays import Array
 from handover_dmp.robot.errors import RobotDescriptionError
 from handover_dmp.robot.mesh_reading import LOADER
 from handover_dmp.robot.model import RobotModel
 import numpy as np
-from numpy.typing import NDArray
 import pinocchio as pin
-
-Array = NDArray[np.float64]
 
 CLEAR_AT_HOME = 0.04
 """Pairs nearer than this at home, m, are as good as neighbours: their capsules are too wide."""

@@ -19,6 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.settings import setting
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.singularity import (
@@ -28,9 +29,6 @@ from handover_dmp.robot.singularity import (
 )
 from handover_dmp.robot.tasks import IkInput
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 
 @dataclass(eq=False)

@@ -20,11 +20,9 @@ from collections.abc import Sequence
 import math
 
 import daqp
+from handover_dmp.common.arrays import Array
 from handover_dmp.robot.tasks import HalfSpace, Rows
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 UNBOUNDED = 1e30
 """What daqp takes for infinity."""

@@ -18,12 +18,10 @@ from __future__ import annotations
 
 from math import isfinite
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.robot.limits import JointLimits
 import numpy as np
-from numpy.typing import NDArray
 from ruckig import ControlInterface, InputParameter, Result, Ruckig, Synchronization, Trajectory
-
-Array = NDArray[np.float64]
 
 
 class JointInterpolator:

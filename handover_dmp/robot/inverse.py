@@ -18,13 +18,11 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.robot.errors import UnreachableError
 from handover_dmp.robot.limits import JointLimits
 import numpy as np
-from numpy.typing import NDArray
 import pinocchio as pin
-
-Array = NDArray[np.float64]
 
 TOLERANCE = 1e-6
 POSTURE_WEIGHT = 0.02

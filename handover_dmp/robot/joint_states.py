@@ -19,10 +19,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import isfinite, isnan
 
+from handover_dmp.common.arrays import Array
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-Array = NDArray[np.float64]
+from numpy.typing import ArrayLike
 
 SHOWN = 3
 """So many names of joints are told when they are the wrong ones."""

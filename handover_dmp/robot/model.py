@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import UsageError
 from handover_dmp.common.quiet_pybullet import silenced
 from handover_dmp.robot import inverse
@@ -51,10 +52,7 @@ from handover_dmp.robot.plain_description import (
 )
 from handover_dmp.robot.wrist import choose_wrist
 import numpy as np
-from numpy.typing import NDArray
 import pinocchio as pin
-
-Array = NDArray[np.float64]
 
 TURNS_FOR_EVER = 1e9
 """Position limit, rad, that stands for none while a description is parsed."""

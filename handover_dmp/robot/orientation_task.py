@@ -19,15 +19,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import UsageError
 from handover_dmp.common.settings import setting
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.tasks import IkInput
 import numpy as np
-from numpy.typing import NDArray
 import pinocchio as pin
-
-Array = NDArray[np.float64]
 
 UP = np.array([0.0, 0.0, 1.0])
 ORIENTATIONS = ('none', 'full', 'level', 'point')

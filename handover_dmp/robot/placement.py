@@ -20,14 +20,12 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 import itertools
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.settings import defaults
 from handover_dmp.robot.collision import CollisionModel
 from handover_dmp.robot.errors import UnreachableError
 from handover_dmp.robot.model import BasePlacement, RobotModel
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 SAMPLES = 16
 """Points of the way that are looked at, equally spaced along it."""

@@ -33,14 +33,13 @@ from typing import Any
 from xml.etree import ElementTree
 from xml.parsers import expat
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.robot.limits import JointLimits
 from handover_dmp.robot.mesh_files import find_mesh, LOOKED_IN
 from handover_dmp.robot.mesh_reading import why_not_collided, why_not_drawn
 import numpy as np
-from numpy.typing import NDArray
 import pinocchio as pin
 
-Array = NDArray[np.float64]
 Element = ElementTree.Element
 
 SIZES = {

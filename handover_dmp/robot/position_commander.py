@@ -26,6 +26,7 @@ from dataclasses import dataclass
 from math import ceil
 from typing import NamedTuple
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.settings import setting
 from handover_dmp.robot.joint_states import JointStateReader
 from handover_dmp.robot.model import RobotModel
@@ -37,9 +38,7 @@ from handover_dmp.robot.velocity_driver import (
     VelocityDriver,
 )
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-Array = NDArray[np.float64]
+from numpy.typing import ArrayLike
 
 BOUNDS_EVERY_S = 0.005
 STEPS = 5

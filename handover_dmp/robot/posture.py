@@ -19,14 +19,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.settings import setting
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.partner import Partner
 from handover_dmp.robot.tasks import IkInput
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 MAX_SPEED_SHARE = 0.5
 """Share of a joint's velocity limit that may be asked for."""

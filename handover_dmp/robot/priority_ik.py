@@ -35,16 +35,13 @@ from collections.abc import Sequence
 import math
 from typing import Any, NamedTuple
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.robot.hierarchy import Box, Hierarchy, SOFTNESS, TOUCHING
 from handover_dmp.robot.limits import VelocityBox
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.partner import Partner
 from handover_dmp.robot.task_stack import TaskStack
 from handover_dmp.robot.tasks import HalfSpace, IkInput, Rows, WristTarget
-import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 
 class IkSolution(NamedTuple):

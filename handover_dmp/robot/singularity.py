@@ -19,12 +19,9 @@ from __future__ import annotations
 import math
 
 import eigenpy
+from handover_dmp.common.arrays import Array
 from handover_dmp.robot.model import RobotModel
-import numpy as np
-from numpy.typing import NDArray
 import pinocchio as pin
-
-Array = NDArray[np.float64]
 
 _SOLVER = eigenpy.SelfAdjointEigenSolver(3)  # to make one anew takes as long as to solve
 

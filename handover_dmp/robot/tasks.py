@@ -25,14 +25,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.partner import Partner
 from handover_dmp.robot.singularity import smallest_singular_value
 import numpy as np
-from numpy.typing import NDArray
 import pinocchio as pin
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

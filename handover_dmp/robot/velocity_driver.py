@@ -26,13 +26,11 @@ from dataclasses import dataclass
 from enum import Enum
 from math import inf, isfinite, sqrt
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.settings import setting
 from handover_dmp.robot.interpolator import JointInterpolator
 from handover_dmp.robot.model import RobotModel
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 # Share of the acceleration limit that braking before an end stop plans with; what is left absorbs
 # the lag of the jerk-limited interpolation.

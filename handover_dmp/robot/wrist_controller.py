@@ -26,6 +26,7 @@ from dataclasses import dataclass
 from math import nan
 from typing import NamedTuple
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.settings import setting
 from handover_dmp.robot.joint_states import all_finite, JointStateReader
 from handover_dmp.robot.model import RobotModel
@@ -34,9 +35,7 @@ from handover_dmp.robot.priority_ik import IkSolution, PriorityIk
 from handover_dmp.robot.singularity import smallest_singular_value
 from handover_dmp.robot.tasks import WristTarget
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-Array = NDArray[np.float64]
+from numpy.typing import ArrayLike
 
 STALLED = 0.03
 """Share of the wrist's speed that is not worth moving for."""

@@ -25,6 +25,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import isfinite
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.closing import Closing
 from handover_dmp.common.errors import DataError, UsageError
 from handover_dmp.robot.model import RobotModel
@@ -38,9 +39,6 @@ from handover_dmp.simulation.partner_figure import PartnerFigure
 from handover_dmp.simulation.self_check import check_models
 from handover_dmp.simulation.world import World, WorldOptions
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 # The longest time, in steps, for which the joints are not read and the bounds not renewed.
 STEPS_AT_ONCE = 5

@@ -27,14 +27,12 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.quiet_pybullet import pybullet, silenced
 from handover_dmp.common.settings import setting
 from handover_dmp.robot.descriptions import example_robot_data_folder
 import numpy as np
-from numpy.typing import NDArray
 import pinocchio as pin
-
-Array = NDArray[np.float64]
 
 ARM_JOINTS = (
     'right_clavicle_joint_X',

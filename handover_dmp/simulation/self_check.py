@@ -18,14 +18,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.simulation.world import World
 import numpy as np
-from numpy.typing import NDArray
 import pinocchio as pin
-
-Array = NDArray[np.float64]
 
 POSITION_TOLERANCE_M = 1e-6
 ROTATION_TOLERANCE_RAD = 5e-6  # PyBullet reports rotations in single precision

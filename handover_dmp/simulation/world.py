@@ -28,6 +28,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 from xml.etree import ElementTree
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.closing import Closing
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.quiet_pybullet import pybullet, silenced
@@ -36,9 +37,6 @@ from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.plain_description import moved_links
 from handover_dmp.simulation.partner_figure import FigureBodies, PartnerFigure
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from warnings import catch_warnings, simplefilter
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.body_path import BodyPath
 from handover_dmp.tracking.frames import Place
@@ -43,8 +44,6 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 from scipy.stats import t as student
-
-Array = NDArray[np.float64]
 
 MIN_SPREAD_M = 0.02
 """Standard deviation of a motion along a direction, below which there is none."""

@@ -47,10 +47,11 @@ from collections.abc import Sequence
 import math
 from typing import NamedTuple
 
+from handover_dmp.common.arrays import Point
 from handover_dmp.common.errors import UsageError
 from handover_dmp.mocap.no_pose import no_pose
 from handover_dmp.tracking.hand_filter import HandFilter
-from handover_dmp.tracking.hand_track import HandTrack, Vector
+from handover_dmp.tracking.hand_track import HandTrack
 from handover_dmp.tracking.tracker import Tracker
 from handover_dmp.tracking.tracker_watch import TrackerReport, TrackerWatch
 
@@ -80,8 +81,8 @@ class HandEstimate(NamedTuple):
 
     """
 
-    position: Vector
-    velocity: Vector
+    position: Point
+    velocity: Point
     stamp_s: float
     deviation_m: float
 
@@ -268,7 +269,7 @@ class GoalEstimator:
             reports.append(watch.report(now_s - watch.used_s, bias))
         return reports
 
-    def _refuse(self, number: int, stamp: float, place: Vector, now_s: float | None) -> str:
+    def _refuse(self, number: int, stamp: float, place: Point, now_s: float | None) -> str:
         if not math.isfinite(stamp):
             return 'not_finite'
         if max(map(abs, place)) > _MAX_COORDINATE_M:
@@ -305,7 +306,7 @@ class GoalEstimator:
         ]
 
     def _follow(
-        self, number: int, stamp: float, place: Vector, variance: float
+        self, number: int, stamp: float, place: Point, variance: float
     ) -> tuple[str, float]:
         """Return why a pose was left out, if so, and how far from the hand it was, m."""
         watch, others = self._watches[number], self._others(number)
@@ -342,7 +343,7 @@ class GoalEstimator:
         return not watch.outliers and watch.tracker.variance < best
 
     def _consider(
-        self, number: int, stamp: float, place: Vector, variance: float, doubted: bool
+        self, number: int, stamp: float, place: Point, variance: float, doubted: bool
     ) -> bool:
         """Follow what was not believed, a few hands at a time; believe what may well be it."""
         candidates = self._candidates[number]

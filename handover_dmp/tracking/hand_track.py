@@ -29,10 +29,9 @@ from collections.abc import Sequence
 import math
 from typing import NamedTuple, TypeAlias
 
+from handover_dmp.common.arrays import Point
 from handover_dmp.tracking.hand_filter import HandFilter
 from handover_dmp.tracking.tracker import Tracker
-
-Vector: TypeAlias = tuple[float, float, float]
 
 SAME_STAMP_S = 1e-7
 _FIRST_SPEED_DEVIATION = 0.5
@@ -58,7 +57,7 @@ class Bias(NamedTuple):
 
     """
 
-    mean: Vector
+    mean: Point
     position: float
     velocity: float
     biases: tuple[float, ...]
@@ -86,7 +85,7 @@ class TrackedPose(NamedTuple):
     """
 
     stamp: float
-    place: Vector
+    place: Point
     variance: float
     bias: int
     tracker: int
@@ -155,7 +154,7 @@ class HandTrack:
         if before is not None:
             self._biases = before.biases()
 
-    def biases(self) -> list[tuple[Vector, float]]:
+    def biases(self) -> list[tuple[Point, float]]:
         """Tell each bias that is learnt, m, and its variance, m²."""
         if not self.poses:
             return self._biases
@@ -165,7 +164,7 @@ class HandTrack:
     def add(
         self,
         stamp: float,
-        place: Vector,
+        place: Point,
         tracker: int,
         variance: float,
         *,
@@ -222,7 +221,7 @@ class HandTrack:
             del poses[0]
         return Sight('', distance, surprise)
 
-    def reaches(self, stamp: float, place: Vector, tracker: int) -> bool:
+    def reaches(self, stamp: float, place: Point, tracker: int) -> bool:
         """Tell whether a hand can have got from the newest pose to a later one, s and m."""
         if not self.poses:
             return True
@@ -231,7 +230,7 @@ class HandTrack:
         seen, again = self.unbiased(last.place, last.tracker), self.unbiased(place, tracker)
         return math.dist(seen, again) <= reach
 
-    def unbiased(self, place: Vector, tracker: int) -> Vector:
+    def unbiased(self, place: Point, tracker: int) -> Point:
         """Take the learnt bias of a tracker off a place, m."""
         x, y, z = self.bias(tracker)
         return (place[0] - x, place[1] - y, place[2] - z)
@@ -242,12 +241,12 @@ class HandTrack:
         p += ahead_s * (2.0 * c + ahead_s * (s + self._density * ahead_s / 3.0))
         return math.sqrt(max(p, 0.0))
 
-    def bias(self, tracker: int) -> Vector:
+    def bias(self, tracker: int) -> Point:
         """Tell the bias of a tracker beyond that which was told, m."""
         place = self._bias_of.get(tracker, _NO_BIAS)
         return (0.0, 0.0, 0.0) if place == _NO_BIAS else self.biases()[place][0]
 
-    def _first(self, place: Vector, variance: float, bias: int) -> State:
+    def _first(self, place: Point, variance: float, bias: int) -> State:
         """Know nothing of the position, then see it."""
         x, y, z = place
         count = len(self._biases)
@@ -266,7 +265,7 @@ class HandTrack:
         return (x, y, z, 0.0, 0.0, 0.0, variance, 0.0, _FIRST_SPEED_DEVIATION**2, biases)
 
     def _compare(
-        self, state: State, elapsed: float, place: Vector, bias: int, variance: float
+        self, state: State, elapsed: float, place: Point, bias: int, variance: float
     ) -> tuple[float, float, float]:
         """Tell distance (m), surprise and gate (m) of a pose."""
         parameters = self.parameters
@@ -314,7 +313,7 @@ class HandTrack:
         )
 
 
-def _correct(state: State, place: Vector, bias: int, variance: float) -> State:
+def _correct(state: State, place: Point, bias: int, variance: float) -> State:
     """See the place, m, with its variance, m²."""
     x, y, z, vx, vy, vz, p, c, s, biases = state
     dx, dy, dz = place[0] - x, place[1] - y, place[2] - z

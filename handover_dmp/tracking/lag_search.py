@@ -27,13 +27,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.body_path import BodyPath
 from handover_dmp.tracking.reference_path import ReferencePath
 import numpy as np
 from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 STEP_S = 0.04
 MAX_SAMPLES = 250

@@ -41,14 +41,12 @@ from functools import lru_cache
 from math import dist, erf, log, sqrt
 from typing import NamedTuple
 
+from handover_dmp.common.arrays import Array, Vector
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.settings import setting
 from handover_dmp.dmp import DecoupledDmp, DmpState, relearn
-from handover_dmp.dmp.state import Rollout, Vector
+from handover_dmp.dmp.state import Rollout
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 PARTNER_MODEL = ('auto', 'off')
 """Used where the movement knows how the partner's hand moves, or not at all."""

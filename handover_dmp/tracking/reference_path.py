@@ -16,13 +16,12 @@
 
 from __future__ import annotations
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.mocap.body_path import BodyPath
 from handover_dmp.mocap.filtering import interpolate, smooth
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-
-Array = NDArray[np.float64]
 
 CUTOFF_HZ = 8.0
 """People and arms move slower; noise that is left in favours the times between samples."""

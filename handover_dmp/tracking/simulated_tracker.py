@@ -20,12 +20,11 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.settings import setting
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-Array = NDArray[np.float64]
 NODE = 'calibration_motion'
 
 

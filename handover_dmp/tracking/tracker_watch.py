@@ -20,7 +20,7 @@ from collections import Counter, deque
 import math
 from typing import NamedTuple
 
-from handover_dmp.tracking.hand_track import Vector
+from handover_dmp.common.arrays import Point
 from handover_dmp.tracking.tracker import Tracker
 
 # So many poses of it are judged together, whether noise explains how far off they are.
@@ -51,7 +51,7 @@ class TrackerReport(NamedTuple):
     name: str
     rate_hz: float
     age_s: float
-    bias_m: Vector
+    bias_m: Point
     refused: float
     distance_m: float
     fault: str
@@ -95,14 +95,14 @@ class TrackerWatch:
 
     def forget(self) -> None:
         """Forget the hand; the counts go on."""
-        self.same: tuple[float, float, Vector] | None = None
+        self.same: tuple[float, float, Point] | None = None
         self.used_at_s = -math.inf
         self.outliers = 0
         self.disagrees = False
         self.clock_off_s = 0.0
         self.surprise = 1.0
         self.min_age_s = math.inf
-        self.path: deque[tuple[float, Vector]] = deque()
+        self.path: deque[tuple[float, Point]] = deque()
 
     @property
     def unchanged_s(self) -> float:
@@ -114,7 +114,7 @@ class TrackerWatch:
         """Whether its poses are not used, however near they lie."""
         return self.disagrees or self.clock_off_s != 0.0
 
-    def see(self, stamp: float, place: Vector, now_s: float | None) -> None:
+    def see(self, stamp: float, place: Point, now_s: float | None) -> None:
         """Take note of a pose that is one, at a stamp and now in s, m."""
         since = stamp if self.same is None or self.same[2] != place else self.same[0]
         self.same = (since, max(since, stamp), place)
@@ -145,7 +145,7 @@ class TrackerWatch:
             self._squares += distance * distance
             self._compared += 1
 
-    def report(self, age_s: float, bias_m: Vector) -> TrackerReport:
+    def report(self, age_s: float, bias_m: Point) -> TrackerReport:
         """Sum up, with age (s) and bias (m) as they are, and begin anew."""
         elapsed = self._newest_s - self._reported_s
         known = math.isfinite(elapsed) and elapsed > 0.0

@@ -19,13 +19,11 @@ from __future__ import annotations
 from typing import Any
 from xml.etree import ElementTree
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.robot.collision import link_capsules
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.plain_description import add_capsule
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 ROD_RADIUS_M = 0.03
 """Of a part of the arm that has no shape at all, drawn from joint to joint."""

@@ -31,6 +31,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError, UsageError
 from handover_dmp.common.files import write_text
 from handover_dmp.view.drawn_robot import drawn_description
@@ -45,8 +46,6 @@ from handover_dmp.view.scene import (
 from handover_dmp.view.stage import Stage
 import numpy as np
 from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 RATE_HZ = 50.0
 MAX_FRAMES = 1500

@@ -24,10 +24,8 @@ from __future__ import annotations
 from pathlib import Path
 from xml.etree import ElementTree
 
+from handover_dmp.common.arrays import Array
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 SIDES = 48
 

@@ -26,6 +26,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.closing import Closing
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.quiet_pybullet import pybullet, silenced
@@ -41,7 +42,6 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.spatial.transform import Rotation
 
-Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 Colour = tuple[float, float, float]
 

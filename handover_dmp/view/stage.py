@@ -21,6 +21,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.report import load_run, RunRecord
 from handover_dmp.robot.descriptions import ArmChoice, Description, known_arms, read_description
@@ -29,9 +30,6 @@ from handover_dmp.robot.model import BasePlacement, RobotModel
 from handover_dmp.topics import ROBOT_DESCRIPTION
 from handover_dmp.view.scene import Scene
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 BEFORE_S = 0.3
 """How long before the robot moves there is something to see."""

@@ -137,7 +137,7 @@ class C3d:
         words = np.hstack([rounded.reshape(len(points), -1), samples])
         return words.astype(f'{self.end}i2').tobytes()
 
-    def bytes(self) -> bytes:
+    def content(self) -> bytes:
         section = self.section(0)
         blocks = -(-(4 + len(section)) // BLOCK)
         start = self.parameters_at + blocks
@@ -166,7 +166,7 @@ def reaching(frames=60, markers=2):
 
 
 def write(path, file: C3d):
-    path.write_bytes(file.bytes())
+    path.write_bytes(file.content())
     return path
 
 
@@ -209,7 +209,7 @@ def test_names_of_more_markers_than_one_parameter_holds(tmp_path, count):
 def test_a_file_without_markers_is_said_to_be_one(tmp_path):
     """A file of force plates alone."""
     file = C3d(np.zeros((20, 0, 3)), [''], analog=6)
-    content = bytearray(file.bytes())
+    content = bytearray(file.content())
     content[2:4] = b'\0\0'
     (tmp_path / 'a.c3d').write_bytes(content)
     with pytest.raises(DataError, match=r'a\.c3d: holds no markers'):
@@ -317,7 +317,7 @@ def test_what_is_broken_off_is_refused(tmp_path, case, cut):
     file = case.file
     # Where no place holds the number of frames, nothing tells that some are missing.
     assume(file.counted != ('header',) or file.first + case.frames - 1 < 65_535)
-    content = file.bytes()
+    content = file.content()
     padding = -len(file.data()) % BLOCK
     (tmp_path / 'a.c3d').write_bytes(content[: max(len(content) - padding - cut, 1)])
     with pytest.raises(DataError):
