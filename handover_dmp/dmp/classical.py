@@ -19,7 +19,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import exp, log
 
-from handover_dmp.dmp.basis import TABLE_RATE
 from handover_dmp.dmp.primitive import Primitive
 import numpy as np
 from numpy.typing import NDArray
@@ -50,9 +49,18 @@ class ClassicalDmp(Primitive):
         weight: NDArray[np.float64] = 1.0 - np.exp(-self.parameters.alpha * u)
         return weight
 
-    def _weight_pair(self, first: float, second: float) -> tuple[float, float]:
-        alpha = self.parameters.alpha / TABLE_RATE
-        return 1.0 - exp(-alpha * first), 1.0 - exp(-alpha * second)
+    def goal_weight_at(self, u: float) -> float:
+        """
+        Give 1 − s at one time.
+
+        Args:
+            u: −ln(s)/α.
+
+        Returns:
+            The weight of the goal, from 0 to 1.
+
+        """
+        return 1.0 - exp(-self.parameters.alpha * u)
 
     @property
     def _settled(self) -> float:
@@ -63,7 +71,8 @@ class ClassicalDmp(Primitive):
         return 0.1 / self.parameters.alpha
 
     @property
-    def _goal_velocity_gain(self) -> float:
+    def goal_velocity_gain(self) -> float:
+        """K_v, which is 0 in (1a)."""
         return 0.0
 
     @property

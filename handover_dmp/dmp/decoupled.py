@@ -16,23 +16,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from math import erf, log, sqrt
-from typing import Any
+from math import erf, sqrt
 
-from handover_dmp.common.arrays import Vector
-from handover_dmp.dmp.basis import LAST_NODE, TABLE_RATE
-from handover_dmp.dmp.primitive import Primitive, SMALLEST_PHASE, Step
-from handover_dmp.dmp.state import DmpState
+from handover_dmp.dmp.fast_step import fast_step, FastStep
+from handover_dmp.dmp.primitive import Primitive
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import erf as erf_of_array
 
 # (7) is 1 to the last bit of a float this many σ beyond μ
 SETTLED_DEVIATIONS = 8.3
-_new = tuple.__new__  # a named tuple without the detour over its own __new__
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -60,32 +55,18 @@ class DecoupledDmp(Primitive):
         weight: NDArray[np.float64] = 0.5 + 0.5 * erf_of_array((u - mu) * slope)
         return weight
 
-    def shape(self, u: float) -> Vector:
+    def goal_weight_at(self, u: float) -> float:
         """
-        Give the forcing term f of (6) at one time.
+        Give (7) at one time.
 
         Args:
-            u: −ln(s)/α, from 0.
+            u: −ln(s)/α.
 
         Returns:
-            m, d floats; beyond the end of the basis its last value.
+            w_g, from 0 to 1.
 
         """
-        node = min(u * TABLE_RATE, LAST_NODE)
-        index = int(node)
-        value, slope = self._rows[index]
-        return tuple([f + (node - index) * df for f, df in zip(value, slope, strict=True)])
-
-    @cached_property
-    def _erf(self) -> tuple[float, float]:
-        return (
-            self.parameters.mu * TABLE_RATE,
-            1.0 / (self.parameters.sigma * sqrt(2.0) * TABLE_RATE),
-        )
-
-    def _weight_pair(self, first: float, second: float) -> tuple[float, float]:
-        mu, slope = self._erf
-        return 0.5 + 0.5 * erf((first - mu) * slope), 0.5 + 0.5 * erf((second - mu) * slope)
+        return 0.5 + 0.5 * erf((u - self.parameters.mu) / (self.parameters.sigma * sqrt(2.0)))
 
     @property
     def _settled(self) -> float:
@@ -96,69 +77,12 @@ class DecoupledDmp(Primitive):
         return self.parameters.sigma / 4.0
 
     @cached_property
-    def _goal_velocity_gain(self) -> float:
+    def goal_velocity_gain(self) -> float:
+        """K_v, s."""
         return self.parameters.effective_goal_velocity_gain(self.duration_s)
 
-    @property
-    def _advance(self) -> Callable[[Any, DmpState, Vector, Vector, Step], DmpState]:
-        if self.dimensions == 3 and not self._varies:
-            return type(self)._advance_three
-        return type(self)._advance_any
-
-    def _advance_three(
-        self, state: DmpState, goal: Vector, goal_velocity: Vector, step: Step
-    ) -> DmpState:
-        """Do the same for three dimensions and constant stiffness, unrolled: a third faster."""
-        (x, y, z), (vx, vy, vz), phase, start = state
-        (_, _, _, _, decay, later_a, later_b, push_a, push_b, numbers, rows, scale, k_s, k) = step
-        carry, keep, xa, xb, va, vb = numbers
-        mu, slope = self._erf
-        node = log(phase) * scale
-        node_a = node + later_a
-        node_b = node + later_b
-        weight_a = 0.5 + 0.5 * erf((node_a - mu) * slope)
-        weight_b = 0.5 + 0.5 * erf((node_b - mu) * slope)
-        free_a = (1.0 - weight_a) * k_s
-        free_b = (1.0 - weight_b) * k_s
-        pull_a = weight_a * k
-        pull_b = weight_b * k
-        push_a *= weight_a
-        push_b *= weight_b
-        index = int(node_a) if node_a < LAST_NODE else LAST_NODE
-        (fx, fy, fz), (dx, dy, dz) = rows[index]
-        rest = node_a - index
-        x0, y0, z0 = start
-        gx, gy, gz = goal
-        hx, hy, hz = goal_velocity
-        x0 -= x
-        y0 -= y
-        z0 -= z
-        gx -= x
-        gy -= y
-        gz -= z
-        ax = free_a * (x0 + fx + rest * dx) + pull_a * gx + push_a * hx
-        ay = free_a * (y0 + fy + rest * dy) + pull_a * gy + push_a * hy
-        az = free_a * (z0 + fz + rest * dz) + pull_a * gz + push_a * hz
-        index = int(node_b) if node_b < LAST_NODE else LAST_NODE
-        (fx, fy, fz), (dx, dy, dz) = rows[index]
-        rest = node_b - index
-        bx = free_b * (x0 + fx + rest * dx) + pull_b * gx + push_b * hx
-        by = free_b * (y0 + fy + rest * dy) + pull_b * gy + push_b * hy
-        bz = free_b * (z0 + fz + rest * dz) + pull_b * gz + push_b * hz
-        return _new(
-            DmpState,
-            (
-                (
-                    x + carry * vx + xa * ax + xb * bx,
-                    y + carry * vy + xa * ay + xb * by,
-                    z + carry * vz + xa * az + xb * bz,
-                ),
-                (
-                    keep * vx + va * ax + vb * bx,
-                    keep * vy + va * ay + vb * by,
-                    keep * vz + va * az + vb * bz,
-                ),
-                phase * decay or SMALLEST_PHASE,
-                start,
-            ),
-        )
+    def _fast_step(self, h: float) -> FastStep | None:
+        if self.dimensions != 3 or self.varies:
+            return None
+        rows = self.shape_rows
+        return fast_step(self.parameters, self.duration_s, self.goal_velocity_gain, rows, h)

@@ -16,79 +16,43 @@
 What the decoupled and the classical primitive share: stepping, rolling out, in batches too.
 
 Both are τv̇ = (1 − w)K_s(f_w + x0 − x) + w[K(g − x) + K_v ġ] − Dv, τẋ = v, (8), with another
-weight w over the phase. All three ways of running it use the same intervals of `transition`, so
-they agree to rounding.
+weight w over the phase. A step is that of `reference_step` or, written out, of `fast_step`; a
+rollout makes all its intervals at once. All of them are made of the six numbers of `transition`,
+so they agree to rounding.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from math import ceil, exp, inf, log, nan
-from typing import Any, NamedTuple, TypeVar
+from math import ceil, inf, log, nan
+from typing import Any, TypeVar
 
 from handover_dmp.common.arrays import Array, Vector
 from handover_dmp.common.errors import DataError
 from handover_dmp.dmp.basis import Basis, LAST_NODE, TABLE_RATE
+from handover_dmp.dmp.fast_step import FastStep
 from handover_dmp.dmp.intervals import Intervals
 from handover_dmp.dmp.parameters import DmpParameters
 from handover_dmp.dmp.posterior import WeightPosterior
-from handover_dmp.dmp.state import DmpState, Rollout
-from handover_dmp.dmp.transition import GAUSS_A, GAUSS_B, steady, Transition, varying
+from handover_dmp.dmp.reference_step import reference_step
+from handover_dmp.dmp.state import DmpState, Rollout, SMALLEST_PHASE
+from handover_dmp.dmp.transition import GAUSS_A, GAUSS_B, in_seconds, steady, varying
 import numpy as np
 from numpy.typing import ArrayLike
 
 Self = TypeVar('Self', bound='Primitive')
 
 MAX_DURATION_S = 3600.0
-SMALLEST_PHASE = 1e-300
 # A step that is longer than this part of τ while the stiffness changes is divided.
 MAX_VARYING = 0.05
 MAX_PARTS = 1000
+ROUNDING = 1e-6
 GAUSS_POINTS = np.array([[GAUSS_A], [GAUSS_B]])
-_new = tuple.__new__  # a named tuple without the detour over its own __new__
 _UNIT = np.array([[1.0], [0.0]])
 _OPTIONAL = ('goal_offset', 'start_velocity')
-
-
-class Step(NamedTuple):
-    """
-    What steps of one length have in common, and what they need of the primitive.
-
-    Attributes:
-        dt: length, s.
-        phase_rate: how fast the phase runs.
-        advance: what makes the step; None where it has to be divided.
-        h: length, in units of τ.
-        decay: factor on the phase.
-        later_a: nodes of the table from the start of the step to its first Gauss point.
-        later_b: nodes to the second.
-        push_a: factor on the goal's velocity at the first Gauss point.
-        push_b: factor at the second.
-        numbers: of `transition`, for ẋ instead of v.
-        rows: value and slope of the forcing term in each cell of the table.
-        scale: nodes of the table for −1 of ln s.
-        shape_stiffness: K_s.
-        stiffness: K.
-
-    """
-
-    dt: float
-    phase_rate: float
-    advance: Callable[[Any, DmpState, Vector, Vector, Step], DmpState] | None = None
-    h: float = nan
-    decay: float = nan
-    later_a: float = nan
-    later_b: float = nan
-    push_a: float = nan
-    push_b: float = nan
-    numbers: Transition = (nan, nan, nan, nan, nan, nan)
-    rows: Sequence[tuple[Vector, Vector]] = ()
-    scale: float = nan
-    shape_stiffness: float = nan
-    stiffness: float = nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +95,8 @@ class Primitive(ABC):
     covariance: tuple[WeightPosterior, ...] | None = None
     source: str = ''
     partner_path: Array | None = None
-    _memo: Step = field(init=False, repr=False)
+    # length of the last step, s; fastest phase at which it is not divided; what makes it; in τ
+    _prepared: tuple[float, float, FastStep | None, float] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Check the shapes and make the arrays read-only."""
@@ -161,7 +126,7 @@ class Primitive(ABC):
             object.__setattr__(self, name, array)
         if self.partner_path is not None:
             object.__setattr__(self, 'partner_path', _checked_path(self.partner_path, dimensions))
-        object.__setattr__(self, '_memo', Step(nan, nan))
+        object.__setattr__(self, '_prepared', (nan, nan, None, nan))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copy and pickle what it is made of, and make it anew: without tables, read-only."""
@@ -250,8 +215,17 @@ class Primitive(ABC):
         """
 
     @abstractmethod
-    def _weight_pair(self, first: float, second: float) -> tuple[float, float]:
-        """Give the goal weight at two times in units of τ / TABLE_RATE."""
+    def goal_weight_at(self, u: float) -> float:
+        """
+        Give the goal weight w at one time.
+
+        Args:
+            u: −ln(s)/α.
+
+        Returns:
+            w, from 0 to 1.
+
+        """
 
     @property
     def shape_stiffness(self) -> float:
@@ -270,8 +244,12 @@ class Primitive(ABC):
 
     @property
     @abstractmethod
-    def _goal_velocity_gain(self) -> float:
+    def goal_velocity_gain(self) -> float:
         """K_v, s."""
+
+    def _fast_step(self, h: float) -> FastStep | None:
+        """Prepare for steps of one length, in units of τ, where that is written out."""
+        return None
 
     def goal_weight(self, phase: float) -> float:
         """
@@ -284,8 +262,36 @@ class Primitive(ABC):
             w_g, from 0 to 1.
 
         """
-        u = -log(max(phase, SMALLEST_PHASE)) / self.parameters.alpha
-        return self._weight_pair(u * TABLE_RATE, u * TABLE_RATE)[0]
+        return self.goal_weight_at(self.time_of(phase))
+
+    def time_of(self, phase: float) -> float:
+        """
+        Turn phase into time, (4).
+
+        Args:
+            phase: s, above 0 and at most 1.
+
+        Returns:
+            u = −ln(s)/α, in units of τ.
+
+        """
+        return -log(max(phase, SMALLEST_PHASE)) / self.parameters.alpha
+
+    def shape(self, u: float) -> Vector:
+        """
+        Give the forcing term f of (6) at one time.
+
+        Args:
+            u: −ln(s)/α, from 0.
+
+        Returns:
+            m, d floats; beyond the end of the basis its last value.
+
+        """
+        node = min(u * TABLE_RATE, LAST_NODE)
+        index = int(node)
+        value, slope = self.shape_rows[index]
+        return tuple([f + (node - index) * df for f, df in zip(value, slope, strict=True)])
 
     def initial_state(
         self, position: Sequence[float] | None = None, velocity: Sequence[float] | None = None
@@ -335,15 +341,19 @@ class Primitive(ABC):
             DataError: the step or the rate is negative or not finite.
 
         """
-        memo = self._memo
-        if dt != memo[0] or phase_rate != memo[1]:
-            memo = self._remember(dt, phase_rate)
-        if memo[2]:
-            return memo[2](self, state, goal, goal_velocity, memo)
+        known_dt, max_rate, fast, h = self._prepared
+        if dt != known_dt:
+            _, max_rate, fast, h = self._prepare(dt)
+        if 0.0 <= phase_rate <= max_rate:
+            if fast is not None:
+                return fast(state, goal, goal_velocity, phase_rate)
+            return reference_step(self, state, goal, goal_velocity, h, phase_rate)
+        if not 0.0 <= phase_rate < inf:
+            raise DataError(f'a step at a phase rate of {phase_rate} cannot be made')
         done = 0.0
-        for part in self._divide(self._time(state.phase), dt / self.duration_s, phase_rate):
+        for part in self._divide(self.time_of(state.phase), h, phase_rate):
             moved = tuple(g + done * v for g, v in zip(goal, goal_velocity, strict=True))
-            state = self._advance_any(state, moved, goal_velocity, self._measure(part, phase_rate))
+            state = reference_step(self, state, moved, goal_velocity, part, phase_rate)
             done += part * self.duration_s
         return state
 
@@ -449,27 +459,13 @@ class Primitive(ABC):
         return _with_slopes(self.basis.table(self.parameters.alpha) @ self.weights)
 
     @cached_property
-    def _rows(self) -> list[tuple[Vector, Vector]]:
-        """Give `_table` as plain floats."""
+    def shape_rows(self) -> list[tuple[Vector, Vector]]:
+        """Value and slope of the forcing term in each cell of the table, m."""
         return [(tuple(value), tuple(slope)) for value, slope in self._table.tolist()]
 
     @cached_property
-    def _constants(self) -> tuple[list[tuple[Vector, Vector]], float, float, float]:
-        return (
-            self._rows,
-            -TABLE_RATE / self.parameters.alpha,
-            self.shape_stiffness,
-            self.parameters.stiffness,
-        )
-
-    @cached_property
-    def _damping(self) -> float:
-        """D."""
-        return self.parameters.effective_damping
-
-    @cached_property
-    def _varies(self) -> bool:
-        """Tell whether the stiffness changes on the way."""
+    def varies(self) -> bool:
+        """Whether the stiffness changes on the way."""
         return self.shape_stiffness != self.parameters.stiffness
 
     @cached_property
@@ -477,117 +473,32 @@ class Primitive(ABC):
         """Give the longest interval of phase, in units of τ, that one step covers."""
         return min(self._sharpest, self.basis.narrowest(self.parameters.alpha))
 
-    def _time(self, phase: float) -> float:
-        return -log(max(phase, SMALLEST_PHASE)) / self.parameters.alpha
-
     def _divide(self, u: float, h: float, phase_rate: float) -> list[float]:
         """Divide an interval so that goal weight and shape are smooth over each part."""
         if h <= 0.0 or phase_rate <= 0.0 or u >= self._settled:
             return [h]
         smooth = min(h, (self._settled - u) / phase_rate)
         parts = smooth * phase_rate / self._longest
-        if self._varies:
+        if self.varies:
             parts = max(parts, smooth / MAX_VARYING)
-        count = max(1, ceil(min(parts, MAX_PARTS) - 1e-6))
+        count = max(1, ceil(min(parts, MAX_PARTS) - ROUNDING))
         rest = h - smooth
         if count == 1 and rest < self._longest:
             return [h]
         return [smooth / count] * count + ([rest] if rest > 0.0 else [])
 
-    def _remember(self, dt: float, phase_rate: float) -> Step:
+    def _prepare(self, dt: float) -> tuple[float, float, FastStep | None, float]:
         """Prepare for steps of this length, and for more of them."""
-        if not (0.0 <= dt < inf and 0.0 <= phase_rate < inf):
-            raise DataError(f'a step of {dt} s at a phase rate of {phase_rate} cannot be made')
-        dt, phase_rate = float(dt), float(phase_rate)
+        if not 0.0 <= dt < inf:
+            raise DataError(f'a step of {dt} s cannot be made')
+        dt = float(dt)
         h = dt / self.duration_s
-        before = self._memo
-        if dt == before[0] and before[2]:
-            step = self._at_rate(before, phase_rate)
-        else:
-            step = self._measure(h, phase_rate)._replace(dt=dt)
-        if len(self._divide(0.0, h, phase_rate)) > 1:
-            step = step._replace(advance=None)
-        object.__setattr__(self, '_memo', step)
-        return step
-
-    def _at_rate(self, step: Step, phase_rate: float) -> Step:
-        """Change the rate alone, as every step does where the phase goes along with a partner."""
-        h = step[3]
-        return _new(
-            Step,
-            (
-                step[0],
-                phase_rate,
-                step[2],
-                h,
-                exp(-self.parameters.alpha * h * phase_rate),
-                GAUSS_A * h * phase_rate * TABLE_RATE,
-                GAUSS_B * h * phase_rate * TABLE_RATE,
-                *step[7:],
-            ),
-        )
-
-    def _measure(self, h: float, phase_rate: float) -> Step:
-        """Work out what steps of this length have in common."""
-        stiffness, tau = self.parameters.stiffness, self.duration_s
-        numbers = _in_seconds(steady(stiffness, self._damping, h), tau)
-        return Step(
-            h * tau,
-            phase_rate,
-            self._advance,
-            h,
-            exp(-self.parameters.alpha * h * phase_rate),
-            GAUSS_A * h * phase_rate * TABLE_RATE,
-            GAUSS_B * h * phase_rate * TABLE_RATE,
-            stiffness * tau * GAUSS_A * h + self._goal_velocity_gain,
-            stiffness * tau * GAUSS_B * h + self._goal_velocity_gain,
-            numbers,
-            *self._constants,
-        )
-
-    @property
-    def _advance(self) -> Callable[[Any, DmpState, Vector, Vector, Step], DmpState]:
-        """Tell what moves on by a step over which goal weight and shape are smooth."""
-        return type(self)._advance_any
-
-    def _advance_any(
-        self, state: DmpState, goal: Vector, goal_velocity: Vector, step: Step
-    ) -> DmpState:
-        """Move on, whatever the number of dimensions and the formulation."""
-        position, velocity, phase, start = state
-        (_, _, _, h, decay, later_a, later_b, push_a, push_b, numbers) = step[:10]
-        rows, scale, shape_stiffness, stiffness = step[10:14]
-        node = log(phase) * scale
-        node_a, node_b = node + later_a, node + later_b
-        weight_a, weight_b = self._weight_pair(node_a, node_b)
-        free_a, free_b = (1.0 - weight_a) * shape_stiffness, (1.0 - weight_b) * shape_stiffness
-        pull_a, pull_b = weight_a * stiffness, weight_b * stiffness
-        if self._varies:
-            numbers = _in_seconds(
-                varying(free_a + pull_a, free_b + pull_b, self._damping, h), self.duration_s
-            )
-        carry, keep, xa, xb, va, vb = numbers
-        index_a, index_b = min(int(node_a), LAST_NODE), min(int(node_b), LAST_NODE)
-        rest_a, rest_b = node_a - index_a, node_b - index_b
-        moved, moving = [], []
-        for x, v, x0, g, g_dot, f_a, df_a, f_b, df_b in zip(
-            position,
-            velocity,
-            start,
-            goal,
-            goal_velocity,
-            *rows[index_a],
-            *rows[index_b],
-            strict=True,
-        ):
-            shape, reach = x0 - x, g - x
-            input_a = free_a * (shape + f_a + rest_a * df_a) + pull_a * reach
-            input_a += weight_a * push_a * g_dot
-            input_b = free_b * (shape + f_b + rest_b * df_b) + pull_b * reach
-            input_b += weight_b * push_b * g_dot
-            moved.append(x + carry * v + xa * input_a + xb * input_b)
-            moving.append(keep * v + va * input_a + vb * input_b)
-        return DmpState(tuple(moved), tuple(moving), phase * decay or SMALLEST_PHASE, start)
+        max_rate = self._longest * (1.0 + ROUNDING) / h if h > 0.0 else inf
+        if self.varies and h > MAX_VARYING * (1.0 + ROUNDING):
+            max_rate = 0.0
+        prepared = (dt, max_rate, self._fast_step(h), h)
+        object.__setattr__(self, '_prepared', prepared)
+        return prepared
 
     def _intervals(self, u: Array, table: Array) -> Intervals:
         """
@@ -604,7 +515,7 @@ class Primitive(ABC):
         lengths = np.diff(u)
         begins, counts = u[:-1], None
         offsets = np.zeros(1)
-        if lengths.size and lengths.max() > self._longest * (1.0 + 1e-6):
+        if lengths.size and lengths.max() > self._longest * (1.0 + ROUNDING):
             parts = [self._divide(b, h, 1.0) for b, h in zip(begins, lengths, strict=True)]
             counts = np.array([len(each) for each in parts])
             offsets = np.concatenate([np.cumsum([0.0, *each[:-1]]) for each in parts])
@@ -629,7 +540,7 @@ class Primitive(ABC):
         np.add(free, pull, out=puts[:, :, 0])
         points += offsets
         points *= k * tau
-        points += self._goal_velocity_gain
+        points += self.goal_velocity_gain
         np.multiply(weight, points, out=puts[:, :, 2])
         np.multiply(shape, free[:, :, None], out=puts[:, :, 3:])
         numbers = self._transitions(puts[:, :, 0], lengths)
@@ -647,8 +558,12 @@ class Primitive(ABC):
 
     def _transitions(self, stiffness: Array, lengths: Array) -> Array:
         """Give the six numbers of `transition` for every interval, or once if all are alike."""
-        k, damping, tau = self.parameters.stiffness, self._damping, self.duration_s
-        if self._varies:
+        k, damping, tau = (
+            self.parameters.stiffness,
+            self.parameters.effective_damping,
+            self.duration_s,
+        )
+        if self.varies:
             numbers = [
                 varying(a, b, damping, h)
                 for a, b, h in zip(*stiffness.tolist(), lengths.tolist(), strict=True)
@@ -657,7 +572,7 @@ class Primitive(ABC):
             numbers = [steady(k, damping, float(lengths.mean()))]
         else:
             numbers = [steady(k, damping, h) for h in lengths.tolist()]
-        table: Array = np.array([_in_seconds(each, tau) for each in numbers]).reshape(-1, 6).T
+        table: Array = np.array([in_seconds(each, tau) for each in numbers]).reshape(-1, 6).T
         return table
 
     def _deviation(self, u: Array) -> Array:
@@ -722,12 +637,6 @@ def _with_slopes(values: Array) -> Array:
     table[:, 0] = values
     np.subtract(values[1:], values[:-1], out=table[:-1, 1])
     return table
-
-
-def _in_seconds(transition: Transition, duration_s: float) -> Transition:
-    """Turn the six numbers from v = τẋ to ẋ."""
-    p12, p22, xa, xb, va, vb = transition
-    return p12 * duration_s, p22, xa, xb, va / duration_s, vb / duration_s
 
 
 def _checked_times(times: ArrayLike) -> Array:

@@ -23,6 +23,8 @@ from handover_dmp.common.arrays import Vector
 import numpy as np
 from numpy.typing import NDArray
 
+SMALLEST_PHASE = 1e-300
+
 
 class DmpState(NamedTuple):
     """

@@ -146,6 +146,22 @@ def varying(stiffness_a: float, stiffness_b: float, damping: float, h: float) ->
     )
 
 
+def in_seconds(transition: Transition, duration_s: float) -> Transition:
+    """
+    Turn the six numbers from v = τẋ to ẋ.
+
+    Args:
+        transition: for v.
+        duration_s: τ, s.
+
+    Returns:
+        The same for ẋ.
+
+    """
+    p12, p22, xa, xb, va, vb = transition
+    return p12 * duration_s, p22, xa, xb, va / duration_s, vb / duration_s
+
+
 def _impulse(stiffness: float, damping: float, h: float) -> tuple[float, float, float]:
     """Give p₁₁, p₁₂ and p₂₂ of constant stiffness."""
     decay = damping * h / 2.0

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from handover_dmp.common.errors import DataError
 from handover_dmp.dmp import ClassicalDmp, DecoupledDmp, DmpParameters, learn
+from handover_dmp.dmp.reference_step import reference_step
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -186,6 +187,24 @@ def test_one_long_step_equals_many_short_ones(model):
             parts = model.step(parts, moved, rate, dt / 500)
         assert whole.position == pytest.approx(parts.position, abs=LIMIT / 4)
         assert whole.phase == pytest.approx(parts.phase, rel=1e-6)
+
+
+@PROPERTY
+@given(
+    st.floats(1e-4, 0.02),
+    st.floats(0.0, 1.5),
+    st.integers(0, 120),
+    st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=3),
+)
+def test_the_fast_step_is_the_reference_step(learnt, dt, rate, before, velocity):
+    state = learnt.initial_state(START, VELOCITY)
+    for _ in range(before):
+        state = learnt.step(state, tuple(GOAL), tuple(velocity), 0.01)
+    fast = learnt.step(state, tuple(GOAL), tuple(velocity), dt, rate)
+    h = dt / learnt.duration_s
+    slow = reference_step(learnt, state, tuple(GOAL), tuple(velocity), h, rate)
+    for one, other in zip(fast, slow, strict=True):
+        assert np.allclose(one, other, rtol=1e-12, atol=1e-14)
 
 
 def test_a_step_of_no_length_changes_nothing(model):
