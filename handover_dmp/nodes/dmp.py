@@ -132,6 +132,13 @@ APPROACH = (
     Parameter('approach.beyond_m', 'how far beyond the goal the wrist may get, m', 0.0, 1.0),
     Parameter('approach.braking_share', 'of the acceleration limit, to brake', 0.05, 1.0),
 )
+RELEASE = (
+    Parameter('release.share', 'of the weight: the giver opens if the taker has more', 0.01, 2.0),
+    Parameter('release.pull_n', 'or if the taker pulls more, N', 0.1, 1000.0),
+    Parameter('release.contact_n', 'in both cases after more than this, N', 0.01, 100.0),
+    Parameter('release.window_s', 'of the median of the force, s', 0.005, 2.0),
+    Parameter('release.tare_s', 'how long the force at rest is measured before, s', 0.01, 10.0),
+)
 PARTNER = (
     Parameter(
         'partner_model',
@@ -182,6 +189,7 @@ class Dmp(HandoverNode):
         *HAND,
         *HANDOVER,
         *APPROACH,
+        *RELEASE,
         *PARTNER,
     )
     OF_EACH_TRACKER = ONE_TRACKER

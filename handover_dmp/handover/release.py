@@ -1,0 +1,242 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+When the giver lets go: the taker carries enough of the weight, or pulls enough.
+
+What acts on the wrist is the object's weight, what the wrist's own acceleration adds to it, the
+bias of the sensor, and the taker's force. The first three are measured before the two touch; the
+rest is the taker's: its part against gravity over the weight is the taker's share, its part
+towards the taker is the pull. The median over a short window stands for it, so that a bump that
+lasts less than half of the window is none of both, however hard it is.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import dist, hypot, isfinite
+from statistics import fmean, median
+
+from handover_dmp.common.errors import UsageError
+from handover_dmp.common.settings import setting
+
+Force = tuple[float, float, float]
+
+GRAVITY = 9.81
+"""m/s²."""
+WEIGHTLESS_N = 0.1
+"""Of what weighs less no share can be told, N."""
+PARTS = 4
+"""Of the time at rest, which are to be alike."""
+NOTHING: Force = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class ReleaseOptions:
+    """
+    When the giver opens.
+
+    Attributes:
+        share: of the weight that the taker must carry, 0 to 1.
+        pull_n: force towards the taker that opens, too, N.
+        contact_n: force of the taker below which nobody has touched the object, N.
+        window_s: of the median; a bump of less than half of it is not felt, s.
+        tare_s: how long the force at rest is measured before anything is judged, s.
+
+    Raises:
+        UsageError: a number that is not positive.
+
+    """
+
+    share: float = setting('dmp', 'release.share')
+    pull_n: float = setting('dmp', 'release.pull_n')
+    contact_n: float = setting('dmp', 'release.contact_n')
+    window_s: float = setting('dmp', 'release.window_s')
+    tare_s: float = setting('dmp', 'release.tare_s')
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        for name, value in vars(self).items():
+            if not (isfinite(value) and value > 0.0):
+                raise UsageError(f'release.{name} is {value}: it must be positive')
+
+
+class ReleaseRule:
+    """
+    Tells from the force on the wrist whether the giver is to let go now.
+
+    Attributes:
+        options: when.
+
+    """
+
+    def __init__(self, options: ReleaseOptions | None = None) -> None:
+        """
+        Take the rule.
+
+        Args:
+            options: when the giver opens; the defaults of `config/` if left out.
+
+        """
+        self.options = options or ReleaseOptions()
+        self.reset()
+
+    def reset(self, weight_n: float | None = None, towards: Sequence[float] | None = None) -> None:
+        """
+        Begin anew, with the wrist at rest and the object in the gripper alone.
+
+        Args:
+            weight_n: of the object, N; None: measured.
+            towards: (3,), direction from the giver to the taker; None: any force but a weight
+                is a pull, wherever it points.
+
+        Raises:
+            UsageError: a weight that is negative or not finite.
+
+        """
+        if weight_n is not None and not (isfinite(weight_n) and weight_n >= 0.0):
+            raise UsageError(f'no object weighs {weight_n} N')
+        self._told_n = weight_n
+        length = 0.0 if towards is None else hypot(*towards)
+        self._towards = None if towards is None or length == 0.0 else _scaled(towards, 1 / length)
+        self._rest: Force | None = None
+        self._weight_n = weight_n or 0.0
+        self._tare: deque[Force] = deque()
+        self._tare_span_s = 0.0
+        self._felt: deque[tuple[float, Force]] = deque()
+        self._felt_s = 0.0
+        self._taker: Force = NOTHING
+
+    @property
+    def tared(self) -> bool:
+        """Whether the force at rest is known; before that, nothing is judged."""
+        return self._rest is not None
+
+    @property
+    def weight_n(self) -> float:
+        """Weight of the object as told, or as measured at rest, N; 0 before that."""
+        return self._weight_n
+
+    @property
+    def taker_force(self) -> Force:
+        """What the taker does to the object, (3,), N, in the axes of the room."""
+        return self._taker
+
+    @property
+    def contact(self) -> bool:
+        """Whether the taker has a hand on the object."""
+        return hypot(*self._taker) > self.options.contact_n
+
+    @property
+    def share(self) -> float:
+        """
+        Share of the weight that the taker carries.
+
+        1 is all of it, and less than 0 who leans on it. Where nothing was held at the tare, it
+        is the share that has come over to the wrist, with a minus.
+        """
+        return self._taker[2] / self._weight_n if self._weight_n > WEIGHTLESS_N else 0.0
+
+    @property
+    def pull_n(self) -> float:
+        """Force with which the taker pulls, N; pushing is less than 0 where a side is known."""
+        if self._towards is None:
+            return hypot(self._taker[0], self._taker[1], min(self._taker[2], 0.0))
+        return sum(f * d for f, d in zip(self._taker, self._towards, strict=True))
+
+    def update(
+        self, force: Sequence[float], dt_s: float, acceleration: Sequence[float] = NOTHING
+    ) -> bool:
+        """
+        Take the force of one period.
+
+        Args:
+            force: (3,), on the wrist from what it holds, N, in the axes of the room; one that is
+                not finite says nothing.
+            dt_s: time since the last one, s.
+            acceleration: (3,), of the wrist, m/s², where it is known; without it, what the arm's
+                own motion does to the object is taken for the taker's.
+
+        Returns:
+            Whether to let go now.
+
+        """
+        if not (all(map(isfinite, force)) and all(map(isfinite, acceleration)) and dt_s >= 0.0):
+            return False
+        if self._rest is None:
+            self._measure_rest(force, dt_s, acceleration)
+            return False
+        inertia = self._weight_n / GRAVITY
+        taker = tuple(
+            f + inertia * a - r for f, a, r in zip(force, acceleration, self._rest, strict=True)
+        )
+        if not self._feel((taker[0], taker[1], taker[2]), dt_s):
+            return False
+        carried = self.share > self.options.share
+        return self.contact and (carried or self.pull_n > self.options.pull_n)
+
+    def _measure_rest(
+        self, force: Sequence[float], dt_s: float, acceleration: Sequence[float]
+    ) -> None:
+        """Average until all parts of the time are alike: else the wrist is not at rest."""
+        if self._told_n is None:
+            mass = max(0.0, -force[2] / max(GRAVITY + acceleration[2], WEIGHTLESS_N))
+        else:
+            mass = self._told_n / GRAVITY
+        x, y, z = (f + mass * a for f, a in zip(force, acceleration, strict=True))
+        self._tare.append((x, y, z))
+        self._tare_span_s += dt_s
+        if self._tare_span_s < self.options.tare_s or len(self._tare) < PARTS:
+            return
+        samples, length = list(self._tare), len(self._tare) / PARTS
+        rest = _mean(samples)
+        for part in range(PARTS):
+            first, end = round(part * length), round((part + 1) * length)
+            if dist(_mean(samples[first:end]), rest) > 0.5 * self.options.contact_n:
+                self._tare.popleft()
+                return
+        self._rest = rest
+        if self._told_n is None:
+            self._weight_n = max(0.0, -rest[2])
+
+    def _feel(self, taker: Force, dt_s: float) -> bool:
+        """Keep the window and its median; tell whether it is full."""
+        window_s = self.options.window_s
+        if dt_s > 0.5 * window_s:
+            # what was between is not known, and one sample is no median
+            self._felt.clear()
+            self._felt_s = 0.0
+        elif self._felt:
+            self._felt_s += dt_s
+        self._felt.append((dt_s, taker))
+        while len(self._felt) > 2 and self._felt_s - self._felt[1][0] >= window_s:
+            self._felt.popleft()
+            self._felt_s -= self._felt[0][0]
+        full = self._felt_s >= window_s - 1e-9
+        if full:
+            x, y, z = (median(force[axis] for _, force in self._felt) for axis in range(3))
+            self._taker = (x, y, z)
+        return full
+
+
+def _mean(forces: Sequence[Force]) -> Force:
+    x, y, z = (fmean(force[axis] for force in forces) for axis in range(3))
+    return x, y, z
+
+
+def _scaled(vector: Sequence[float], factor: float) -> Force:
+    x, y, z = (component * factor for component in vector)
+    return x, y, z
