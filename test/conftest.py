@@ -31,7 +31,8 @@ settings.register_profile('same', derandomize=True, deadline=None)
 settings.register_profile('new', deadline=None, print_blob=True)
 settings.load_profile('same')
 
-KTH = Path(__file__).resolve().parents[2] / 'shared' / 'data' / 'kth_handovers'
+DATA = Path(__file__).resolve().parents[2] / 'shared' / 'data'
+KTH = DATA / 'kth_handovers'
 DOMAINS = 100
 # Each of these starts all five nodes, which want both processors.
 WHOLE_GRAPH = ('test_graph', 'test_faults_graph', 'test_interfaces', 'test_lost_hand', 'test_demo')
@@ -67,3 +68,30 @@ def kth_folder() -> Path:
     if not (KTH / 'trials.csv').is_file():
         pytest.skip('recordings of people not available')
     return KTH
+
+
+@pytest.fixture(scope='session')
+def kth_full() -> Any:
+    """Give the reach of a recorded handover with orientations; skips where it is absent."""
+    # not above: one thread is told before NumPy is there
+    from handover_dmp.mocap import HandoverTrial
+    import numpy as np
+
+    file = DATA / 'kth_full' / 'handover_1.csv'
+    if not file.is_file():
+        pytest.skip('recordings of people not available')
+    table = np.genfromtxt(file, delimiter=',', names=True)
+    reach = table[(table['t'] >= 1.7) & (table['t'] <= 3.3)]
+
+    def columns(who: str, axes: tuple[str, ...]) -> Any:
+        return np.column_stack([reach[f'{who}_hand_{axis}'] for axis in axes])
+
+    place, turn = ('x', 'y', 'z'), ('qx', 'qy', 'qz', 'qw')
+    return HandoverTrial(
+        reach['t'] - reach['t'][0],
+        columns('taker', place),
+        columns('giver', place),
+        configuration='whole',
+        partner_orientation=columns('taker', turn),
+        demonstrator_orientation=columns('giver', turn),
+    )

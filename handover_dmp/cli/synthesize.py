@@ -61,6 +61,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='M',
         help='standard deviation on each axis; default: 0.0001',
     )
+    parser.add_argument(
+        '--orientation',
+        action='store_true',
+        help='with columns for how the wrists are turned; the others stay the same',
+    )
     parser.add_argument('--json', type=Path, metavar='FILE', help='write what was made here')
 
 
@@ -88,6 +93,7 @@ def run(options: argparse.Namespace) -> int:
         configurations=configurations,
         rate_hz=options.rate,
         noise_m=options.noise,
+        orientation=options.orientation,
     )
     # Below this, it is done before a bar could be read.
     short = len(trials) < 300
@@ -100,6 +106,7 @@ def run(options: argparse.Namespace) -> int:
             'seed': options.seed,
             'rate_hz': options.rate,
             'noise_m': options.noise,
+            'orientation': options.orientation,
             'trials': [
                 {
                     'file': file_name(trial),

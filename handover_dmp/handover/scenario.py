@@ -169,6 +169,11 @@ def _trial_of_bag(path: Path, span_s: tuple[float, float] | None) -> HandoverTri
         direction=direction or 'give',
         number=number,
         source=source,
+        **{
+            name: quaternions[first:end]
+            for name in ('partner_orientation', 'demonstrator_orientation')
+            if (quaternions := getattr(wrists, name)) is not None
+        },
     )
 
 

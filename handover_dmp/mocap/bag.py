@@ -30,6 +30,7 @@ from handover_dmp.mocap.clock import clock_step, jumps_back, parts_of, STEP_NS
 from handover_dmp.mocap.filtering import interpolate
 from handover_dmp.mocap.markers import name_list
 from handover_dmp.mocap.message_bodies import bodies, Body
+from handover_dmp.mocap.orientation import orientation_at, turn_orientation_up
 from handover_dmp.mocap.trial import describe, DIRECTIONS
 from handover_dmp.mocap.units import known_unit, METRES
 from handover_dmp.mocap.up_axis import doubts, turn_up
@@ -78,7 +79,8 @@ def read_bag_wrists(
         up: axis that points up, where it is not z as ROS has it.
 
     Returns:
-        Both wrists where their topics overlap in time, in metres.
+        Both wrists where their topics overlap in time, in metres; turned as the messages tell,
+        unless these have the same (0, 0, 0, 1) throughout.
 
     Raises:
         DataError: the bag or a topic is missing, its poses make no sense or are in two frames,
@@ -131,6 +133,7 @@ def read_bag_wrists(
             f'{path}: {chosen[0].label} and {chosen[1].label} do not overlap in time; '
             'if two clocks stamped them, --clock log takes the times of recording'
         )
+    turns = [turn_orientation_up(_turns(poses, zero_ns, times), axis.value) for poses in chosen]
     start = float(partner_times[0])
     gaps = [
         gap._replace(start_s=gap.start_s - start, end_s=gap.end_s - start)
@@ -146,6 +149,8 @@ def read_bag_wrists(
         up=axis,
         gaps=tuple(gaps),
         remarks=(*_remarks(chosen, clock), *(() if up else doubts((first, second), axis.value))),
+        partner_orientation=turns[0],
+        demonstrator_orientation=turns[1],
     ).checked()
 
 
@@ -416,6 +421,13 @@ def _series(
     once = np.delete(np.arange(len(times)), again)
     seen = np.asarray(np.isfinite(positions[once]).all(axis=1))
     return times[once], positions[once], seen
+
+
+def _turns(poses: _Poses, zero_ns: int, at: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Return the orientations of a body at some times, s; None where there are none."""
+    times_ns, once = np.unique(poses.times_ns, return_index=True)
+    times = np.asarray((times_ns - zero_ns) * 1e-9, dtype=np.float64)
+    return orientation_at(times, poses.quaternions[once], at, MAX_HIDDEN_S)
 
 
 def _remarks(chosen: Sequence[_Poses], clock: str) -> tuple[str, ...]:

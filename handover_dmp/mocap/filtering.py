@@ -31,9 +31,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 import math
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 from handover_dmp.common.errors import DataError
+from handover_dmp.mocap.orientation import unit_orientations
 from handover_dmp.mocap.trial import HandoverTrial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -53,7 +54,7 @@ def condition(
     trial: HandoverTrial, rate_hz: float = RATE_HZ, cutoff_hz: float | None = CUTOFF_HZ
 ) -> HandoverTrial:
     """
-    Resample a trial evenly and low-pass it without phase.
+    Resample a trial evenly and low-pass it without phase, orientations too.
 
     Args:
         trial: as recorded, at any rate, stamps even or not.
@@ -71,7 +72,15 @@ def condition(
     times, positions, _ = smooth(
         trial.times, np.hstack([trial.partner, trial.demonstrator]), rate_hz, cutoff_hz
     )
-    return replace(trial, times=times, partner=positions[:, :3], demonstrator=positions[:, 3:])
+    turns: dict[str, Any] = {
+        # by component and brought to norm 1 again, whatever the axes of room and wrist are
+        name: unit_orientations(smooth(trial.times, quaternions, rate_hz, cutoff_hz)[1])
+        for name in ('partner_orientation', 'demonstrator_orientation')
+        if (quaternions := getattr(trial, name)) is not None
+    }
+    return replace(
+        trial, times=times, partner=positions[:, :3], demonstrator=positions[:, 3:], **turns
+    )
 
 
 def smooth(

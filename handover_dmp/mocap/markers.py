@@ -17,9 +17,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from handover_dmp.common.errors import DataError
+from handover_dmp.mocap.orientation import orientation_at, turn_orientation_up
 from handover_dmp.mocap.tables import quote
 from handover_dmp.mocap.units import known_unit, METRES
 from handover_dmp.mocap.up_axis import doubts, find_up_axis, turn_up, USUAL_UP
@@ -30,6 +31,7 @@ from handover_dmp.mocap.wrists import (
     IN_FILE,
     Known,
     mark_unseen,
+    MAX_HIDDEN_S,
     middle,
     WristMotion,
 )
@@ -54,6 +56,8 @@ class MarkerRecording:
         source: where it comes from, in words.
         usual_unit: of the program that wrote the file, unless told otherwise.
         usual_up: the same for the axis.
+        orientations: name of a rigid body to (n, 4) unit quaternions x, y, z, w; NaN where it was
+            not seen. None for markers.
 
     """
 
@@ -65,6 +69,7 @@ class MarkerRecording:
     source: str
     usual_unit: str = 'mm'
     usual_up: str = 'z'
+    orientations: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         marked = {name: mark_unseen(places) for name, places in self.positions.items()}
@@ -93,7 +98,8 @@ class MarkerRecording:
             up: the axis that points up, whatever the file tells itself.
 
         Returns:
-            Both wrists in metres, z up, at the times when both were seen.
+            Both wrists in metres, z up, at the times when both were seen; turned as the rigid body
+            that a wrist is, where it is one.
 
         Raises:
             DataError: no such marker, never seen together, a unit or axis that has to be told, or
@@ -128,7 +134,17 @@ class MarkerRecording:
             demonstrator=turn_up(motion.demonstrator, axis.value),
             up=axis,
             remarks=(*remarks, *self._lost(partner), *self._lost(demonstrator)),
+            partner_orientation=self._turned(partner, motion.times, axis.value),
+            demonstrator_orientation=self._turned(demonstrator, motion.times, axis.value),
         )
+
+    def _turned(
+        self, names: Sequence[str], at: NDArray[np.float64], up: str
+    ) -> NDArray[np.float64] | None:
+        if len(names) != 1:
+            return None
+        turns = orientation_at(self.times, self.orientations.get(names[0]), at, MAX_HIDDEN_S)
+        return turn_orientation_up(turns, up)
 
     def _lost(self, names: Sequence[str]) -> Iterator[str]:
         """Say which of several markers of a wrist were not seen while others were."""

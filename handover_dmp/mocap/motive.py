@@ -18,7 +18,7 @@ Reader of the CSV that OptiTrack's Motive exports, format version 1.2 and later.
 A line of names and values (`Format Version`, `Length Units`, `Coordinate Space`, ...), then lines
 that tell of each column its type (rigid body, marker, ...), name, identifier, from 1.24 on parent,
 and whether it is of a rotation or a position; then a line `Frame,Time (Seconds),X,Y,Z,...`, then a
-line a frame. What was not seen has empty cells.
+line a frame. What was not seen has empty cells. Rotations are read where they are quaternions.
 """
 
 from __future__ import annotations
@@ -50,12 +50,14 @@ class _Place(NamedTuple):
         rank: of its type in `_TYPES`.
         name: of the body or marker.
         column: of its x.
+        turn: column of the x of its quaternion; -1 where there is none.
 
     """
 
     rank: int
     name: str
     column: int
+    turn: int = -1
 
 
 def read_motive(path: str | Path, markers: Sequence[str] | None = None) -> MarkerRecording:
@@ -90,11 +92,13 @@ def read_motive(path: str | Path, markers: Sequence[str] | None = None) -> Marke
     titles = [cell.strip() for cell in row]
     places = _places(header, titles, about.get('Coordinate Space', 'Global'), where)
     names = [place.name for place in places]
-    columns = {name: places[k].column for name, k in choose(names, markers).items()}
+    chosen = {name: places[k] for name, k in choose(names, markers).items()}
+    columns = {name: place.column for name, place in chosen.items()}
+    turns = {n: range(p.turn, p.turn + 4) for n, p in chosen.items() if p.turn >= 0}
     time = next((k for k, title in enumerate(titles) if title.startswith('Time (')), None)
     if time is None:
         raise DataError(f'{where}: no column Time (Seconds)')
-    table = WideTable(columns, len(titles), time, 0)
+    table = WideTable(columns, len(titles), time, 0, turns=turns)
     for where, row in rows:
         if row:
             table.add(row, where)
@@ -105,8 +109,9 @@ def read_motive(path: str | Path, markers: Sequence[str] | None = None) -> Marke
         raise DataError(f'{path}: {len(table)} frames, the header tells of {int(told)}')
     unit = about.get('Length Units', '')
     return MarkerRecording(
-        table.times(), names, table.positions(), unit, _up(about), path.name, 'm', 'y'
-    )
+        table.times(), names, table.positions(), unit, _up(about), path.name, 'm', 'y',
+        table.turned(),
+    )  # fmt: skip
 
 
 def _rows(path: Path) -> Iterator[tuple[str, list[str]]]:
@@ -152,12 +157,15 @@ def _places(
     types, labels, components = header[0], header[1], header[-1]
     best: dict[str, _Place] = {}
     repeated = []
+    turns: dict[tuple[str, str], int] = {}
     for column in range(len(titles) - 2):
         if titles[column:][:3] != ['X', 'Y', 'Z']:
             continue
         kind, name, component = (
             row[column].strip() if column < len(row) else '' for row in (types, labels, components)
         )
+        if component == 'Rotation' and titles[column:][:4] == ['X', 'Y', 'Z', 'W']:
+            turns.setdefault((kind, name), column)
         if kind not in _TYPES or component != 'Position':
             continue
         if kind in _LOCAL_TYPES and space != 'Global':
@@ -171,4 +179,7 @@ def _places(
     if not best:
         raise DataError(f'{where}: no positions of bodies or markers in space {quote(space)}')
     twice = [place for place in repeated if place.rank == best[place.name].rank]
-    return [*best.values(), *twice]
+    return [
+        place._replace(turn=turns.get((_TYPES[place.rank], place.name), -1))
+        for place in (*best.values(), *twice)
+    ]

@@ -18,7 +18,8 @@ Reader of what Qualisys Track Manager exports as TSV: 3D trajectories, and 6D ri
 Header lines of a name, a tab and a value (`FREQUENCY`, `DATA_INCLUDED`, ..., `MARKER_NAMES` or
 `BODY_NAMES` with one value each), perhaps a line of column titles, then a line a frame: three
 values a marker or, of a body, position, three angles, residual and the nine of its rotation;
-before them frame number and time where these were exported too. Millimetres. What was not seen
+before them frame number and time where these were exported too. The rotation stands there column
+by column: Rot[0], Rot[1], Rot[2] is where the body's x axis points. Millimetres. What was not seen
 has empty cells, a residual below 0 or, in files of older versions, three zeros.
 """
 
@@ -29,6 +30,7 @@ from pathlib import Path
 import re
 
 from handover_dmp.common.errors import DataError
+from handover_dmp.common.quaternions import from_matrices
 from handover_dmp.mocap.markers import choose, MarkerRecording
 from handover_dmp.mocap.tables import iterate_lines, quote
 from handover_dmp.mocap.wide_table import is_number, is_unseen, period_of_rate, WideTable
@@ -82,7 +84,13 @@ def read_qualisys(path: str | Path, markers: Sequence[str] | None = None) -> Mar
     told = _value(header, 'NO_OF_FRAMES', '')
     if told.isdecimal() and len(told) < 12 and int(told) not in (len(table), table.frame_span()):
         raise DataError(f'{path}: {len(table)} frames, the header tells of {int(told)}')
-    return MarkerRecording(table.times(), names, table.positions(), '', '', path.name)
+    orientations = {
+        name: from_matrices(elements.reshape(-1, 3, 3).transpose(0, 2, 1))
+        for name, elements in table.turned().items()
+    }
+    return MarkerRecording(
+        table.times(), names, table.positions(), '', '', path.name, orientations=orientations
+    )
 
 
 def _is_header(cells: Sequence[str]) -> bool:
@@ -122,9 +130,11 @@ def _layout(
     if time is None:
         period_s = period_of_rate(_value(header, 'FREQUENCY', ''), 'FREQUENCY', where)
     columns = {name: leading + stride * k for name, k in choose(names, markers).items()}
-    residuals = {name: first + 6 for name, first in columns.items()} if kind == '6D' else {}
+    bodies = columns if kind == '6D' else {}
+    residuals = {name: first + 6 for name, first in bodies.items()}
+    turns = {name: range(first + 7, first + 16) for name, first in bodies.items()}
     width = leading + stride * len(names)
-    return names, WideTable(columns, width, time, frame, period_s, residuals)
+    return names, WideTable(columns, width, time, frame, period_s, residuals, turns)
 
 
 def _leading(titles: list[str], names: list[str], stride: int, count: int) -> int:

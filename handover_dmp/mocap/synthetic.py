@@ -29,6 +29,8 @@ What it is modelled on:
   there and only sways; in the takes it always moves, bringing the tool out.
 - The ends: a short rest before the assistant starts, and a short hold when the hands have met.
 - The sensor: 200 Hz, white noise of 0.1 mm on each axis, values rounded to a micrometre.
+- How the wrists are turned, on request alone and from a random stream of its own, so that without
+  it the same bytes are made: see `synthetic_turns`.
 
 Made of sums, products and square roots alone on a generator whose stream is frozen
 (`numpy.random.RandomState`), and rounded, so one seed gives the same bytes on every machine.
@@ -40,6 +42,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from handover_dmp.common.errors import UsageError
+from handover_dmp.mocap.synthetic_turns import synthetic_turns
 from handover_dmp.mocap.trial import DIRECTIONS, HandoverTrial
 import numpy as np
 from numpy.random import RandomState
@@ -123,6 +126,7 @@ def synthesize(
     configurations: Sequence[str] = CONFIGURATIONS,
     rate_hz: float = RATE_HZ,
     noise_m: float = NOISE_M,
+    orientation: bool = False,
 ) -> list[HandoverTrial]:
     """
     Make the synthetic data set.
@@ -136,6 +140,7 @@ def synthesize(
         configurations: which of `CONFIGURATIONS`.
         rate_hz: sampling rate of the sensor, Hz.
         noise_m: standard deviation of the sensor's noise on each axis, m.
+        orientation: whether the wrists have orientations, too; the positions stay the same.
 
     Returns:
         The trials, by configuration, then give before take, then number from 1.
@@ -156,7 +161,7 @@ def synthesize(
     if not 0.0 <= noise_m <= 0.1:
         raise UsageError(f'noise of {noise_m:g} m is not between 0 and 0.1')
     return [
-        _make_trial(seed, configuration, direction, number, rate_hz, noise_m)
+        _make_trial(seed, configuration, direction, number, rate_hz, noise_m, orientation)
         for configuration in configurations
         for direction in DIRECTIONS
         for number in range(1, trials + 1)
@@ -164,7 +169,13 @@ def synthesize(
 
 
 def _make_trial(
-    seed: int, configuration: str, direction: str, number: int, rate_hz: float, noise_m: float
+    seed: int,
+    configuration: str,
+    direction: str,
+    number: int,
+    rate_hz: float,
+    noise_m: float,
+    orientation: bool,
 ) -> HandoverTrial:
     scene = _SCENES[configuration]
     place = CONFIGURATIONS.index(configuration), DIRECTIONS.index(direction)
@@ -195,6 +206,15 @@ def _make_trial(
 
     partner += noise_m * random.standard_normal(partner.shape)
     demonstrator += noise_m * random.standard_normal(demonstrator.shape)
+    turns: dict[str, NDArray[np.float64]] = {}
+    if orientation:
+        own = RandomState(np.array([seed, *place, number, 1], dtype=np.uint32))
+        reaches = mechanic_duration > 0.0
+        mechanic = (times - mechanic_onset) / mechanic_duration if reaches else np.ones(len(times))
+        shares = _minimum_jerk(mechanic), _minimum_jerk((times - onset) / duration)
+        names = 'partner_orientation', 'demonstrator_orientation'
+        turned = synthetic_turns(own, configuration, *shares, noise_m)
+        turns = dict(zip(names, turned, strict=True))
     return HandoverTrial(
         times=np.round(times, 6),
         partner=np.round(partner, 6),
@@ -203,6 +223,7 @@ def _make_trial(
         direction=direction,
         number=number,
         source=f'synthetic (seed {seed})',
+        **turns,
     )
 
 

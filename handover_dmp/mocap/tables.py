@@ -138,6 +138,23 @@ def _in_utf_8(content: bytes) -> bytes:
     return content if b'\n' in content else content.replace(b'\r', b'\n')
 
 
+def header_of(path: Path) -> list[str]:
+    """
+    Read the names of the columns of a CSV file.
+
+    Args:
+        path: the file.
+
+    Returns:
+        What its first line holds.
+
+    Raises:
+        DataError: as `read_lines`.
+
+    """
+    return [name.strip() for name in read_lines(path)[0].split(',')]
+
+
 def read_table(path: Path, header: Sequence[str]) -> NDArray[np.float64]:
     """
     Read a CSV file of finite numbers under a given header.

@@ -21,11 +21,14 @@ from pathlib import Path
 import re
 
 from handover_dmp.common.errors import DataError
-from handover_dmp.mocap.tables import read_records, read_table, save
+from handover_dmp.mocap.orientation import AXES_OF_TURN, orientation_fault, unit_orientations
+from handover_dmp.mocap.tables import header_of, read_records, read_table, save
 import numpy as np
 from numpy.typing import NDArray
 
 HEADER = ('t', 'p1_x', 'p1_y', 'p1_z', 'p2_x', 'p2_y', 'p2_z')
+TURN_HEADERS = tuple(tuple(f'{who}_{axis}' for axis in AXES_OF_TURN) for who in ('p1', 'p2'))
+"""Columns of the orientation of each wrist, where a trial has it."""
 DIRECTIONS = ('give', 'take')
 INDEX_NAME = 'trials.csv'
 INDEX_COLUMNS = ('file', 'configuration', 'exchange', 'trial')
@@ -63,6 +66,9 @@ class HandoverTrial:
         direction: `give` (P2 gives to P1) or `take` (P2 takes from P1).
         number: number of the trial within its configuration and exchange.
         source: where it comes from, in words.
+        partner_orientation: (n, 4) unit quaternions x, y, z, w of P1's wrist, signs without jumps;
+            None where they are not known.
+        demonstrator_orientation: the same of P2.
 
     Raises:
         DataError: the samples cannot be those of one handover.
@@ -76,6 +82,8 @@ class HandoverTrial:
     direction: str = 'give'
     number: int = 1
     source: str = ''
+    partner_orientation: NDArray[np.float64] | None = None
+    demonstrator_orientation: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         for name in ('times', 'partner', 'demonstrator'):
@@ -93,6 +101,18 @@ class HandoverTrial:
         if fault := find_fault(self.times, np.hstack([self.partner, self.demonstrator])):
             where = '' if fault.row is None else f'sample {fault.row}: '
             raise DataError(f'{self.label}: {where}{fault.what}')
+        for name in ('partner_orientation', 'demonstrator_orientation'):
+            if (given := getattr(self, name)) is not None:
+                object.__setattr__(self, name, self._unit(np.asarray(given, dtype=np.float64)))
+
+    def _unit(self, quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
+        if quaternions.shape != (len(self.times), 4):
+            raise DataError(f'{self.label}: orientations of shape {quaternions.shape}, not (n, 4)')
+        if fault := orientation_fault(self.times, quaternions):
+            raise DataError(f'{self.label}: sample {fault[0]}: {fault[1]}')
+        unit = unit_orientations(quaternions)
+        unit.setflags(write=False)
+        return unit
 
     def __repr__(self) -> str:
         """Say which one it is, and how long."""
@@ -174,9 +194,10 @@ def read_trial(
     Read a trial from its CSV file.
 
     The file has the header `t,p1_x,p1_y,p1_z,p2_x,p2_y,p2_z` and one line a sample, in seconds
-    and metres. What it is a trial of is told by the arguments, else by the line of a `trials.csv`
-    beside it, else by its name `<configuration>_<exchange>_<number>.csv`; a file of another name
-    is taken for a give, number 1, of a configuration of its name.
+    and metres; where it has orientations, `p1_qx,p1_qy,p1_qz,p1_qw` or the same of P2 or both
+    follow, unit quaternions. What it is a trial of is told by the arguments, else by the line of a
+    `trials.csv` beside it, else by its name `<configuration>_<exchange>_<number>.csv`; a file of
+    another name is taken for a give, number 1, of a configuration of its name.
 
     Args:
         path: the file.
@@ -192,10 +213,15 @@ def read_trial(
 
     """
     path = Path(path)
-    values = read_table(path, HEADER)
-    if fault := find_fault(values[:, 0], values[:, 1:]):
+    turned = _turned_in(path)
+    values = read_table(path, (*HEADER, *(name for columns in turned for name in columns)))
+    if fault := find_fault(values[:, 0], values[:, 1:7]):
         where = '' if fault.row is None else f'line {fault.row + 2}: '
         raise DataError(f'{path}: {where}{fault.what}')
+    turns = dict(zip(turned, np.split(values[:, 7:], max(len(turned), 1), axis=1), strict=False))
+    for quaternions in turns.values():
+        if turn_fault := orientation_fault(values[:, 0], quaternions):
+            raise DataError(f'{path}: line {turn_fault[0] + 2}: {turn_fault[1]}')
     if None in (configuration, direction, number):
         known = _from_index(path) or describe(path)
         configuration = known[0] if configuration is None else configuration
@@ -211,6 +237,8 @@ def read_trial(
         direction=direction,
         number=int(number or 0),
         source=path.name,
+        partner_orientation=turns.get(TURN_HEADERS[0]),
+        demonstrator_orientation=turns.get(TURN_HEADERS[1]),
     )
 
 
@@ -245,8 +273,14 @@ def write_trial(trial: HandoverTrial, path: str | Path) -> None:
         DataError: it cannot be written there.
 
     """
-    rows = np.column_stack([trial.times, trial.partner, trial.demonstrator]).tolist()
-    lines = [','.join(HEADER), *(','.join(map(repr, row)) for row in rows)]
+    turns = zip(
+        TURN_HEADERS, (trial.partner_orientation, trial.demonstrator_orientation), strict=True
+    )
+    turned = {names: quaternions for names, quaternions in turns if quaternions is not None}
+    header = [*HEADER, *(name for names in turned for name in names)]
+    parts = [trial.times, trial.partner, trial.demonstrator, *turned.values()]
+    rows = np.column_stack(parts).tolist()
+    lines = [','.join(header), *(','.join(map(repr, row)) for row in rows)]
     save(Path(path), '\n'.join(lines) + '\n')
 
 
@@ -298,6 +332,15 @@ def _jump_fault(times: NDArray[np.float64], positions: NDArray[np.float64]) -> F
         return None
     row = int(np.argmax(jumps)) + 1
     return Fault(row, f'a jump of {lengths[row - 1]:.2g} m from one sample to the next')
+
+
+def _turned_in(path: Path) -> list[tuple[str, ...]]:
+    """Return the columns of orientations that a file has behind those of every trial."""
+    names = header_of(path)
+    for turned in ([TURN_HEADERS[0]], [TURN_HEADERS[1]], list(TURN_HEADERS)):
+        if names == [*HEADER, *(name for columns in turned for name in columns)]:
+            return turned
+    return []
 
 
 def _from_index(path: Path) -> tuple[str, str, int] | None:

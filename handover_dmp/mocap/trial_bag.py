@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from handover_dmp.common.errors import DataError
+from handover_dmp.common.quaternions import IDENTITY
 from handover_dmp.recording.bag_writer import BagWriter
 from handover_dmp.recording.message_definitions import message_definition
 from handover_dmp.recording.messages import header, Message, pose_stamped
@@ -48,8 +49,8 @@ def write_trial_bag(trial: HandoverTrial, folder: Path | str, compression: str =
     the node `hand_tracker` shows it, the hand rests before and after: for 0.5 s, so that listeners
     know it when the signal comes, and for 5 s, so that the handover has a hand to end at. P2 is
     there during the trial alone, which tells a reader what of the bag is the trial. Stamps are log
-    times; positions are in frame `world`, m; orientations are none, (0, 0, 0, 1), for a trial has
-    none.
+    times; positions are in frame `world`, m; orientations are those of the trial, and where it has
+    none (0, 0, 0, 1).
 
     Args:
         trial: what to write.
@@ -83,20 +84,33 @@ def _rows(trial: HandoverTrial) -> Iterator[_Row]:
     step_ns = round(float(np.median(np.diff(trial.times))) * 1e9)
     before = range(-round(REST_BEFORE_S * 1e9 / step_ns), 0)
     after = range(1, round(REST_AFTER_S * 1e9 / step_ns) + 1)
+    partner, demonstrator = (
+        list(zip(places.tolist(), _turns(turns, len(places)), strict=True))
+        for places, turns in (
+            (trial.partner, trial.partner_orientation),
+            (trial.demonstrator, trial.demonstrator_orientation),
+        )
+    )
     for count in before:
-        yield _pose(HAND_POSE, times_ns[0] + count * step_ns, trial.partner[0])
+        yield _pose(HAND_POSE, times_ns[0] + count * step_ns, partner[0])
     yield START_NS, SIGNAL.name, header(START_NS, FRAME)
-    for time_ns, partner, demonstrator in zip(
-        times_ns, trial.partner, trial.demonstrator, strict=True
-    ):
-        yield _pose(HAND_POSE, time_ns, partner)
-        yield _pose(DEMONSTRATOR_POSE, time_ns, demonstrator)
+    for time_ns, hand, other in zip(times_ns, partner, demonstrator, strict=True):
+        yield _pose(HAND_POSE, time_ns, hand)
+        yield _pose(DEMONSTRATOR_POSE, time_ns, other)
     for count in after:
-        yield _pose(HAND_POSE, times_ns[-1] + count * step_ns, trial.partner[-1])
+        yield _pose(HAND_POSE, times_ns[-1] + count * step_ns, partner[-1])
 
 
-def _pose(topic: Topic, time_ns: int, position: NDArray[np.float64]) -> _Row:
-    return time_ns, topic.name, pose_stamped(time_ns, position.tolist(), frame=FRAME)
+def _turns(quaternions: NDArray[np.float64] | None, count: int) -> Sequence[Sequence[float]]:
+    if quaternions is None:
+        return [IDENTITY] * count
+    turns: Sequence[Sequence[float]] = quaternions.tolist()
+    return turns
+
+
+def _pose(topic: Topic, time_ns: int, pose: tuple[Sequence[float], Sequence[float]]) -> _Row:
+    position, orientation = pose
+    return time_ns, topic.name, pose_stamped(time_ns, position, orientation, frame=FRAME)
 
 
 def write_trial_bags(

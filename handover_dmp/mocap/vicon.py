@@ -17,23 +17,31 @@ Reader of the CSV or text that Vicon Nexus exports, and of the objects of Vicon 
 
 Sections one after the other: a line with the name of the section, its rate, a line of names, a
 line `Frame,Sub Frame,X,Y,Z,...`, units, then a line a frame, until an empty line. Of devices,
-joints and so on nothing is read. What was not seen has empty cells.
+joints and so on nothing is read. What was not seen has empty cells. Objects and segments have
+their rotation before their position: RX, RY, RZ, RW is a quaternion, and RX, RY, RZ, if it is
+called helical, axis times angle.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 import csv
+from math import isfinite, nan
 from pathlib import Path
 from typing import NamedTuple
 
 from handover_dmp.common.errors import DataError
+from handover_dmp.common.quaternions import exponential
 from handover_dmp.mocap.markers import choose, MarkerRecording
 from handover_dmp.mocap.tables import iterate_lines
 from handover_dmp.mocap.wide_table import is_number, period_of_rate, WideTable
+import numpy as np
+from numpy.typing import NDArray
 
 _SECTIONS = ('Trajectories', 'Objects', 'Global Segments')
 _TRIPLETS = (('X', 'Y', 'Z'), ('TX', 'TY', 'TZ'))
+_TURNS = (['RX', 'RY', 'RZ', 'RW'], ['RX', 'RY', 'RZ'])
+NO_TURN = (nan,) * 4
 _DELIMITERS = (',', '\t', ';')
 
 _Lines = Iterator[tuple[int, str]]
@@ -46,6 +54,7 @@ class _Columns(NamedTuple):
     Attributes:
         names: of its markers or objects.
         firsts: column of the x of each.
+        turns: how many columns before it, if any, tell of its rotation.
         width: number of columns.
         delimiter: between them.
 
@@ -53,6 +62,7 @@ class _Columns(NamedTuple):
 
     names: list[str]
     firsts: list[int]
+    turns: list[int]
     width: int
     delimiter: str
 
@@ -93,21 +103,45 @@ def _read_section(
     _, labels = _next(path, lines)
     where, titles = _next(path, lines)
     columns = _columns(labels, titles, where)
-    chosen = {name: columns.firsts[k] for name, k in choose(columns.names, markers).items()}
-    table = WideTable(chosen, columns.width, None, 0, period_s)
+    places = choose(columns.names, markers)
+    chosen = {name: columns.firsts[k] for name, k in places.items()}
+    turns = {
+        name: range(columns.firsts[k] - columns.turns[k], columns.firsts[k])
+        for name, k in places.items()
+        if columns.turns[k]
+    }
+    table = WideTable(chosen, columns.width, None, 0, period_s, turns=turns)
     unit = ''
+    unit_of: dict[int, str] = {}
     for number, line in lines:
         cells = _split(line, columns.delimiter)
         where = f'{path}: line {number}'
         if not len(table) and not ''.join(cells[:1]).strip():
             unit = unit or _unit(cells, columns.firsts, where)
+            unit_of = unit_of or dict(enumerate(map(str.strip, cells)))
         elif not cells or not is_number(cells[0]):
             break
         else:
             table.add(cells, where)
     if not len(table):
         raise DataError(f'{path}: no frames in its section {title}')
-    return MarkerRecording(table.times(), columns.names, table.positions(), unit, '', path.name)
+    orientations = {
+        name: _quaternions(values, unit_of.get(turns[name][0], ''))
+        for name, values in table.turned().items()
+    }
+    return MarkerRecording(
+        table.times(), columns.names, table.positions(), unit, '', path.name,
+        orientations=orientations,
+    )  # fmt: skip
+
+
+def _quaternions(values: NDArray[np.float64], unit: str) -> NDArray[np.float64]:
+    """Make quaternions of what stands in three or four columns."""
+    if values.shape[1] == 4:
+        return values
+    scale = np.radians(1.0) if unit == 'deg' else 1.0
+    turns = scale * np.nan_to_num(values, nan=np.inf)
+    return np.array([exponential(t) if all(map(isfinite, t)) else NO_TURN for t in turns.tolist()])
 
 
 def _next(path: Path, lines: _Lines) -> tuple[str, str]:
@@ -126,13 +160,25 @@ def _columns(labels: str, titles: str, where: str) -> _Columns:
         raise DataError(f'{where}: a line that begins with Frame and Sub Frame is expected')
     names: list[str] = []
     firsts: list[int] = []
+    turns: list[int] = []
     for column in range(2, len(axes) - 2):
         if tuple(axes[column:][:3]) in _TRIPLETS:
             names.append(next((name for name in named[column::-1] if name), ''))
             firsts.append(column)
+            turns.append(_turn_before(axes, named, column))
     if not names:
         raise DataError(f'{where}: no columns X, Y, Z')
-    return _Columns(names, firsts, len(axes), delimiter)
+    return _Columns(names, firsts, turns, len(axes), delimiter)
+
+
+def _turn_before(axes: Sequence[str], named: Sequence[str], column: int) -> int:
+    """Return how many columns before a position hold a rotation that can be read."""
+    for turn in _TURNS:
+        first = column - len(turn)
+        if first >= 0 and list(axes[first:column]) == turn:
+            label = named[first].lower() if first < len(named) else ''
+            return len(turn) if len(turn) == 4 or 'helical' in label else 0
+    return 0
 
 
 def _unit(cells: Sequence[str], firsts: Sequence[int], where: str) -> str:

@@ -42,6 +42,7 @@ class WideTable:
         frame: column of the number of the frame; None where the file has none.
         period_s: time from frame to frame; used where the file has no times.
         residuals: name of a marker to the column that is below 0 where it was not seen.
+        turns: name of a body to the columns that tell how it is turned.
 
     """
 
@@ -51,8 +52,10 @@ class WideTable:
     frame: int | None
     period_s: float = 0.0
     residuals: Mapping[str, int] = field(default_factory=dict)
+    turns: Mapping[str, Sequence[int]] = field(default_factory=dict)
     _stamps: array[float] = field(default_factory=lambda: array('d'))
     _values: array[float] = field(default_factory=lambda: array('d'))
+    _turned: array[float] = field(default_factory=lambda: array('d'))
 
     def __len__(self) -> int:
         """Return the number of frames so far."""
@@ -81,6 +84,9 @@ class WideTable:
             self._values.extend(
                 parse_numbers(place, (name,) * 3, where) if seen else (np.nan,) * 3
             )
+        for columns in self.turns.values():
+            # nobody depends on them, so what is no number is no reason to refuse the file
+            self._turned.extend(float(c) if is_number(c := cells[k]) else np.nan for k in columns)
         self._stamps.append(self._stamp(cells, where))
 
     def times(self) -> NDArray[np.float64]:
@@ -104,6 +110,13 @@ class WideTable:
         """Give (n, 3) for every marker, NaN where it was not seen."""
         table = np.array(self._values).reshape(len(self._stamps), len(self.columns), 3)
         return {name: table[:, k] for k, name in enumerate(self.columns)}
+
+    def turned(self) -> dict[str, NDArray[np.float64]]:
+        """Give (n, columns) for every body whose turns were read, NaN where there was none."""
+        sizes = [len(columns) for columns in self.turns.values()]
+        table = np.array(self._turned).reshape(len(self._stamps), sum(sizes))
+        parts = np.split(table, np.cumsum(sizes)[:-1], axis=1) if sizes else []
+        return dict(zip(self.turns, parts, strict=True))
 
     def _stamp(self, cells: Sequence[str], where: str) -> float:
         if self.time is not None:

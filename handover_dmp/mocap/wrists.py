@@ -91,6 +91,8 @@ class WristMotion:
         up: axis that points up in the recording.
         gaps: when one of the wrists was not seen.
         remarks: what else is to be known of it.
+        partner_orientation: (n, 4) unit quaternions x, y, z, w; None where they are not known.
+        demonstrator_orientation: the same of P2.
 
     """
 
@@ -102,6 +104,8 @@ class WristMotion:
     up: Known = Z_KNOWN
     gaps: tuple[Gap, ...] = ()
     remarks: tuple[str, ...] = ()
+    partner_orientation: NDArray[np.float64] | None = None
+    demonstrator_orientation: NDArray[np.float64] | None = None
 
     def checked(self) -> WristMotion:
         """
@@ -168,6 +172,8 @@ class WristMotion:
             direction=direction,
             number=number,
             source=self.source,
+            partner_orientation=_part(self.partner_orientation, first, end),
+            demonstrator_orientation=_part(self.demonstrator_orientation, first, end),
         )
 
     def _check_size(self) -> None:
@@ -179,6 +185,12 @@ class WristMotion:
         room = extent(np.vstack([self.partner, self.demonstrator]))
         if room < MIN_WORKSPACE_M:
             raise DataError(f'{self.source}: both wrists stay within {1e3 * room:.2g} mm, {unit}')
+
+
+def _part(
+    quaternions: NDArray[np.float64] | None, first: int, end: int
+) -> NDArray[np.float64] | None:
+    return None if quaternions is None else quaternions[first:end]
 
 
 def extent(positions: NDArray[np.float64]) -> float:

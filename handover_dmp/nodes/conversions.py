@@ -21,6 +21,7 @@ from collections.abc import Iterable, Mapping
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, TwistStamped
+from handover_dmp.common.quaternions import IDENTITY, Quaternion
 from handover_dmp.topics import FRAME, label_of, names_of_values, position_covariance
 import numpy as np
 from numpy.typing import NDArray
@@ -28,10 +29,6 @@ import pinocchio
 from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension
 
 NANOSECONDS = 1_000_000_000
-UNIT = (0.0, 0.0, 0.0, 1.0)
-
-Quaternion = tuple[float, float, float, float]
-"""x, y, z, w."""
 
 
 def nanoseconds(stamp: Time) -> int:
@@ -71,7 +68,7 @@ def pose_message(
     message.header.stamp = time
     place, turn = message.pose.position, message.pose.orientation
     place.x, place.y, place.z = map(float, position)
-    turn.x, turn.y, turn.z, turn.w = UNIT if orientation is None else orientation
+    turn.x, turn.y, turn.z, turn.w = IDENTITY if orientation is None else orientation
     return message
 
 

@@ -25,6 +25,7 @@ from time import monotonic
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
+from handover_dmp.common.quaternions import Quaternion
 from handover_dmp.dmp import DecoupledDmp
 from handover_dmp.dmp.parameters import RANGES
 from handover_dmp.handover.approach import ApproachOptions
@@ -44,7 +45,6 @@ from handover_dmp.nodes.conversions import (
     pose_message,
     pose_with_covariance,
     position_of,
-    Quaternion,
     quaternion_of,
     rotation_of,
     stamp,
