@@ -35,6 +35,12 @@ from handover_dmp.robot.velocity_driver import (
     CommandOutcome,
     VelocityDriver,
 )
+from handover_dmp.simulation.carried_object import (
+    CarriedObject,
+    CarriedObjectOptions,
+    Holder,
+    Wrench,
+)
 from handover_dmp.simulation.partner_figure import PartnerFigure
 from handover_dmp.simulation.self_check import check_models
 from handover_dmp.simulation.world import World, WorldOptions
@@ -54,6 +60,7 @@ class SimulatedArm(Closing):
         figure: PartnerFigure | None = None,
         options: ArmOptions | None = None,
         world_options: WorldOptions | None = None,
+        carried: CarriedObjectOptions | None = None,
     ) -> None:
         """
         Load the arm into a world of its own, at rest in its home posture.
@@ -63,6 +70,7 @@ class SimulatedArm(Closing):
             figure: the human partner; None: nobody.
             options: when it stops by itself.
             world_options: how its world is stepped.
+            carried: what is handed over; None, or without a mass: nothing.
 
         Raises:
             DataError: PyBullet cannot read the URDF, or finds another robot in it.
@@ -80,6 +88,9 @@ class SimulatedArm(Closing):
         self._gain = self.world.options.tracking_gain
         self._figure_period_s = 1.0 / figure.options.update_rate_hz if figure is not None else 0.0
         self._driver = VelocityDriver(model, options)
+        self._carried: CarriedObject | None = None
+        if carried is not None and carried.mass_kg > 0.0:
+            self._carried = CarriedObject(self.world, carried)
         self.reset()
 
     def reset(self, positions: Sequence[float] | Array | None = None) -> None:
@@ -106,6 +117,11 @@ class SimulatedArm(Closing):
         self._until_s = 0.0
         self._hand: Array | None = None
         self._figure_due_s = 0.0
+        if self._carried is not None:
+            self._carried.reset(self._wrist())
+
+    def _wrist(self) -> Array:
+        return self.model.wrist_pose(self._positions)[0]
 
     @property
     def time_s(self) -> float:
@@ -136,6 +152,67 @@ class SimulatedArm(Closing):
     def report(self) -> ArmReport:
         """Tell what the arm has to say about its commands since the last reset."""
         return self._driver.report
+
+    @property
+    def carries(self) -> bool:
+        """Whether there is an object to be handed over."""
+        return self._carried is not None
+
+    @property
+    def wrench(self) -> Wrench:
+        """What acts on the wrist from what it holds, as the mean of the last `advance`."""
+        if self._carried is None:
+            return Wrench(np.zeros(3), np.zeros(3))
+        return self._carried.wrench(self._wrist())
+
+    @property
+    def partner_force(self) -> Array:
+        """What the partner's hand does to the object, as the mean of the last `advance`, N."""
+        return np.zeros(3) if self._carried is None else self._carried.partner_force
+
+    @property
+    def object_pose(self) -> tuple[Array, Array]:
+        """
+        Where the object is: (3,), m, and its quaternion x, y, z, w, (4,).
+
+        Raises:
+            UsageError: there is none.
+
+        """
+        if self._carried is None:
+            raise UsageError('there is no object in this world')
+        return self._carried.pose
+
+    @property
+    def holder(self) -> Holder:
+        """Who has the object; nobody where there is none."""
+        return Holder.NOBODY if self._carried is None else self._carried.holder
+
+    def set_gripper(self, closed: bool) -> None:
+        """
+        Close the gripper, on the object where that is within reach, or open it.
+
+        Args:
+            closed: which.
+
+        """
+        if self._carried is not None:
+            self._carried.set_gripper(closed, self._wrist())
+
+    def set_partner_hand(
+        self, position: Sequence[float] | Array, velocity: Sequence[float] | Array | None = None
+    ) -> None:
+        """
+        Say where the partner's hand is that takes and gives the object.
+
+        Args:
+            position: (3,), of the wrist, m, in `world`; one that is not finite is left out.
+            velocity: (3,), m/s; None: found from the positions.
+
+        """
+        if self._carried is not None:
+            speed = None if velocity is None else np.array(velocity, dtype=float)
+            self._carried.set_partner_hand(np.array(position, dtype=float), speed)
 
     def command(self, velocities: Sequence[float] | Array) -> CommandOutcome:
         """
@@ -195,6 +272,8 @@ class SimulatedArm(Closing):
             raise UsageError(f'no arm can advance by {period_s} s')
         self._until_s += period_s
         self._driver.excuse(excused_s)
+        if self._carried is not None:
+            self._carried.begin()
         remaining = round(self._until_s / self._time_step_s) - self._steps
         while remaining > 0:
             self._driver.watch(self.time_s)
@@ -211,7 +290,12 @@ class SimulatedArm(Closing):
         correction = self._gain * (self._driver.reference - self._positions)
         for velocities in self._driver.steps(self._time_step_s, steps):
             self.world.drive((velocities + correction).tolist())
-            self.world.step()
+            if self._carried is None:
+                self.world.step()
+            else:
+                self._carried.push(self._time_step_s)
+                self.world.step()
+                self._carried.feel(self._time_step_s)
         self._steps += steps
         read, moving = self.world.read()
         self._positions, self._velocities = np.array(read), np.array(moving)

@@ -1,0 +1,353 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The object that changes hands, as a rigid body of the world.
+
+While the gripper is closed on it, a fixed joint holds it to the arm; what that joint transmits is
+what a force sensor in the wrist would feel. The partner's hand is a spring on it. Held by nobody,
+it falls to the floor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from math import isfinite
+from typing import Any, NamedTuple
+
+from handover_dmp.common.arrays import Array
+from handover_dmp.common.errors import UsageError
+from handover_dmp.common.quiet_pybullet import pybullet
+from handover_dmp.common.settings import setting
+from handover_dmp.simulation.partner_grip import PartnerGrip, PartnerGripOptions
+from handover_dmp.simulation.world import World
+import numpy as np
+
+LIGHTEST_KG = 0.01
+"""With less, the spring of the partner's hand would shake in steps of 1 ms, kg."""
+HAND_TURNS = 30.0
+"""How fast the hand turns the object back to how it was gripped, rad/s."""
+JOINT_FORCE_N = 1e6
+"""More than the joint ever has to bear: a fixed one does not give way, N."""
+FLOOR_M = 0.0
+"""Height of the floor in the room, m."""
+
+
+class Holder(str, Enum):
+    """Who has the object; the values are what `/object/holder` says."""
+
+    ROBOT = 'robot'
+    PARTNER = 'partner'
+    BOTH = 'both'
+    NOBODY = 'nobody'
+
+
+class Wrench(NamedTuple):
+    """
+    What acts on the wrist from what it holds.
+
+    Attributes:
+        force: (3,), N, in the axes of the room.
+        torque: (3,), about the wrist, Nm, in the same.
+
+    """
+
+    force: Array
+    torque: Array
+
+
+@dataclass(frozen=True)
+class CarriedObjectOptions:
+    """
+    What is handed over.
+
+    Attributes:
+        mass_kg: 0: nothing.
+        size: (3,), of a box, for its inertia, m.
+        position: (3,), of its middle from the wrist that holds it at the start, m; the partner's
+            has it on the other side.
+        holder: who has it at the start, `robot` or `partner`.
+        reach_m: from the wrist to its middle, for the gripper to close on it, m.
+        partner: how the partner takes and gives it.
+
+    Raises:
+        UsageError: a mass or size that is none, or another holder.
+
+    """
+
+    mass_kg: float = setting('robot_sim', 'object.mass_kg')
+    size: Sequence[float] = setting('robot_sim', 'object.size')
+    position: Sequence[float] = setting('robot_sim', 'object.position')
+    holder: str = setting('robot_sim', 'object.holder')
+    reach_m: float = setting('robot_sim', 'object.reach_m')
+    partner: PartnerGripOptions = field(default_factory=PartnerGripOptions)
+
+    def __post_init__(self) -> None:
+        """Check them."""
+        if self.mass_kg != 0.0 and not LIGHTEST_KG <= self.mass_kg < np.inf:
+            raise UsageError(f'object.mass_kg is {self.mass_kg}: 0, or at least {LIGHTEST_KG}')
+        if len(self.size) != 3 or not all(0.0 < side < np.inf for side in self.size):
+            raise UsageError(f'object.size is {list(self.size)}: three lengths over 0')
+        if len(self.position) != 3 or not all(map(isfinite, self.position)):
+            raise UsageError(f'object.position is {list(self.position)}: three lengths')
+        if self.holder not in (Holder.ROBOT.value, Holder.PARTNER.value):
+            raise UsageError(f'object.holder is {self.holder!r}: robot or partner')
+
+    @property
+    def inertia(self) -> Array:
+        """Return that of the box about its axes, (3,), kg m²."""
+        squares = np.square(self.size)
+        inertia: Array = self.mass_kg / 12.0 * (squares.sum() - squares)
+        return inertia
+
+
+class CarriedObject:
+    """
+    An object in the world of an arm, held by the arm, by the partner, by both or by nobody.
+
+    Attributes:
+        options: what it is.
+
+    """
+
+    def __init__(self, world: World, options: CarriedObjectOptions) -> None:
+        """
+        Put the object into the world.
+
+        Args:
+            world: of the arm.
+            options: what it is; it has a mass.
+
+        """
+        self.options = options
+        self._world = world
+        self._client = {'physicsClientId': world.client}
+        self._link = world.joints[-1]
+        self._weight_n = options.mass_kg * -world.options.gravity
+        self._grip = PartnerGrip(options.mass_kg, -world.options.gravity, options.partner)
+        self._body = int(
+            pybullet.createMultiBody(options.mass_kg, -1, -1, [0, 0, 0], **self._client)
+        )
+        pybullet.changeDynamics(
+            self._body,
+            -1,
+            localInertiaDiagonal=options.inertia.tolist(),
+            linearDamping=0,
+            angularDamping=0,
+            **self._client,
+        )
+        self._joint: int | None = None
+
+    def reset(self, wrist: Array) -> None:
+        """
+        Start anew, in the hand of who has it at the start.
+
+        Args:
+            wrist: (3,), m, of the arm at rest.
+
+        """
+        self._unhand()
+        self._grip.reset()
+        self._gripper_closed = self.options.holder == Holder.ROBOT.value
+        self._is_waiting = not self._gripper_closed
+        self._quaternion: Sequence[float] = (0.0, 0.0, 0.0, 1.0)
+        self._felt = np.zeros(6)
+        self._pull = np.zeros(3)
+        self.begin()
+        self._place(wrist + self.options.position)
+        if self._gripper_closed:
+            self._hand_to_robot()
+
+    @property
+    def gripper_closed(self) -> bool:
+        """Whether the gripper has been told to close."""
+        return self._gripper_closed
+
+    @property
+    def holder(self) -> Holder:
+        """Who has the object."""
+        partner = self._grip.holds or self._is_waiting
+        if self._joint is not None:
+            return Holder.BOTH if partner else Holder.ROBOT
+        return Holder.PARTNER if partner else Holder.NOBODY
+
+    @property
+    def pose(self) -> tuple[Array, Array]:
+        """Where the object is: (3,), m, and its quaternion x, y, z, w, (4,)."""
+        position, quaternion = pybullet.getBasePositionAndOrientation(self._body, **self._client)
+        return np.array(position), np.array(quaternion)
+
+    @property
+    def velocity(self) -> Array:
+        """How fast its middle moves, (3,), m/s."""
+        return np.array(pybullet.getBaseVelocity(self._body, **self._client)[0])
+
+    def wrench(self, wrist: Array) -> Wrench:
+        """
+        Tell what acts on the wrist, as the mean since `begin`.
+
+        Args:
+            wrist: (3,), where it is now, m.
+
+        Returns:
+            Force and torque; none where the gripper holds nothing.
+
+        """
+        mean = self._impulse / self._elapsed_s if self._elapsed_s > 0.0 else self._felt
+        force, torque = mean[:3], mean[3:]
+        lever = self.pose[0] - wrist
+        return Wrench(force, torque + np.cross(lever, force))
+
+    def set_gripper(self, closed: bool, wrist: Array) -> None:
+        """
+        Close the gripper on the object, if that is within its reach, or open it.
+
+        Args:
+            closed: which.
+            wrist: (3,), m.
+
+        """
+        if closed == self._gripper_closed:
+            return
+        self._gripper_closed = closed
+        if not closed:
+            self._unhand()
+            return
+        near = float(np.linalg.norm(self.pose[0] - wrist)) <= self.options.reach_m
+        if near and not self._is_waiting:
+            self._hand_to_robot()
+
+    def set_partner_hand(self, position: Array, velocity: Array | None = None) -> None:
+        """
+        Say where the partner's hand is now.
+
+        Args:
+            position: (3,), m; one that is not finite is left out.
+            velocity: (3,), m/s; None: found from the positions.
+
+        """
+        if not np.all(np.isfinite(position)):
+            return
+        if velocity is not None and not np.all(np.isfinite(velocity)):
+            velocity = None
+        self._grip.set_hand(np.array(position, dtype=float), velocity)
+        if self._is_waiting:
+            self._is_waiting = False
+            self._place(np.array(position) - self.options.position)
+            self._grip.hold(self.pose[0])
+
+    @property
+    def partner_force(self) -> Array:
+        """What the partner's hand does to the object, as the mean since `begin`, (3,), N."""
+        return self._pulled / self._elapsed_s if self._elapsed_s > 0.0 else self._pull
+
+    def begin(self) -> None:
+        """Begin to measure forces anew."""
+        self._impulse = np.zeros(6)
+        self._pulled = np.zeros(3)
+        self._elapsed_s = 0.0
+
+    def push(self, time_step_s: float) -> None:
+        """
+        Let the partner's hand act in the next step.
+
+        Args:
+            time_step_s: its length, s.
+
+        """
+        self._pull = np.zeros(3)
+        if self._is_waiting:
+            self._place(self.pose[0])
+            return
+        position, quaternion = self.pose
+        linear, angular = pybullet.getBaseVelocity(self._body, **self._client)
+        lift_n = None if self._joint is None else -float(self._felt[2])
+        held = self._grip.holds
+        force = self._grip.force(position, np.array(linear), lift_n, time_step_s)
+        if self._grip.holds:
+            if not held:
+                self._quaternion = quaternion.tolist()
+            self._pull = force
+            self._apply(force, position, quaternion, np.array(angular))
+        elif self._joint is None:
+            self._rest_on_floor(position)
+
+    def _apply(self, force: Array, position: Array, quaternion: Array, angular: Array) -> None:
+        """Pull on the object, and turn it back to how it was gripped."""
+        body, client = self._body, self._client
+        pybullet.applyExternalForce(
+            body, -1, force.tolist(), position.tolist(), pybullet.WORLD_FRAME, **client
+        )
+        turn: Any = pybullet.getDifferenceQuaternion(quaternion.tolist(), self._quaternion)
+        axis, angle = pybullet.getAxisAngleFromQuaternion(turn)
+        angle = angle - 2.0 * np.pi if angle > np.pi else angle
+        spring = HAND_TURNS**2 * angle * np.array(axis) - 2.0 * HAND_TURNS * angular
+        rotation = np.array(pybullet.getMatrixFromQuaternion(quaternion.tolist())).reshape(3, 3)
+        torque = rotation @ (self.options.inertia * (rotation.T @ spring))
+        pybullet.applyExternalTorque(
+            body, -1, (self._grip.strength * torque).tolist(), pybullet.WORLD_FRAME, **client
+        )
+
+    def _rest_on_floor(self, position: Array) -> None:
+        height = FLOOR_M + 0.5 * min(self.options.size)
+        if position[2] <= height and float(self.velocity[2]) <= 0.0:
+            self._place(np.array([position[0], position[1], height]))
+
+    def feel(self, time_step_s: float) -> None:
+        """
+        Take what the joint has transmitted in the last step.
+
+        Args:
+            time_step_s: its length, s.
+
+        """
+        if self._joint is None:
+            self._felt = np.zeros(6)
+        else:
+            self._felt = np.array(pybullet.getConstraintState(self._joint, **self._client))
+        self._impulse += time_step_s * self._felt
+        self._pulled += time_step_s * self._pull
+        self._elapsed_s += time_step_s
+
+    def _place(self, position: Array) -> None:
+        """Put the object somewhere, at rest."""
+        quaternion = self.pose[1].tolist()
+        pybullet.resetBasePositionAndOrientation(
+            self._body, position.tolist(), quaternion, **self._client
+        )
+        pybullet.resetBaseVelocity(self._body, [0, 0, 0], [0, 0, 0], **self._client)
+
+    def _hand_to_robot(self) -> None:
+        """Fix the object to the last link, as it lies in the gripper now."""
+        robot, position_and_turn = self._world.robot, self.pose
+        link = pybullet.getLinkState(
+            robot, self._link, computeForwardKinematics=True, **self._client
+        )
+        into = pybullet.invertTransform(link[0], link[1])
+        position, quaternion = (part.tolist() for part in position_and_turn)
+        place, turn = pybullet.multiplyTransforms(*into, position, quaternion)
+        self._joint = int(
+            pybullet.createConstraint(
+                robot, self._link, self._body, -1, pybullet.JOINT_FIXED, [0, 0, 0],
+                place, [0, 0, 0], turn, [0, 0, 0, 1], **self._client,
+            )
+        )  # fmt: skip
+        pybullet.changeConstraint(self._joint, maxForce=JOINT_FORCE_N, **self._client)
+
+    def _unhand(self) -> None:
+        joint, self._joint = self._joint, None
+        if joint is not None:
+            pybullet.removeConstraint(joint, **self._client)

@@ -1,0 +1,240 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The partner's hand on the object: it takes what is held out to it, and lets go of what is taken.
+
+The hand moves as it is told, whatever the object does; between the two is a spring with a damper,
+slack at the moment of the grip, that becomes as stiff as the arm of a person within a short time.
+Within the same time the hand takes over the weight. Where the robot takes, it is the reverse: once
+the robot has closed, the hand gives up the weight, and opens when the robot has enough of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import sqrt
+
+from handover_dmp.common.arrays import Array
+from handover_dmp.common.errors import UsageError
+from handover_dmp.common.settings import setting
+import numpy as np
+
+FORGOTTEN_S = 0.02
+"""A hand that is told of no more stands still after so long, s."""
+SMOOTHING_S = 0.03
+"""Time constant of the speed of a hand whose speed is not told, s."""
+AWAY = 1.5
+"""So many reaches off, a hand that has let go may take the object again."""
+
+
+@dataclass(frozen=True)
+class PartnerGripOptions:
+    """
+    How the partner takes and gives.
+
+    Attributes:
+        reach_m: from the hand (the wrist) to the middle of an object that it can take, m.
+        speed: of hand and object relative to each other, up to which it takes, m/s.
+        reaction_s: how long both must be so, and how long it takes to feel the other, s.
+        grip_s: within which grip and share of the weight grow or fade, s.
+        stiffness: of the arm behind the hand, N/m.
+        share: of the weight that the robot must have taken before the hand opens.
+        slip_m: so far from where it was gripped, the object has slipped out of the hand, m.
+
+    Raises:
+        UsageError: a number that is not positive.
+
+    """
+
+    reach_m: float = setting('robot_sim', 'partner.reach_m')
+    speed: float = setting('robot_sim', 'partner.speed')
+    reaction_s: float = setting('robot_sim', 'partner.reaction_s')
+    grip_s: float = setting('robot_sim', 'partner.grip_s')
+    stiffness: float = setting('robot_sim', 'partner.stiffness')
+    share: float = setting('robot_sim', 'partner.share')
+    slip_m: float = setting('robot_sim', 'partner.slip_m')
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        for name, value in vars(self).items():
+            if not value > 0.0:
+                raise UsageError(f'partner.{name} is {value}: it must be positive')
+
+
+class PartnerGrip:
+    """
+    A hand that holds an object, or does not.
+
+    Attributes:
+        options: how it takes and gives.
+        strength: of the grip, 0 (open) to 1.
+        lift: share of the weight that the hand bears beside its spring, 0 to 1.
+
+    """
+
+    def __init__(self, mass_kg: float, gravity: float, options: PartnerGripOptions) -> None:
+        """
+        Take the object's mass.
+
+        Args:
+            mass_kg: kg.
+            gravity: m/s².
+            options: how it takes and gives.
+
+        """
+        self.options = options
+        self._mass_kg = mass_kg
+        self._weight_n = mass_kg * gravity
+        self._damping = 2.0 * sqrt(options.stiffness * mass_kg)
+        self.reset()
+
+    def reset(self) -> None:
+        """Start anew, open, with a hand that is nowhere."""
+        self.strength = self.lift = 0.0
+        self._hand: Array | None = None
+        self._told = np.zeros(3)
+        self._velocity = np.zeros(3)
+        self._anchor = np.zeros(3)
+        self._age_s = 0.0
+        self._is_closed = False
+        self._gives = False
+        self._is_sated = False
+        self._since_s = 0.0
+
+    @property
+    def hand(self) -> Array | None:
+        """Where the hand is, (3,), m; None before it was told."""
+        return self._hand
+
+    @property
+    def holds(self) -> bool:
+        """Whether the hand is on the object."""
+        return self.strength > 0.0
+
+    def hold(self, position: Array) -> None:
+        """
+        Have the object firmly in the hand from the start.
+
+        Args:
+            position: (3,), of its middle, m.
+
+        """
+        assert self._hand is not None
+        self._grip(position)
+        self.strength = self.lift = 1.0
+        self._gives = True
+
+    def set_hand(self, position: Array, velocity: Array | None) -> None:
+        """
+        Say where the hand is now.
+
+        Args:
+            position: (3,), m.
+            velocity: (3,), m/s; None: found from the positions.
+
+        """
+        if velocity is None:
+            velocity = self._speed_to(position)
+        self._hand = self._told = position
+        self._velocity, self._age_s = velocity, 0.0
+
+    def _speed_to(self, position: Array) -> Array:
+        if self._hand is None or self._age_s == 0.0:
+            return self._velocity
+        share = self._age_s / (self._age_s + SMOOTHING_S)
+        seen = (position - self._told) / self._age_s
+        smoothed: Array = self._velocity + share * (seen - self._velocity)
+        return smoothed
+
+    def force(
+        self, position: Array, velocity: Array, robot_lift_n: float | None, dt_s: float
+    ) -> Array:
+        """
+        Go on by one step.
+
+        Args:
+            position: (3,), of the object's middle, m.
+            velocity: (3,), of the same, m/s.
+            robot_lift_n: force with which the robot bears the object, upwards, N; None: it does
+                not hold it.
+            dt_s: length of the step, s.
+
+        Returns:
+            (3,), what the hand does to the object, N.
+
+        """
+        if self._hand is None:
+            return np.zeros(3)
+        if self._age_s < FORGOTTEN_S:
+            self._hand = self._hand + self._velocity * dt_s
+        else:
+            self._velocity = np.zeros(3)
+        self._age_s += dt_s
+        self._decide(position, velocity, robot_lift_n, dt_s)
+        step = dt_s / self.options.grip_s
+        self.strength = _towards(self.strength, float(self._is_closed), step)
+        bears = self._is_closed and not (self._gives and self._feels_robot(robot_lift_n))
+        self.lift = _towards(self.lift, float(bears), step)
+        if not self.holds:
+            return np.zeros(3)
+        drawn = self._hand + self._anchor - position
+        if float(np.linalg.norm(drawn)) > self.options.slip_m:
+            self._open()
+            self.strength = self.lift = 0.0
+            return np.zeros(3)
+        spring = self.options.stiffness * drawn + self._damping * (self._velocity - velocity)
+        weight = np.array([0.0, 0.0, self.lift * self._weight_n])
+        force: Array = self.strength * spring + weight
+        return force
+
+    def _decide(
+        self, position: Array, velocity: Array, robot_lift_n: float | None, dt_s: float
+    ) -> None:
+        """Close on what is held out, open when what was held out has been taken."""
+        assert self._hand is not None
+        if self._is_closed:
+            if robot_lift_n is None:
+                # what the hand has alone, it will be the one to give
+                self._gives, self._since_s = True, 0.0
+            elif self._gives:
+                self._since_s += dt_s
+                has_enough = robot_lift_n > self.options.share * self._weight_n
+                if self._feels_robot(robot_lift_n) and has_enough:
+                    self._open()
+            return
+        apart = float(np.linalg.norm(position - self._hand))
+        if apart > AWAY * self.options.reach_m:
+            self._is_sated = False
+        slow = float(np.linalg.norm(velocity - self._velocity)) < self.options.speed
+        offered = apart < self.options.reach_m and slow and not self._is_sated
+        self._since_s = self._since_s + dt_s if offered else 0.0
+        if self._since_s >= self.options.reaction_s:
+            self._grip(position)
+
+    def _feels_robot(self, robot_lift_n: float | None) -> bool:
+        return robot_lift_n is not None and self._since_s >= self.options.reaction_s
+
+    def _grip(self, position: Array) -> None:
+        assert self._hand is not None
+        self._is_closed, self._gives, self._since_s = True, False, 0.0
+        self._anchor = position - self._hand
+
+    def _open(self) -> None:
+        self._is_closed, self._gives, self._since_s = False, False, 0.0
+        self._is_sated = True
+
+
+def _towards(value: float, goal: float, step: float) -> float:
+    return min(goal, value + step) if value < goal else max(goal, value - step)

@@ -1,0 +1,283 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The object obeys Newton, whoever holds it, and passes from hand to hand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from handover_dmp.common.arrays import Array
+from handover_dmp.common.errors import UsageError
+from handover_dmp.robot.model import RobotModel
+from handover_dmp.simulation.arm import SimulatedArm
+from handover_dmp.simulation.carried_object import CarriedObjectOptions, Holder
+from handover_dmp.simulation.partner_grip import PartnerGripOptions
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+MODEL = RobotModel.load('lwr4')
+WRIST = MODEL.wrist_pose(MODEL.home)[0]
+PERIOD_S = 0.005
+GRAVITY = np.array([0.0, 0.0, -9.81])
+STILL = np.zeros(MODEL.dof)
+# where the partner's hand is to be for the object of `held`
+BESIDE = WRIST + [0.3, 0.0, 0.0]
+
+
+def held(mass_kg: float = 0.8, **changes: Any) -> CarriedObjectOptions:
+    return CarriedObjectOptions(mass_kg=mass_kg, position=(0.1, 0.0, 0.02), **changes)
+
+
+def advance(
+    arm: SimulatedArm,
+    duration_s: float,
+    hand: Array | Callable[[float], Array] | None = None,
+    velocity: Sequence[float] | Array = STILL,
+) -> list[Holder]:
+    """Let time pass, with a hand where it is told to be; return who had the object, in turn."""
+    holders = []
+    for step in range(round(duration_s / PERIOD_S)):
+        if hand is not None:
+            arm.set_partner_hand(hand(step * PERIOD_S) if callable(hand) else hand)
+        arm.command(velocity)
+        arm.advance(PERIOD_S)
+        holders.append(arm.holder)
+    return holders
+
+
+def in_turn(holders: Sequence[Holder]) -> list[Holder]:
+    return [h for k, h in enumerate(holders) if k == 0 or h is not holders[k - 1]]
+
+
+@settings(max_examples=5)
+@given(
+    st.floats(0.05, 5.0),
+    st.tuples(*[st.floats(-0.2, 0.2)] * 3),
+    st.tuples(*[st.floats(-0.4, 0.4)] * 7),
+)
+def test_at_rest_the_wrist_feels_the_weight(
+    mass_kg: float, position: tuple[float, ...], turns: tuple[float, ...]
+) -> None:
+    with SimulatedArm(MODEL, carried=CarriedObjectOptions(mass_kg, position=position)) as arm:
+        arm.reset(MODEL.home + turns)
+        advance(arm, 0.05)
+        weight = mass_kg * GRAVITY
+        assert arm.wrench.force == pytest.approx(weight, abs=1e-3 * mass_kg)
+        assert arm.wrench.torque == pytest.approx(np.cross(position, weight), abs=2e-3 * mass_kg)
+        wrist = MODEL.wrist_pose(arm.joint_positions)[0]
+        assert arm.object_pose[0] - wrist == pytest.approx(position, abs=1e-5)
+        assert arm.holder is Holder.ROBOT
+
+
+def test_in_motion_the_wrist_feels_what_newton_tells() -> None:
+    mass_kg = 1.5
+    with SimulatedArm(MODEL, carried=held(mass_kg)) as arm:
+        carried = arm._carried
+        assert carried is not None
+        turned = MODEL.home + [0.2, -0.3, 0.4, 0.1, 0.5, -0.2, 0.3]
+        arm.reset(turned)
+        advance(arm, 0.02)
+        most = 0.0
+        for step in range(200):
+            before = carried.velocity
+            speed = 0.8 * np.sin(0.05 * step)
+            advance(arm, PERIOD_S, velocity=[speed, -speed, speed, speed, speed, -speed, speed])
+            acceleration = (carried.velocity - before) / PERIOD_S
+            expected = mass_kg * (GRAVITY - acceleration)
+            assert arm.wrench.force == pytest.approx(expected, abs=0.02)
+            most = max(most, float(np.linalg.norm(acceleration)))
+        assert most > 1.0  # else nothing was shown
+
+
+def test_what_both_do_to_the_object_is_what_moves_it() -> None:
+    mass_kg = 0.8
+    with SimulatedArm(MODEL, carried=held(mass_kg)) as arm:
+        carried = arm._carried
+        assert carried is not None
+        pulled = 0.0
+        for step in range(240):
+            before = carried.velocity
+            # first at rest to be gripped, then it tears, and the arm moves, too
+            tears = max(0, step - 120)
+            hand = BESIDE + 2e-4 * tears * np.array([1.0, 0.5, 0.5])
+            speed = 0.3 * np.sin(0.1 * tears)
+            advance(arm, PERIOD_S, hand, velocity=STILL + speed)
+            change = mass_kg * ((carried.velocity - before) / PERIOD_S - GRAVITY)
+            assert arm.partner_force - arm.wrench.force == pytest.approx(change, abs=0.02)
+            pulled = max(pulled, float(arm.wrench.force[0]))
+        assert arm.holder is Holder.BOTH
+        assert pulled > 3.0
+
+
+def test_the_load_passes_over_and_comes_back() -> None:
+    weight_n = 0.8 * 9.81
+    with SimulatedArm(MODEL, carried=held()) as arm:
+        loads = [0.0]
+        holders = [arm.holder]
+        for _ in range(160):
+            holders += advance(arm, PERIOD_S, BESIDE)
+            loads.append(-float(arm.wrench.force[2]) / weight_n)
+        assert in_turn(holders) == [Holder.ROBOT, Holder.BOTH]
+        assert np.all(np.diff(loads[2:]) < 1e-3)
+        assert loads[1] == pytest.approx(1.0, abs=1e-3)
+        assert loads[-1] == pytest.approx(0.0, abs=1e-3)
+        between = sum(0.05 < load < 0.95 for load in loads) * PERIOD_S
+        assert between == pytest.approx(0.9 * PartnerGripOptions().grip_s, abs=0.02)
+
+        arm.set_gripper(False)
+        assert arm.holder is Holder.PARTNER
+        # the partner uses it elsewhere; it follows as if it were fixed to the hand
+        way = np.array([0.15, -0.1, 0.1])
+        moved = advance(arm, 1.5, lambda t: BESIDE + way * (1.0 - np.cos(2.0 * np.pi * t / 1.5)))
+        advance(arm, 0.5, BESIDE)
+        assert set(moved) == {Holder.PARTNER}
+        assert arm.object_pose[0] == pytest.approx(WRIST + [0.1, 0.0, 0.02], abs=0.002)
+
+        arm.set_gripper(True)
+        holders = advance(arm, 1.0, BESIDE)
+        assert in_turn(holders) == [Holder.BOTH, Holder.ROBOT]
+        assert -arm.wrench.force[2] == pytest.approx(weight_n, abs=1e-3)
+        # the hand that has let go does not take again what it has just given
+        assert set(advance(arm, 0.6, BESIDE)) == {Holder.ROBOT}
+        advance(arm, 0.1, BESIDE + [0.5, 0.0, 0.0])
+        assert in_turn(advance(arm, 0.6, BESIDE)) == [Holder.ROBOT, Holder.BOTH]
+
+
+def test_what_nobody_holds_falls_and_lies() -> None:
+    with SimulatedArm(MODEL, carried=held()) as arm:
+        advance(arm, 0.1)
+        height = float(arm.object_pose[0][2])
+        arm.set_gripper(False)
+        assert arm.holder is Holder.NOBODY
+        for time_s in (0.1, 0.2, 0.3):
+            advance(arm, 0.1)
+            fallen = height - float(arm.object_pose[0][2])
+            assert fallen == pytest.approx(0.5 * 9.81 * time_s**2, abs=2e-3)
+        advance(arm, 1.0)
+        assert arm.object_pose[0][2] == pytest.approx(0.02, abs=1e-4)
+        arm.set_gripper(True)
+        assert arm.holder is Holder.NOBODY
+        assert not np.any(arm.wrench.force)
+        arm.reset()
+        assert arm.holder is Holder.ROBOT
+
+
+@pytest.mark.parametrize(
+    ('mass_kg', 'after_s', 'sag_m'),
+    [(3.0, 0.17, None), (3.0, 0.26, 0.03), (0.8, 0.17, 0.04), (0.8, 0.4, 0.002)],
+)
+def test_what_is_released_before_the_partner_grips_sags_or_drops(
+    mass_kg: float, after_s: float, sag_m: float | None
+) -> None:
+    with SimulatedArm(MODEL, carried=held(mass_kg)) as arm:
+        assert advance(arm, after_s, BESIDE)[-1] is Holder.BOTH
+        height = float(arm.object_pose[0][2])
+        arm.set_gripper(False)
+        lowest = height
+        for _ in range(60):
+            holders = advance(arm, PERIOD_S, BESIDE)
+            lowest = min(lowest, float(arm.object_pose[0][2]))
+        assert holders[-1] is (Holder.NOBODY if sag_m is None else Holder.PARTNER)
+        if sag_m is not None:
+            assert height - lowest < sag_m
+
+
+def test_a_hand_takes_only_what_is_near_and_slow() -> None:
+    with SimulatedArm(MODEL, carried=held()) as arm:
+        assert set(advance(arm, 1.0, BESIDE + [0.2, 0.0, 0.0])) == {Holder.ROBOT}
+        passing = advance(arm, 1.0, lambda t: BESIDE + [0.0, 0.6 * (t - 0.5), 0.0])
+        assert set(passing) == {Holder.ROBOT}
+        assert set(advance(arm, 0.5, np.full(3, np.nan))) == {Holder.ROBOT}
+
+
+def test_what_the_partner_has_at_the_start_is_in_the_hand() -> None:
+    with SimulatedArm(MODEL, carried=held(holder='partner')) as arm:
+        assert set(advance(arm, 0.2)) == {Holder.PARTNER}
+        away = BESIDE + [0.4, 0.1, 0.0]
+        assert set(advance(arm, 0.5, away)) == {Holder.PARTNER}
+        assert arm.object_pose[0] == pytest.approx(away - [0.1, 0.0, 0.02], abs=1e-4)
+        arm.set_gripper(True)  # out of reach
+        assert set(advance(arm, 0.2, away)) == {Holder.PARTNER}
+
+
+def test_the_hand_keeps_the_object_turned_as_it_was_gripped() -> None:
+    with SimulatedArm(MODEL, carried=held()) as arm:
+        advance(arm, 0.6, BESIDE)
+        gripped = arm.object_pose[1]
+        advance(arm, 0.3, BESIDE, velocity=[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5])
+        turned = arm.object_pose[1]
+        assert abs(float(gripped @ turned)) < 0.998
+        arm.set_gripper(False)
+        advance(arm, 1.0, BESIDE)
+        assert abs(float(gripped @ arm.object_pose[1])) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_without_a_mass_nothing_changes_to_the_bit() -> None:
+    def drive(arm: SimulatedArm) -> Array:
+        with arm:
+            arm.set_gripper(True)
+            rows = []
+            for step in range(60):
+                advance(arm, PERIOD_S, BESIDE, velocity=STILL + 0.5 * np.sin(0.1 * step))
+                rows.append([*arm.joint_positions, *arm.joint_velocities])
+            assert arm.holder is Holder.NOBODY
+            assert not arm.carries
+            with pytest.raises(UsageError, match='no object'):
+                _ = arm.object_pose
+        return np.array(rows)
+
+    alone = drive(SimulatedArm(MODEL))
+    massless = drive(SimulatedArm(MODEL, carried=CarriedObjectOptions(mass_kg=0.0)))
+    assert np.array_equal(alone, massless)
+
+    # and what is carried bends the motion by less than its motors err
+    with SimulatedArm(MODEL, carried=held(2.0)) as arm:
+        for step in range(60):
+            advance(arm, PERIOD_S, velocity=STILL + 0.5 * np.sin(0.1 * step))
+        assert arm.joint_positions == pytest.approx(alone[-1, :7], abs=1e-5)
+
+
+def test_the_same_hands_give_the_same_object_to_the_bit() -> None:
+    def once() -> Array:
+        with SimulatedArm(MODEL, carried=held()) as arm:
+            rows = []
+            for step in range(100):
+                advance(arm, PERIOD_S, BESIDE + 1e-4 * step, velocity=STILL + 0.05)
+                if step == 80:
+                    arm.set_gripper(False)
+                rows.append([*arm.object_pose[0], *arm.wrench.force])
+            return np.array(rows)
+
+    assert np.array_equal(once(), once())
+
+
+@pytest.mark.parametrize(
+    ('changes', 'named'),
+    [
+        ({'mass_kg': -1.0}, 'mass_kg'),
+        ({'mass_kg': 0.001}, 'mass_kg'),
+        ({'size': (0.1, 0.0, 0.1)}, 'size'),
+        ({'position': (0.1, 0.1)}, 'position'),
+        ({'holder': 'nobody'}, 'holder'),
+    ],
+)
+def test_an_object_that_cannot_be_is_refused(changes: dict[str, Any], named: str) -> None:
+    with pytest.raises(UsageError, match=f'object.{named}'):
+        CarriedObjectOptions(**changes)
+    with pytest.raises(UsageError, match='partner'):
+        PartnerGripOptions(grip_s=0.0)
