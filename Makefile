@@ -22,6 +22,8 @@ ifdef AMENT_PREFIX_PATH
 unexport LD_LIBRARY_PATH
 endif
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
+# Tests and graphs start hundreds of processes: what one of them has compiled, the others load.
+unexport PYTHONDONTWRITEBYTECODE
 
 # Tests neither hear other robots on the network nor other tests on this machine.
 ISOLATED = ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_DOMAIN_ID=$$(($$$$ % 100 + 1))

@@ -24,7 +24,6 @@ from handover_dmp.dmp.fast_step import fast_step, FastStep
 from handover_dmp.dmp.primitive import Primitive
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import erf as erf_of_array
 
 # (7) is 1 to the last bit of a float this many σ beyond μ
 SETTLED_DEVIATIONS = 8.3
@@ -51,6 +50,8 @@ class DecoupledDmp(Primitive):
             w_g, from 0 to 1, of the same shape.
 
         """
+        from scipy.special import erf as erf_of_array
+
         mu, slope = self.parameters.mu, 1.0 / (self.parameters.sigma * sqrt(2.0))
         weight: NDArray[np.float64] = 0.5 + 0.5 * erf_of_array((u - mu) * slope)
         return weight

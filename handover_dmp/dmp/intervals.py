@@ -28,7 +28,6 @@ import os
 from handover_dmp.common.arrays import Array
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dtbtrs
 
 BLOCK = 8  # intervals of a batch that one matrix product covers
 SHARE = 512  # motions of a batch that one thread works on: few enough for its cache
@@ -98,6 +97,8 @@ class Intervals:
             z, (e, m + 1, 2).
 
         """
+        from scipy.linalg.lapack import dtbtrs
+
         _, count, width = inputs.shape
         right = np.zeros((width, count + 1, 2))
         if velocity is not None:

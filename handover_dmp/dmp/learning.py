@@ -31,7 +31,6 @@ from handover_dmp.dmp.primitive import Primitive
 from handover_dmp.dmp.sparse_bayes import sparse_bayes
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg.lapack import dgels
 
 AnyPrimitive = TypeVar('AnyPrimitive', bound=Primitive)
 
@@ -255,6 +254,8 @@ def _rows(motion: Demonstration, primitive: Primitive) -> tuple[Array, Array]:
 
 def _ridge(design: Array, target: Array) -> Array:
     """Minimise ‖design·w − target‖² + penalty·‖w‖² by QR, which the normal equations spoil."""
+    from scipy.linalg.lapack import dgels
+
     rows, size = design.shape
     padded = np.zeros((rows + size, size), order='F')
     padded[:rows] = design

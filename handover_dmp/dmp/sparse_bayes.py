@@ -27,7 +27,6 @@ from dataclasses import dataclass
 from handover_dmp.common.arrays import Array
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dpotrf, dpotri
 
 MIN_GAIN = 1e-2  # in the logarithm of the evidence; smaller steps end the search
 MIN_CHANGE = 1e-2  # of ln β
@@ -154,6 +153,8 @@ class _Search:
 
     def _solve(self) -> None:
         """Work out mean and covariance of the active weights, (22)."""
+        from scipy.linalg.lapack import dpotrf, dpotri
+
         active = self.active
         precision = self.gram[active[:, None], active]
         precision *= self.beta

@@ -23,7 +23,6 @@ from importlib.util import find_spec
 from pathlib import Path
 import sys
 from typing import Any
-from unittest.mock import patch
 
 from handover_dmp.common.quiet_pybullet import silenced
 from handover_dmp.common.resources import share_path
@@ -219,7 +218,9 @@ def expanded(path: Path, arguments: Sequence[str] = ()) -> str:
     wrong = [word for word in arguments if ':=' not in word]
     if wrong:
         raise RobotDescriptionError(f'{path}: {wrong[0]!r} is not an argument name:=value')
-    # takes a tenth of a second, which only a xacro is worth
+    # these take a fifth of a second, which only a xacro is worth
+    from unittest.mock import patch
+
     import xacro
     from xacro import substitution_args
 
