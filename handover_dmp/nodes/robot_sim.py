@@ -28,6 +28,7 @@ from handover_dmp.nodes.conversions import NANOSECONDS, period_of, stamp
 from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.lockstep import ASK_AGAIN_S, HEAD_START_S, Pace
 from handover_dmp.nodes.node import HandoverNode, MISSED_S
+from handover_dmp.nodes.object_topics import carried_object, OBJECT, ObjectTopics
 from handover_dmp.nodes.parameters import ARM, declare, on_change, Parameter, Values
 from handover_dmp.nodes.spin import run
 from handover_dmp.nodes.transforms import TransformPublisher
@@ -77,6 +78,7 @@ class RobotSim(HandoverNode):
             'resume_required', 'whether it must be told to move again after that', read_only=True
         ),
         Parameter('paused', 'whether time stands still at the start', read_only=True),
+        *OBJECT,
     )  # fmt: skip
 
     def __init__(self) -> None:
@@ -89,6 +91,7 @@ class RobotSim(HandoverNode):
         self._arm = SimulatedArm(
             model,
             options=ArmOptions(self.values['command_timeout_s'], self.values['resume_required']),
+            carried=carried_object(self.values),
         )
         self._start: Sequence[float] = self.values['initial_positions']
         self._arm.reset(self._start)
@@ -143,6 +146,7 @@ class RobotSim(HandoverNode):
             described = published_description(model.urdf_text, folder, self.frame)
             self._description.publish(String(data=described))
         self._transforms = TransformPublisher(self, model, alone=alone)
+        self._object = ObjectTopics(self, self._arm)
         self.subscribe(JOINT_COMMAND, self._on_command)
         self.serve_switch('pause', self._pause)
         self.serve('resume', self._resume)
@@ -188,6 +192,7 @@ class RobotSim(HandoverNode):
 
     def _advance(self) -> None:
         self._periods.tick()
+        self._object.before(self._tick_ns)
         self._arm.advance(self._period_s)
         self._tick_ns += self._period_ns
         factor = self.values['real_time_factor']
@@ -227,6 +232,7 @@ class RobotSim(HandoverNode):
         self._message.velocity = self._arm.joint_velocities.tolist() if moves else self._still
         self._states.publish(self._message)
         self._transforms.tell(time, self._arm.joint_positions)
+        self._object.tell(time)
 
     def destroy_node(self) -> None:
         """Let go of the simulated world, then end."""
@@ -255,6 +261,8 @@ class RobotSim(HandoverNode):
         fault = '' if report.state is ArmState.READY else f'stopped: {report.last_fault}'
         values = {key: str(value) for key, value in asdict(report).items()}
         values |= limits_told(self._arm.model)
+        if self._arm.carries:
+            values['the object is with'] = self._arm.holder.value
         values['age of the joint command (s)'] = f'{self._time_s() - self._commanded_s:.3f}'
         if self.lockstep:
             values |= {

@@ -170,6 +170,8 @@ class CarriedObject:
         self._place(wrist + self.options.position)
         if self._gripper_closed:
             self._hand_to_robot()
+            # before the first step, too, the wrist feels what it holds
+            self._felt[2] = -self._weight_n
 
     @property
     def gripper_closed(self) -> bool:

@@ -1,0 +1,170 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The topics of a session, where `robot_sim` simulates the object that is handed over."""
+
+from __future__ import annotations
+
+from math import inf
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped, Vector3, WrenchStamped
+from handover_dmp.common.settings import parameters_of
+from handover_dmp.nodes.conversions import nanoseconds, pose_message, position_of
+from handover_dmp.nodes.node import HandoverNode
+from handover_dmp.nodes.parameters import Parameter, Values
+from handover_dmp.simulation.arm import SimulatedArm
+from handover_dmp.simulation.carried_object import CarriedObjectOptions, Holder
+from handover_dmp.simulation.partner_grip import PartnerGripOptions
+from handover_dmp.topics import (
+    GRIPPER_COMMAND,
+    HAND_POSE,
+    HAND_TRUTH,
+    OBJECT_HOLDER,
+    OBJECT_POSE,
+    WRIST_WRENCH,
+)
+import numpy as np
+from numpy.typing import NDArray
+from std_msgs.msg import Bool, String
+
+OBJECT = (
+    Parameter('object.mass_kg', 'of what is handed over; 0: nothing', 0.0, 50.0, read_only=True),
+    Parameter('object.size', 'of a box, for its inertia, m', read_only=True),
+    Parameter('object.position', 'of its middle from the wrist at the start, m', read_only=True),
+    Parameter(
+        'object.holder',
+        'who has it at the start',
+        choices=(Holder.ROBOT.value, Holder.PARTNER.value),
+        read_only=True,
+    ),
+    Parameter('object.reach_m', 'of the gripper, to its middle, m', 0.001, 5.0, read_only=True),
+    Parameter('partner.reach_m', 'of the hand, to its middle, m', 0.001, 5.0, read_only=True),
+    Parameter(
+        'partner.speed', 'of both, up to which it is taken, m/s', 0.001, 5.0, read_only=True
+    ),
+    Parameter('partner.reaction_s', 'before the hand acts, s', 0.001, 5.0, read_only=True),
+    Parameter('partner.grip_s', 'in which the hand takes the load, s', 0.001, 5.0, read_only=True),
+    Parameter('partner.stiffness', 'of the arm behind it, N/m', 1.0, 1e4, read_only=True),
+    Parameter('partner.share', 'that the robot must have taken first', 0.01, 1.0, read_only=True),
+    Parameter('partner.slip_m', 'where the object has slipped out, m', 0.001, 1.0, read_only=True),
+)
+TRUTH_LOST_S = 0.2
+"""A hand whose truth was not told for longer is where its tracker sees it, s."""
+
+
+def carried_object(values: Values) -> CarriedObjectOptions:
+    """
+    Read the parameters of the object.
+
+    Args:
+        values: of the node.
+
+    Returns:
+        What is handed over, and how the partner does it.
+
+    Raises:
+        UsageError: an object that cannot be.
+
+    """
+    partner = PartnerGripOptions(**parameters_of(PartnerGripOptions, values))
+    return CarriedObjectOptions(**parameters_of(CarriedObjectOptions, values), partner=partner)
+
+
+class ObjectTopics:
+    """Tells of the object, hears of gripper and hand; does nothing where there is no object."""
+
+    def __init__(self, node: HandoverNode, arm: SimulatedArm) -> None:
+        """
+        Connect the topics.
+
+        Args:
+            node: whose they are.
+            arm: that carries the object.
+
+        """
+        self._node, self._arm = node, arm
+        self._holder: Holder | None = None
+        self._hands: list[tuple[int, NDArray[np.float64]]] = []
+        self._truth_s = -inf
+        if not arm.carries:
+            return
+        self._wrench = node.advertise(WRIST_WRENCH)
+        self._pose = node.advertise(OBJECT_POSE)
+        self._said_holder = node.advertise(OBJECT_HOLDER)
+        node.subscribe(GRIPPER_COMMAND, self._on_gripper)
+        node.subscribe(HAND_TRUTH, self._on_truth)
+        node.subscribe(HAND_POSE, self._on_hand)
+
+    def _on_gripper(self, message: Bool) -> None:
+        self._arm.set_gripper(message.data)
+
+    def _on_truth(self, message: PoseStamped) -> None:
+        self._truth_s = self._node.arrival_s()
+        self._take(message)
+
+    def _on_hand(self, message: PoseStamped) -> None:
+        if self._node.arrival_s() - self._truth_s > TRUTH_LOST_S:
+            self._take(message)
+
+    def _take(self, message: PoseStamped) -> None:
+        stamp_ns, position = nanoseconds(message.header.stamp), np.array(position_of(message))
+        if self._node.lockstep:
+            self._hands.append((stamp_ns, position))
+        else:
+            self._arm.set_partner_hand(position)
+
+    def before(self, period_ns: int) -> None:
+        """
+        Move the partner's hand, before a period in lockstep passes.
+
+        To where it was one period before: that has come for sure, so that the same run is the
+        same again.
+
+        Args:
+            period_ns: start of the period, ns.
+
+        """
+        known = [hand for hand in self._hands if hand[0] < period_ns]
+        if known:
+            self._arm.set_partner_hand(known[-1][1])
+            self._hands = self._hands[len(known) :]
+
+    def tell(self, time: Time) -> None:
+        """
+        Publish what acts on the wrist, where the object is, and who has it if that is new.
+
+        Args:
+            time: of both.
+
+        """
+        if not self._arm.carries:
+            return
+        header_frame, wrench = self._node.frame, self._arm.wrench
+        message = WrenchStamped()
+        message.header.stamp, message.header.frame_id = time, header_frame
+        message.wrench.force = _vector(wrench.force)
+        message.wrench.torque = _vector(wrench.torque)
+        self._wrench.publish(message)
+        position, quaternion = self._arm.object_pose
+        x, y, z, w = quaternion.tolist()
+        self._pose.publish(pose_message(time, position, (x, y, z, w), frame=header_frame))
+        if self._arm.holder is not self._holder:
+            self._holder = self._arm.holder
+            self._said_holder.publish(String(data=self._holder.value))
+
+
+def _vector(values: NDArray[np.float64]) -> Vector3:
+    x, y, z = values.tolist()
+    return Vector3(x=x, y=y, z=z)
