@@ -20,7 +20,9 @@ import argparse
 from pathlib import Path
 
 
-def add_source_and_output(parser: argparse.ArgumentParser, metavar: str, purpose: str) -> None:
+def add_source_and_output(
+    parser: argparse.ArgumentParser, metavar: str, purpose: str, *, optional: bool = False
+) -> None:
     """
     Declare the run, `--namespace` and `--output`.
 
@@ -28,11 +30,13 @@ def add_source_and_output(parser: argparse.ArgumentParser, metavar: str, purpose
         parser: parser of the verb.
         metavar: of the output, e.g. `DIR`.
         purpose: of the output, for `--help`.
+        optional: whether the run may be left out.
 
     """
     parser.add_argument(
         'source',
         type=Path,
+        nargs='?' if optional else None,
         metavar='RUN_OR_BAG',
         help='folder of a run, folder of a bag (also one of rosbag2), or MCAP file',
     )

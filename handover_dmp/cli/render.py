@@ -12,7 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`handover_dmp render`: a video and an animated image of a recorded run, from its bag alone."""
+"""
+`handover_dmp render`: a video and an animated image of a recorded run, from its bag alone.
+
+With `--figure postures`, in place of that, Fig. 2 of the paper.
+"""
 
 from __future__ import annotations
 
@@ -25,6 +29,8 @@ from handover_dmp.cli.robot_arguments import add_robot_arguments, chosen_arm
 MAX_JOBS = 4
 VIDEOS = ('.mp4',)
 IMAGES = ('.webp', '.gif')
+FIGURES = ('postures',)
+PICTURES = ('.png', '.webp', '.jpg')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,7 +45,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser,
         'DIR_OR_FILE',
         'where handover.mp4 and handover.webp go, or the one file to make, .mp4, .webp or .gif; '
-        'default: the folder of the run, or <bag>_film',
+        'default: the folder of the run, or <bag>_film; with --figure, the picture',
+        optional=True,
+    )
+    parser.add_argument(
+        '--figure',
+        choices=FIGURES,
+        help='draw that instead of a run: postures, Fig. 2 of the paper, the partner under the '
+        'car, at the engine bay and under the lift, each with the arm at the exchange',
     )
     parser.add_argument(
         '--beside',
@@ -104,6 +117,10 @@ def run(options: argparse.Namespace) -> int:
     from handover_dmp.view.video import Film, film
     from rich.console import Console
 
+    if options.figure is not None:
+        return _draw_figure(options)
+    if options.source is None:
+        raise UsageError('which run? Name it, or ask for a --figure')
     if options.no_video and options.no_image:
         raise UsageError('neither video nor image: nothing to do')
     width, height = _size(options.size)
@@ -133,6 +150,32 @@ def run(options: argparse.Namespace) -> int:
         Console().print(f'{path}: {path.stat().st_size / 1e6:.2f} MB', soft_wrap=True)
     if options.json is not None:
         write_text(options.json, json.dumps(made, indent=2) + '\n')
+    return 0
+
+
+def _draw_figure(options: argparse.Namespace) -> int:
+    """Draw a figure that needs no run."""
+    import json
+
+    from handover_dmp.common.errors import UsageError
+    from handover_dmp.common.files import write_text
+    from handover_dmp.robot.model import RobotModel
+    from handover_dmp.view.postures_figure import draw_postures
+
+    if options.source is not None:
+        raise UsageError(f'--figure {options.figure} is not of a run: leave {options.source} out')
+    path = options.output or Path(f'{options.figure}.png')
+    if path.suffix.lower() not in PICTURES:
+        raise UsageError(f'{path}: a picture is {", ".join(PICTURES)}')
+    choice = chosen_arm(options)
+    arm = RobotModel.load(
+        choice.robot or 'lwr4', wrist_frame=choice.wrist_frame, base_frame=choice.base_frame
+    )
+    draw_postures(arm, path)
+    if options.json is not None:
+        made = {'figure': options.figure, 'output': str(path), 'robot': arm.name}
+        write_text(options.json, json.dumps(made, indent=2) + '\n')
+    print(path)
     return 0
 
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The human partner as a kinematic figure: it stands upright and its right hand is where P1's was.
+The human partner as a kinematic figure, whose right hand is where P1's was.
 
 The figure is the `human_description` of the package example-robot-data (36 joints, axes as the
 International Society of Biomechanics has them: x forward, y up, z to the right). It takes no part
@@ -31,6 +31,7 @@ from handover_dmp.common.arrays import Array
 from handover_dmp.common.quiet_pybullet import pybullet, silenced
 from handover_dmp.common.settings import setting
 from handover_dmp.robot.descriptions import example_robot_data_folder
+from handover_dmp.simulation.stances import Stance, UPRIGHT
 import numpy as np
 import pinocchio as pin
 
@@ -44,23 +45,11 @@ ARM_JOINTS = (
     'right_wrist_Z',
     'right_wrist_X',
 )
-# Standing at ease, rad: the arm that does not act a little off the body, eyes down to the hands.
-STANDING = {
-    'left_shoulder_X': 0.10,
-    'left_elbow_Z': 0.25,
-    'left_hip_X': 0.05,
-    'left_ankle_X': 0.05,
-    'right_hip_X': 0.05,
-    'right_ankle_X': 0.05,
-    'middle_cervical_Z': 0.25,
-}
-# Where the acting arm would rather be, rad, and how much it minds to leave it.
-ARM_AT_EASE = np.array([0.0, 0.55, 0.22, 0.0, 1.15, 0.0, 0.0, 0.0])
+# How much the acting arm minds to leave where it would rather be.
 ARM_STIFFNESS = np.array([3.0, 0.25, 0.35, 0.25, 0.25, 0.6, 0.8, 0.8])
-# The same for the wrist's position, in 1/m, and for the fingers, that point ahead and a little up.
+# The same for the wrist's position, in 1/m, and for the direction of the fingers.
 WRIST_WEIGHT = 1e3
 FINGER_WEIGHT = 0.3
-FINGERS_AHEAD = np.array([1.0, 0.15, 0.0]) / np.hypot(1.0, 0.15)
 
 Colour = tuple[float, float, float, float]
 SKIN: Colour = (0.86, 0.66, 0.53, 1.0)
@@ -165,17 +154,27 @@ class PartnerPosture:
 
 @dataclass(frozen=True)
 class _Anatomy:
-    """The figure before it is placed: arm model, surface, and lengths in its own axes."""
+    """
+    The figure before it is placed: arm model, surface, and lengths.
+
+    Where nothing else is said, in axes towards the partner, up and to the right of that.
+    """
 
     arm: Any
     parts: tuple[BodyPart, ...]
-    sole_m: float  # depth of the soles below the pelvis
-    shoulder: Array  # (3,), of the right shoulder, relative to the pelvis
+    pitched: Array  # (3, 3), to these axes from those of the pelvis
+    low: Array  # (3,), lowest corner of a box around all but the acting arm, from the pelvis
+    high: Array  # (3,), its highest corner
+    shoulder: Array  # (3,), of the right shoulder, from the pelvis
     reach_m: float  # shoulder to wrist, stretched
+    trunk: Array  # (3,), unit vector from the pelvis to the neck
+    fingers: Array  # (3,), unit vector in axes of the pelvis, where they would rather point
+    ease: Array  # (8,), rad, of the arm
 
 
 @cache
-def _anatomy() -> _Anatomy:
+def _description() -> tuple[Any, Any]:
+    """Read the figure as it is described: all of its joints, and its surface."""
     share = example_robot_data_folder()
     urdf = share / 'robots' / 'human_description' / 'robots' / 'human.urdf'
     with silenced():
@@ -183,20 +182,37 @@ def _anatomy() -> _Anatomy:
         surface = pin.buildGeomFromUrdf(
             whole, str(urdf), pin.VISUAL, package_dirs=[str(share.parent)]
         )
-    standing = pin.neutral(whole)
-    for name, angle in STANDING.items():
-        standing[whole.joints[whole.getJointId(name)].idx_q] = angle
+    return whole, surface
+
+
+@cache
+def _anatomy(stance: Stance) -> _Anatomy:
+    whole, surface = _description()
+    still = pin.neutral(whole)
+    for name, angle in stance.joints.items():
+        still[whole.joints[whole.getJointId(name)].idx_q] = angle
     locked = [i for i in range(1, whole.njoints) if whole.names[i] not in ARM_JOINTS]
-    arm, (arm_surface,) = pin.buildReducedModel(whole, [surface], locked, standing)
+    arm, (arm_surface,) = pin.buildReducedModel(whole, [surface], locked, still)
     data = arm.createData()
-    pin.forwardKinematics(arm, data, np.zeros(arm.nq))
+    pin.framesForwardKinematics(arm, data, np.zeros(arm.nq))
     joint = {name: data.oMi[arm.getJointId(name)].translation for name in ARM_JOINTS}
+    neck = data.oMf[arm.getFrameId('middle_cervical_Z')].translation
+    # left is a turn about the axis that points up, forward one about that to the left
+    pitched = pin.rpy.rpyToMatrix(0.0, stance.turn, 0.0) @ pin.rpy.rpyToMatrix(
+        0.0, 0.0, -stance.pitch
+    )
+    corners = _still_corners(arm_surface) @ pitched.T
     return _Anatomy(
         arm=arm,
         parts=_body_parts(arm_surface),
-        sole_m=_sole_depth(arm_surface),
-        shoulder=joint['right_shoulder_Z'].copy(),
+        pitched=pitched,
+        low=corners.min(axis=0),
+        high=corners.max(axis=0),
+        shoulder=pitched @ joint['right_shoulder_Z'],
         reach_m=float(np.linalg.norm(joint['right_wrist_Z'] - joint['right_shoulder_Z'])),
+        trunk=pitched @ (neck / np.linalg.norm(neck)),
+        fingers=pitched.T @ (np.array(stance.fingers) / np.linalg.norm(stance.fingers)),
+        ease=np.array(stance.arm_at_ease),
     )
 
 
@@ -204,7 +220,7 @@ def _body_parts(surface: Any) -> tuple[BodyPart, ...]:
     pieces: dict[tuple[int, Colour], list[Mesh]] = {}
     for piece in surface.geometryObjects:
         colour = next(colour for word, colour in CLOTHES.items() if word in piece.name)
-        fit = next((fit for word, fit in FIT.items() if word in piece.name), (1.0, 1.0, 1.0))
+        fit = _fit(piece.name)
         mesh = Mesh(
             path=piece.meshPath,
             scale=tuple(np.asarray(piece.meshScale) * fit),
@@ -215,20 +231,25 @@ def _body_parts(surface: Any) -> tuple[BodyPart, ...]:
     return tuple(BodyPart(joint, colour, tuple(m)) for (joint, colour), m in pieces.items())
 
 
-def _sole_depth(surface: Any) -> float:
-    lowest = 0.0
-    for piece in surface.geometryObjects:
-        if 'foot' in piece.name:
-            corners = piece.placement.translation + (
-                piece.geometry.vertices() @ piece.placement.rotation.T
-            )
-            lowest = min(lowest, float(corners[:, 1].min()))
-    return -lowest
+def _fit(piece_name: str) -> tuple[float, float, float]:
+    return next((fit for word, fit in FIT.items() if word in piece_name), (1.0, 1.0, 1.0))
+
+
+def _still_corners(surface: Any) -> Array:
+    """Corners of the surface of all that the acting arm does not move, (n, 3), m."""
+    return np.vstack(
+        [
+            piece.placement.translation
+            + (piece.geometry.vertices() * _fit(piece.name)) @ piece.placement.rotation.T
+            for piece in surface.geometryObjects
+            if piece.parentJoint == 0
+        ]
+    )
 
 
 class PartnerFigure:
     """
-    A person who stands upright, faces the partner and holds the right wrist where it is put.
+    A person who faces the partner, or works, and holds the right wrist where it is put.
 
     The place is chosen once, from the path that the wrist will take, so that every point of it is
     in reach and in front of the body. Should a wrist come that is out of reach all the same, the
@@ -241,6 +262,7 @@ class PartnerFigure:
         partner: Array,
         *,
         floor_height_m: float | None = None,
+        stance: Stance = UPRIGHT,
         options: PartnerFigureOptions | None = None,
     ) -> None:
         """
@@ -250,8 +272,9 @@ class PartnerFigure:
             hand_path: (n, 3), m, positions of the right wrist in `world`; the last one is near the
                 exchange. One point is enough.
             partner: (3,), m, where the partner stands or reaches to, in `world`.
-            floor_height_m: z of the floor; None: 0 if a person could stand there, else below the
-                exchange as `options` says.
+            floor_height_m: z of the floor; None: 0 if a person could hand over from there, else
+                below the exchange as `options` says.
+            stance: how the body is.
             options: how it stands.
 
         Raises:
@@ -259,7 +282,8 @@ class PartnerFigure:
 
         """
         self.options = options or PartnerFigureOptions()
-        self._anatomy = _anatomy()
+        self.stance = stance
+        self._anatomy = _anatomy(stance)
         self._model = self._anatomy.arm
         self._data = self._model.createData()
         self._hand_frame = self._model.getFrameId('right_hand')
@@ -273,9 +297,9 @@ class PartnerFigure:
         )
         self.heading, self._pelvis = self._place(path, np.asarray(partner, dtype=float))
         upright = pin.rpy.rpyToMatrix(np.pi / 2, 0.0, self.heading)
-        self._root = pin.SE3(upright, self._pelvis)
-        self.shoulder = self._root.act(self._anatomy.shoulder)
-        self._joints = ARM_AT_EASE.copy()
+        self._root = pin.SE3(upright @ self._anatomy.pitched, self._pelvis)
+        self.shoulder = pin.SE3(upright, self._pelvis).act(self._anatomy.shoulder)
+        self._joints = self._anatomy.ease.copy()
 
     @property
     def parts(self) -> tuple[BodyPart, ...]:
@@ -284,19 +308,33 @@ class PartnerFigure:
 
     @property
     def pelvis(self) -> Array:
-        """Where it stands: position of the pelvis, (3,), m, in `world`."""
+        """Where it is: position of the pelvis, (3,), m, in `world`."""
         return self._pelvis
 
     @property
+    def trunk(self) -> Array:
+        """Direction from the pelvis to the neck, (3,), a unit vector in `world`."""
+        upright = pin.rpy.rpyToMatrix(np.pi / 2, 0.0, self.heading)
+        return np.asarray(upright @ self._anatomy.trunk)
+
+    @property
     def height_m(self) -> float:
-        """From the floor to the crown, m, of the figure as example-robot-data has it."""
-        return self._anatomy.sole_m + 0.73
+        """From the floor to the highest point of all but the acting arm, m."""
+        return float(self._anatomy.high[1] - self._anatomy.low[1])
+
+    @property
+    def outline(self) -> Array:
+        """Corners of a box around all but the acting arm, (8, 3), m, in `world`."""
+        upright = pin.rpy.rpyToMatrix(np.pi / 2, 0.0, self.heading)
+        ends = np.stack([self._anatomy.low, self._anatomy.high])
+        corners = np.stack(np.meshgrid(*ends.T, indexing='ij'), axis=-1).reshape(-1, 3)
+        return np.asarray(self._pelvis + corners @ upright.T)
 
     def _likely_floor(self, exchange_position: Array) -> float:
         """Tell a room frame, with its floor at z = 0, from a frame between two chests."""
-        shoulder = self._anatomy.sole_m + self._anatomy.shoulder[1]
-        below_shoulder = shoulder - exchange_position[2]
-        if -0.1 < below_shoulder < 0.55:
+        shoulder = self._anatomy.shoulder[1] - self._anatomy.low[1]
+        low, high = self.stance.hand_over_shoulder_m
+        if low < exchange_position[2] - shoulder < high:
             return 0.0
         return float(exchange_position[2] + self.options.hand_below_shoulder_m - shoulder)
 
@@ -334,7 +372,7 @@ class PartnerFigure:
         best = int(np.argmin(cost))
         shoulder_forward, _, shoulder_right = self._anatomy.shoulder
         pelvis = shoulder[best] - shoulder_forward * front[best] - shoulder_right * right[best]
-        height = self.floor_height_m + self._anatomy.sole_m
+        height = self.floor_height_m - self._anatomy.low[1]
         return float(heading[best]), np.array([pelvis[0], pelvis[1], height])
 
     def _discomfort(self, path: Array, shoulder: Array, front: Array, right: Array) -> Array:
@@ -352,13 +390,17 @@ class PartnerFigure:
             behind or inside the body.
 
         """
-        shoulder_forward, shoulder_up, shoulder_right = self._anatomy.shoulder
+        trunk = self._anatomy.trunk
         away = path[None, :, :2] - shoulder[:, None, :]
-        up = path[:, 2] - (self.floor_height_m + self._anatomy.sole_m + shoulder_up)
+        shoulder_height = self._anatomy.shoulder[1] - self._anatomy.low[1]
+        up = path[:, 2] - (self.floor_height_m + shoulder_height)
         distance = np.sqrt((away**2).sum(axis=2) + up**2)
         ahead = np.einsum('psk,pk->ps', away, front)
         aside = np.einsum('psk,pk->ps', away, right)
-        from_spine = np.hypot(ahead + shoulder_forward, aside + shoulder_right)
+        above = np.broadcast_to(up, ahead.shape)
+        from_pelvis = np.stack([ahead, above, aside], axis=-1) + self._anatomy.shoulder
+        along = (from_pelvis @ trunk)[..., None] * trunk
+        from_spine = np.linalg.norm(from_pelvis - along, axis=2)
         reach = self._anatomy.reach_m
         excesses = (
             (400.0, distance - 0.90 * reach),
@@ -412,8 +454,8 @@ class PartnerFigure:
         rows[:3] = WRIST_WEIGHT * jacobian[:3]
         rows[3:6] = (-FINGER_WEIGHT * pin.skew(pointing)) @ jacobian[3:]
         wanted[:3] = WRIST_WEIGHT * (target - placement.translation)
-        wanted[3:6] = FINGER_WEIGHT * (FINGERS_AHEAD - pointing)
-        wanted[6:] = ARM_STIFFNESS * (ARM_AT_EASE - joints)
+        wanted[3:6] = FINGER_WEIGHT * (self._anatomy.fingers - pointing)
+        wanted[6:] = ARM_STIFFNESS * (self._anatomy.ease - joints)
         # A joint at its bound would otherwise take up motion that it cannot make.
         stuck = (joints <= self._lower) | (joints >= self._upper)
         if stuck.any():
@@ -441,7 +483,7 @@ class PartnerFigure:
             One posture a point.
 
         """
-        self._joints = ARM_AT_EASE.copy()
+        self._joints = self._anatomy.ease.copy()
         return [self.posture(point) for point in np.asarray(hand_path, dtype=float)]
 
     def part_pose(self, part: BodyPart, posture: PartnerPosture) -> tuple[Array, Array]:

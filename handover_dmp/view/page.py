@@ -156,6 +156,16 @@ class _Drawing:
             node = root[f'pedestal/{index}']
             node.set_object(_cylinder(radius, high - low), self._material(PEDESTAL_COLOUR))
             node.set_transform(_pose(np.array([x, y, middle]), NO_TURN))
+        for index, (piece, position, turn) in enumerate(scene.around):
+            node = root[f'around/{index}']
+            length, depth, height = piece.size
+            shape = (
+                _cylinder(length / 2, depth)
+                if piece.round
+                else self._geometry.Box([length, depth, height])
+            )
+            node.set_object(shape, self._material(piece.colour))
+            node.set_transform(_pose(position, turn))
         away = FARTHER * (camera.eye - camera.target)  # the bar takes some of the page
         eye = root['/Cameras/default/rotated/<object>']
         # The viewer's camera lives in axes of its own, y up.

@@ -33,10 +33,12 @@ from handover_dmp.common.quiet_pybullet import pybullet, silenced
 from handover_dmp.common.settings import setting
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.simulation.partner_figure import FigureBodies, PartnerFigure
+from handover_dmp.simulation.stances import LYING, Stance, UPRIGHT
 from handover_dmp.simulation.world import joint_numbers, load_robot
 from handover_dmp.view.camera_image import camera_image
 from handover_dmp.view.drawn_robot import drawn_description
 from handover_dmp.view.primitives import refine, write_unit_cylinder, write_unit_sphere
+from handover_dmp.view.surroundings import Piece, Surroundings
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
@@ -54,6 +56,10 @@ SKY_TOP = np.array([0.80, 0.86, 0.92])
 SKY_HORIZON = np.array([0.97, 0.98, 0.99])
 
 FIELD_OF_VIEW_DEG = 32.0
+ASIDE_DEG = 78.0
+"""From the line between the two to the camera; the person's right hand is on the near side."""
+VIEWS = {LYING: (52.0, 28.0)}
+"""The same, and the elevation in deg, where a body is seen better from elsewhere."""
 GRID_M = 0.5
 PEDESTAL_RADIUS_M = 0.22
 PALM_M = 0.09  # from the wrist along the fingers
@@ -177,6 +183,8 @@ class Scene(Closing):
         direction: str = 'give',
         exchange_time_s: float | None = None,
         floor_height_m: float | None = None,
+        stance: Stance = UPRIGHT,
+        surroundings: Surroundings | None = None,
         options: SceneOptions | None = None,
     ) -> None:
         """
@@ -191,6 +199,8 @@ class Scene(Closing):
             direction: `give` (the robot has the object first) or `take` (the partner has it).
             exchange_time_s: when the object changes hands; None: never.
             floor_height_m: z of the floor; None: chosen to suit the human figure.
+            stance: how the person is.
+            surroundings: what is around the person; None: nothing.
             options: what the pictures look like.
 
         Raises:
@@ -215,12 +225,17 @@ class Scene(Closing):
             else np.asarray(wrist_path, dtype=float)
         )
         met = int(np.searchsorted(self.times, self.exchange_time_s).clip(0, len(self.times) - 1))
-        self.figure = PartnerFigure(
-            self._hand_path[: met + 1], self._wrist_path[met], floor_height_m=floor_height_m
-        )
+        place = self._hand_path[: met + 1], self._wrist_path[met]
+        self.figure = PartnerFigure(*place, floor_height_m=floor_height_m, stance=stance)
+        if floor_height_m is None and model.base.position[2] < self.figure.floor_height_m:
+            # an arm beside one who lies stands on the floor, too
+            floor_height_m = float(model.base.position[2])
+            self.figure = PartnerFigure(*place, floor_height_m=floor_height_m, stance=stance)
         self.floor_height_m = self.figure.floor_height_m
         # A picture must not depend on the one before, so the figure's arm starts from these.
         self._arm = np.array([p.joints for p in self.figure.postures(self._hand_path)])
+        self._surroundings = surroundings
+        self._pieces: list[int] = []
         self._client = -1
         with silenced():
             self._client = int(pybullet.connect(pybullet.DIRECT))
@@ -241,6 +256,7 @@ class Scene(Closing):
         """Put up the pedestal, and the object for now anywhere."""
         for radius, low, high in self.pedestal:
             self._pedestal(radius, low, high)
+        self._surround()
         self._plan_grasp()
 
     @property
@@ -260,6 +276,45 @@ class Scene(Closing):
             [x, y, self.floor_height_m + (low + high) / 2],
             [0, 0, 0, 1],
             physicsClientId=self._client,
+        )
+
+    @property
+    def around(self) -> list[tuple[Piece, Array, Array]]:
+        """Tell what is around the person: pieces, positions, (3,), m, quaternions x, y, z, w."""
+        if self._surroundings is None:
+            return []
+        turn = Rotation.from_euler('z', self.figure.heading + self._surroundings.turn)
+        below = np.array([*self.figure.shoulder[:2], self.floor_height_m])
+        flat = Rotation.from_euler('x', np.pi / 2)
+        return [
+            (
+                piece,
+                below + turn.apply(piece.middle),
+                (turn * flat if piece.round else turn).as_quat(),
+            )
+            for piece in self._surroundings.pieces
+        ]
+
+    def _surround(self) -> None:
+        for piece, position, orientation in self.around:
+            if piece.round:
+                body = self._cylinder_body(piece.size[0] / 2, piece.size[1], piece.colour)
+            else:
+                body = self._box_body(piece.size, piece.colour)
+            pybullet.resetBasePositionAndOrientation(
+                body, position, orientation, physicsClientId=self._client
+            )
+            self._pieces.append(body)
+
+    def _box_body(self, size: Sequence[float], colour: Colour) -> int:
+        shape = pybullet.createVisualShape(
+            pybullet.GEOM_BOX,
+            halfExtents=[side / 2 for side in size],
+            rgbaColor=(*colour, 1.0),
+            physicsClientId=self._client,
+        )
+        return int(
+            pybullet.createMultiBody(baseVisualShapeIndex=shape, physicsClientId=self._client)
         )
 
     def _cylinder_body(self, radius: float, length: float, colour: Colour) -> int:
@@ -420,10 +475,18 @@ class Scene(Closing):
 
         """
         points = self._extent()
+        aside_deg, elevation_deg = VIEWS.get(
+            self.figure.stance, (ASIDE_DEG, self.options.elevation_deg)
+        )
+        # one who lies or bends has the pelvis beside the line between the two
         between = self._wrist_path[-1] - self.figure.pelvis
-        facing = float(np.arctan2(between[1], between[0]))
-        azimuth = facing - np.radians(78.0)  # the person's right hand is on the near side
-        elevation = np.radians(self.options.elevation_deg)
+        facing = (
+            float(np.arctan2(between[1], between[0]))
+            if self.figure.stance is UPRIGHT
+            else self.figure.heading
+        )
+        azimuth = facing - np.radians(aside_deg)
+        elevation = np.radians(elevation_deg)
         back = np.array(
             [
                 np.cos(azimuth) * np.cos(elevation),
@@ -463,12 +526,16 @@ class Scene(Closing):
             ):
                 low, high = pybullet.getAABB(self._robot, number, physicsClientId=self._client)
                 clouds.append(np.array([low, high]))
-        person, base, floor = self.figure.pelvis, self.model.base.position, self.floor_height_m
         clouds += [
-            _ring(person, 0.28, floor),
-            _ring(person, 0.15, floor + self.figure.height_m),
-            _ring(base, PEDESTAL_RADIUS_M, floor),
+            np.array(pybullet.getAABB(body, physicsClientId=self._client)) for body in self._pieces
         ]
+        person, base, floor = self.figure.pelvis, self.model.base.position, self.floor_height_m
+        clouds.append(_ring(base, PEDESTAL_RADIUS_M, floor))
+        if self.figure.stance is UPRIGHT:
+            clouds.append(_ring(person, 0.28, floor))
+            clouds.append(_ring(person, 0.15, floor + self.figure.height_m))
+        else:
+            clouds.append(self.figure.outline)
         return np.vstack(clouds)
 
     def image(self, time_s: float, width: int = 1280, height: int = 720) -> Image:

@@ -27,8 +27,10 @@ from handover_dmp.report import load_run, RunRecord
 from handover_dmp.robot.descriptions import ArmChoice, Description, known_arms, read_description
 from handover_dmp.robot.errors import RobotDescriptionError
 from handover_dmp.robot.model import BasePlacement, RobotModel
+from handover_dmp.simulation.stances import stance_of
 from handover_dmp.topics import ROBOT_DESCRIPTION
 from handover_dmp.view.scene import Scene
+from handover_dmp.view.surroundings import SURROUNDINGS
 import numpy as np
 
 BEFORE_S = 0.3
@@ -120,6 +122,7 @@ def set_up(
         [np.interp(times, record.hand_times, axis) for axis in record.hand_positions.T]
     )
     wrist = np.array([model.wrist_pose(q)[0] for q in joints])
+    configuration = str(record.info.get('configuration') or '')
     with Scene(
         model,
         times,
@@ -128,6 +131,8 @@ def set_up(
         wrist_path=wrist,
         direction=record.info.get('exchange') or 'give',
         exchange_time_s=record.exchange_time_s if record.handed_over else None,
+        stance=stance_of(configuration),
+        surroundings=SURROUNDINGS.get(configuration),
     ) as scene:
         yield Stage(record, model, scene, hand, wrist)
 

@@ -179,3 +179,28 @@ def test_a_file_name_means_the_file(words, files):
     render.add_arguments(parser)
     video, image = (None if name is None else Path(name) for name in files)
     assert render.chosen_files(parser.parse_args(['run', *words])) == (video, image)
+
+
+def test_a_figure_needs_no_run_and_a_film_needs_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(['render']) == 2
+    assert main(['render', str(tmp_path), '--figure', 'postures']) == 2
+    assert main(['render', '--figure', 'postures', '-o', str(tmp_path / 'x.mp4')]) == 2
+    told = capsys.readouterr().err
+    assert 'which run?' in told
+    assert 'is not of a run' in told
+    assert 'a picture is .png' in told
+
+
+@pytest.mark.slow
+def test_figure_of_the_postures_shows_a_person_and_an_arm_three_times(tmp_path: Path) -> None:
+    words = ['-o', str(tmp_path / 'fig2.png'), '--json', str(tmp_path / 'made.json')]
+    assert main(['render', '--figure', 'postures', *words]) == 0
+    assert json.loads((tmp_path / 'made.json').read_text())['robot'] == 'lwr4'
+    picture = np.asarray(Image.open(tmp_path / 'fig2.png')).astype(float)
+    for panel in np.split(picture, 3, axis=1):
+        hue = panel / (1.0 + np.linalg.norm(panel, axis=2, keepdims=True))
+        for colour in ((0.95, 0.45, 0.10), (0.23, 0.44, 0.58)):  # the arm's shells, the shirt
+            seen = np.linalg.norm(hue - np.array(colour) / np.linalg.norm(colour), axis=2) < 0.15
+            assert seen.sum() > 4000

@@ -19,6 +19,7 @@ from __future__ import annotations
 from handover_dmp.common.errors import DataError
 from handover_dmp.robot.model import BasePlacement, RobotModel
 from handover_dmp.view.scene import Scene, SceneOptions
+from handover_dmp.view.surroundings import SURROUNDINGS
 import numpy as np
 import pytest
 
@@ -191,3 +192,18 @@ def test_many_pictures_take_no_more_memory(scene):
     for time_s in np.linspace(0, 1.5, 60):
         scene.image(time_s, 160, 120)
     assert most_kilobytes() - before < 2000
+
+
+def test_what_is_around_the_person_is_drawn_and_in_the_picture():
+    around = SURROUNDINGS['hydraulic_lift']
+    with handover(surroundings=around, options=SceneOptions(samples=1)) as scene:
+        picture, camera = scene.image(0.5, *SIZE), scene.camera(*SIZE)
+        assert len(scene.around) == len(around.pieces)
+        eye = camera.eye
+        wheels = [place for piece, place, _ in scene.around if piece.round]
+        near_wheel = min(wheels, key=lambda place: float(np.linalg.norm(place - eye)))
+        places = camera.project(np.array([place for _, place, _ in scene.around]))
+        x, y = camera.project(near_wheel[None])[0]
+    assert np.all(np.abs(places) < 1.0)
+    hub = picture[int((1 - y) / 2 * 180), int((x + 1) / 2 * 240)]
+    assert hub.mean() < 140  # before the sky, which is nearly white
