@@ -167,7 +167,8 @@ STATE = Topic(
     '/handover/state',
     'std_msgs/msg/String',
     Quality.LATCHED,
-    'idle, reaching, exchange, done or aborted',
+    'idle, reaching, exchange, done or aborted; in a session also picking_up, released, '
+    'withdrawing, waiting',
 )
 PHASE = Topic(
     '/handover/phase',

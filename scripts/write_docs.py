@@ -47,7 +47,7 @@ NODES = (
 # Helpers of nodes that have topics of their own, and who uses them.
 HELPERS = {
     'markers': 'dmp', 'diagnostics': 'every node', 'hand_input': '`dmp`, `priority_ik`',
-    'object_topics': 'robot_sim',
+    'object_topics': 'robot_sim', 'gripper': 'dmp',
     'transforms': '`robot_sim`, or `recorder` into the bag',
 }  # fmt: skip
 BEGIN, END = '<!-- generated: {} -->', '<!-- end -->'

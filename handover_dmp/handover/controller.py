@@ -48,13 +48,25 @@ class HandoverState(str, Enum):
     """Where a handover stands; the values are what `/handover/state` says."""
 
     IDLE = 'idle'
+    PICKING_UP = 'picking_up'
     REACHING = 'reaching'
     EXCHANGE = 'exchange'
+    RELEASED = 'released'
+    WITHDRAWING = 'withdrawing'
+    WAITING = 'waiting'
     DONE = 'done'
     ABORTED = 'aborted'
 
 
-MOVING = (HandoverState.REACHING, HandoverState.EXCHANGE)
+FOLLOWING = (HandoverState.REACHING, HandoverState.EXCHANGE)
+"""When the primitive leads the wrist after the hand."""
+MOVING = (
+    HandoverState.PICKING_UP,
+    *FOLLOWING,
+    HandoverState.RELEASED,
+    HandoverState.WITHDRAWING,
+)
+"""When a handover, or a session, is on its way."""
 RETURN_SPEED = 0.3
 """Of the wrist on its way back to where a handover began, m/s."""
 RETURN_SHARE = 0.1
@@ -423,6 +435,16 @@ class HandoverController:
         self._signal_s = at_s
 
     @property
+    def starts_by(self) -> str:
+        """What starts the next handover: `signal`, `motion` or `service`."""
+        return self.options.start
+
+    @property
+    def listens(self) -> bool:
+        """Whether a signal is followed now, or as soon as the wrist is back."""
+        return self.state not in (*MOVING, HandoverState.ABORTED)
+
+    @property
     def returns(self) -> bool:
         """Whether the wrist is on its way back to where the last handover began."""
         return self._returns
@@ -488,12 +510,12 @@ class HandoverController:
         age = self.hand_age_s(now_s if arrival_s is None else arrival_s)
         self._start_if_signalled(now_s, hand)
         fresh = hand is not None and age <= self.hand_timeout_s
-        if self.state in MOVING and hand is not None and fresh:
+        if self.state in FOLLOWING and hand is not None and fresh:
             rate = phase_rate if self.options.phase_stopping else 1.0
             self._primitive = self._follow(self._primitive, hand, dt, rate)
             self._judge_exchange(now_s, hand)
         else:
-            if self.state in MOVING and self._partner is not None:
+            if self.state in FOLLOWING and self._partner is not None:
                 self._partner.wait(dt)
             self._phase_rate, self._expectation = 0.0, None
             returns = self._returns and fresh
@@ -608,13 +630,17 @@ class HandoverController:
             if now_s - self._exchange_since_s >= self.options.exchange_hold_s:
                 self.state = HandoverState.DONE
             return
-        gap = dist(self._wrist, self._goal(hand))
-        relative = dist(self._primitive.velocity, hand.velocity)
-        arrived = gap < self.options.exchange_distance_m and relative < self.options.exchange_speed
-        if arrived and self._goal_weight > 0.5:
+        if self._is_at(hand) and self._goal_weight > 0.5:
             self.state = HandoverState.EXCHANGE
             self.exchange_position = self._wrist
             self._exchange_since_s = now_s
+
+    def _is_at(self, hand: HandEstimate) -> bool:
+        """Tell whether the wrist is near enough to the goal, and as fast as the hand."""
+        assert self._wrist is not None and self._primitive is not None
+        gap = dist(self._wrist, self._goal(hand))
+        relative = dist(self._primitive.velocity, hand.velocity)
+        return gap < self.options.exchange_distance_m and relative < self.options.exchange_speed
 
     def _command(self, primitive: DmpState, age: float) -> WristCommand:
         return WristCommand(

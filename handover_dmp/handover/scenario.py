@@ -63,34 +63,39 @@ class Scenario:
     partner_model: str = setting('dmp', 'partner_model')
 
 
-def example_trials(seed: int = 0) -> tuple[HandoverTrial, HandoverTrial]:
+def example_trials(
+    seed: int = 0, direction: str = EXAMPLE[1]
+) -> tuple[HandoverTrial, HandoverTrial]:
     """
     Make the handovers of the example: an assistant gives to a mechanic at an engine bay.
 
     Args:
         seed: of the synthetic data set.
+        direction: `give`, or `take` for what the assistant takes from the mechanic.
 
     Returns:
         One to learn from, and of the others the one whose partner moves farthest to run against.
 
     """
-    trials = [t for t in synthesize(seed) if (t.configuration, t.direction) == EXAMPLE]
+    example = EXAMPLE[0], direction
+    trials = [t for t in synthesize(seed) if (t.configuration, t.direction) == example]
     taught, *others = trials
     return taught, max(others, key=lambda t: float(np.linalg.norm(t.partner[-1] - t.partner[0])))
 
 
-def example_model(seed: int = 0) -> DecoupledDmp:
+def example_model(seed: int = 0, direction: str = EXAMPLE[1]) -> DecoupledDmp:
     """
     Learn the movement of the example.
 
     Args:
         seed: of the synthetic data set.
+        direction: `give` or `take`.
 
     Returns:
         The learnt movement.
 
     """
-    learnt: DecoupledDmp = learn_from_trials([example_trials(seed)[0]])
+    learnt: DecoupledDmp = learn_from_trials([example_trials(seed, direction)[0]])
     return learnt
 
 

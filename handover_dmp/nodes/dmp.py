@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
+from functools import partial
 from math import inf, isfinite, nan
 from pathlib import Path
 import sys
@@ -26,6 +27,7 @@ from time import monotonic
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
 from handover_dmp.common.quaternions import Quaternion
+from handover_dmp.common.settings import parameters_of
 from handover_dmp.dmp import DecoupledDmp
 from handover_dmp.dmp.parameters import RANGES
 from handover_dmp.handover.approach import ApproachOptions
@@ -39,6 +41,13 @@ from handover_dmp.handover.controller import (
 )
 from handover_dmp.handover.lockstep import AFTERWARDS_S
 from handover_dmp.handover.scenario import example_model, read_model
+from handover_dmp.handover.session import (
+    SessionController,
+    SessionModels,
+    SessionOptions,
+    TAKE_STARTS,
+)
+from handover_dmp.handover.withdrawal import WithdrawalOptions
 from handover_dmp.nodes.conversions import (
     NANOSECONDS,
     nanoseconds,
@@ -53,6 +62,7 @@ from handover_dmp.nodes.conversions import (
     values_of,
 )
 from handover_dmp.nodes.diagnostics import Diagnostics, of_trackers, Periods, refusals
+from handover_dmp.nodes.gripper import Gripper, OF_GRIPPER
 from handover_dmp.nodes.hand_input import HandInputs, HandPose
 from handover_dmp.nodes.lockstep import Lockstep
 from handover_dmp.nodes.markers import Markers
@@ -167,6 +177,45 @@ PARTNER = (
 )
 
 
+SESSION_FIXED = (
+    Parameter(
+        'session.enabled',
+        'whether to give, wait, take back and go home, instead of one handover',
+        read_only=True,
+    ),
+    Parameter(
+        'session.take_model',
+        'file of the learnt take; empty: a synthetic one',
+        read_only=True,
+    ),
+    *OF_GRIPPER,
+)
+SESSION = (
+    Parameter(
+        'session.take_start',
+        'what starts the take: a signal, or the hand comes towards the robot',
+        choices=TAKE_STARTS,
+    ),
+    Parameter(
+        'session.take_approach_m', 'by how much it comes nearer in one go, for that, m', 0.0, 5.0
+    ),
+    Parameter('session.pick_up', 'whether to pick the object up; else it is held already'),
+    Parameter('session.pick_up_position', 'of the wrist, for that, m'),
+    Parameter('session.grip_s', 'how long the gripper takes to close, s', 0.0, 60.0),
+    Parameter('session.released_s', 'how long the wrist stands after a release, s', 0.0, 60.0),
+    Parameter(
+        'session.wait_timeout_s',
+        'the longest wait for the take; the session is over without one then, s; 0: any',
+        0.0,
+        86400.0,
+    ),
+    Parameter('session.withdrawal_speed', 'of the wrist on its way home, m/s', 0.01, 2.0),
+    Parameter('session.near_m', 'within this of where the hand is met it is slow, m', 0.001, 2.0),
+    Parameter('session.near_speed', 'so slow, and where the hand is lost, m/s', 0.001, 2.0),
+)
+CHANGEABLE = HANDOVER + APPROACH + PARTNER + SESSION
+
+
 class Dmp(HandoverNode):
     """The movement primitive as a node."""
 
@@ -191,6 +240,8 @@ class Dmp(HandoverNode):
         *APPROACH,
         *RELEASE,
         *PARTNER,
+        *SESSION_FIXED,
+        *SESSION,
     )
     OF_EACH_TRACKER = ONE_TRACKER
 
@@ -200,11 +251,9 @@ class Dmp(HandoverNode):
         path = self.values['model']
         self._learnt = learnt = read_model(Path(path)) if path else example_model()
         self.values |= declare(self, PRIMITIVE, defaults_from=asdict(learnt.parameters))
-        options = _options(self.values)
-        self._controller = HandoverController(
-            _movement(learnt, options, self.values), options, goal_estimator(self.values)
-        )
-        on_change(self, HANDOVER + APPROACH + PARTNER + PRIMITIVE, self._prepare)
+        self._gripper: Gripper | None = None
+        self._controller = self._make_controller()
+        on_change(self, CHANGEABLE + PRIMITIVE, self._prepare)
         period_s = 1.0 / self.values['rate_hz']
         self._period_ns = round(period_s * NANOSECONDS)
         self._periods = Periods(period_s)
@@ -247,12 +296,36 @@ class Dmp(HandoverNode):
         )
         self._publish_state()
 
+    def _make_controller(self) -> HandoverController:
+        values = self.values
+        options, estimator = _options(values), goal_estimator(values)
+        model = _movement(self._learnt, options, values)
+        if not values['session.enabled']:
+            return HandoverController(model, options, estimator)
+        take = values['session.take_model']
+        self._learnt_take = read_model(Path(take)) if take else example_model(direction='take')
+        models = self._session_models(model, options, values)
+        return SessionController(models, options, estimator, _session_options(values))
+
+    def _session_models(
+        self, give: DecoupledDmp, options: HandoverOptions, values: Values
+    ) -> SessionModels:
+        """Give the take the parameters that were set to others than those of the learnt give."""
+        learnt, default = asdict(self._learnt_take.parameters), asdict(self._learnt.parameters)
+        for parameter in PRIMITIVE:
+            if values[parameter.name] != default[parameter.name]:
+                learnt[parameter.name] = values[parameter.name]
+        take = _movement(self._learnt_take, options, learnt)
+        return SessionModels(give, take)
+
     def _connect(self) -> None:
         self._pose_command = self.advertise(POSE_COMMAND)
         self._twist_command = self.advertise(TWIST_COMMAND)
         self._phase = self.advertise(PHASE)
         self._fused = self.advertise(HAND_FUSED)
         self._state = self.advertise(STATE)
+        if isinstance(self._controller, SessionController):
+            self._gripper = Gripper(self)
         self._pose = self._twist = self._values = self._seen = None
         self._said = ''
         self._told = False
@@ -323,15 +396,15 @@ class Dmp(HandoverNode):
             self._fault('signal of an earlier time')
 
     def _take_signal(self, at_s: float) -> None:
-        state, start = self._controller.state, self._controller.options.start
+        state, start = self._controller.state, self._controller.starts_by
         if start != 'signal':
             self.say(f'a signal, but start is {start}')
-        elif state in MOVING:
-            self._fault('signal during a handover')
-            self.get_logger().warning(f'a signal while {state.value}: not followed')
         elif state is HandoverState.ABORTED:
             self._fault('signal after an abort')
             self.get_logger().warning('a signal while aborted: not followed before ~/reset')
+        elif not self._controller.listens:
+            self._fault('signal during a handover')
+            self.get_logger().warning(f'a signal while {state.value}: not followed')
         else:
             self._controller.signal(at_s)
             if self._controller.returns:
@@ -352,9 +425,12 @@ class Dmp(HandoverNode):
 
     def _prepare(self, values: Values) -> Callable[[], None]:
         # always from what was learnt: a shape that once had no weight would be lost
-        options = _options(values)
+        options, controller = _options(values), self._controller
         model = _movement(self._learnt, options, values)
-        return lambda: self._controller.use(model, options)
+        if isinstance(controller, SessionController):
+            models = self._session_models(model, options, values)
+            return partial(controller.use_session, models, options, _session_options(values))
+        return partial(controller.use, model, options)
 
     # Periods
 
@@ -473,6 +549,8 @@ class Dmp(HandoverNode):
             self._fused.publish(self._seen)
 
     def _publish_state(self) -> None:
+        if self._gripper is not None and isinstance(self._controller, SessionController):
+            self._gripper.command(self._controller.gripper_closed)
         state = self._controller.state.value
         if state != self._said:
             self._said = state
@@ -484,11 +562,15 @@ class Dmp(HandoverNode):
             'signal': f'a signal on {self.named(SIGNAL)}',
             'motion': 'the hand moves',
             'service': 'told to by ~/start',
-        }[self._controller.options.start]
+        }[self._controller.starts_by]
         return {
             HandoverState.IDLE: f'idle, waits for {begins}',
+            HandoverState.PICKING_UP: 'picking up the object',
             HandoverState.REACHING: 'reaching for the hand',
             HandoverState.EXCHANGE: 'exchange',
+            HandoverState.RELEASED: 'released, stands',
+            HandoverState.WITHDRAWING: 'withdrawing',
+            HandoverState.WAITING: f'home, waits with the take for {begins}',
             HandoverState.DONE: 'done, holds',
             HandoverState.ABORTED: 'aborted, holds until ~/start or ~/reset',
         }[state]
@@ -541,6 +623,13 @@ def _options(values: Values) -> HandoverOptions:
         approach=ApproachOptions(**_nested(values, 'approach.')),
         partner_model=values['partner_model'],
         partner=PartnerOptions(**_nested(values, 'partner.')),
+    )
+
+
+def _session_options(values: Values) -> SessionOptions:
+    own = parameters_of(SessionOptions, values)
+    return SessionOptions(
+        **own, withdrawal=WithdrawalOptions(**parameters_of(WithdrawalOptions, values))
     )
 
 

@@ -1,0 +1,486 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A session: give an object, wait while it is used, take it back, go home.
+
+A `SessionController` is a `HandoverController` that goes on after the exchange. The give and the
+take are reaches as any other, each by its own learnt movement; between and after them the wrist
+goes home along a way (`withdrawal`). The gripper is closed and opened by it: it opens in the
+exchange of a give, and nowhere else. What every state leads to stands in docs/topics.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+from math import dist, hypot, inf
+
+from handover_dmp.common.arrays import Vector
+from handover_dmp.common.errors import DataError
+from handover_dmp.common.settings import setting
+from handover_dmp.dmp import DecoupledDmp
+from handover_dmp.handover.approach import learnt_detour
+from handover_dmp.handover.controller import (
+    HandoverController,
+    HandoverOptions,
+    HandoverState,
+    movement_for,
+    MOVING,
+    WRIST_RETURNED_M,
+    WristCommand,
+)
+from handover_dmp.handover.withdrawal import (
+    Trace,
+    Way,
+    way_back,
+    WAY_SHARE,
+    WayFollower,
+    WithdrawalOptions,
+)
+from handover_dmp.tracking import GoalEstimator, HandEstimate
+from handover_dmp.tracking.partner_model import PartnerModel
+
+TAKE_STARTS = ('signal', 'motion')
+OWN_WAYS = (HandoverState.PICKING_UP, HandoverState.RELEASED, HandoverState.WITHDRAWING)
+"""States in which the wrist goes, or stands, without the primitive."""
+HOLDING = (HandoverState.IDLE, HandoverState.WAITING, HandoverState.DONE)
+"""States in which it stands until something begins."""
+
+
+class Leg(str, Enum):
+    """Which of the two handovers of a session."""
+
+    GIVE = 'give'
+    TAKE = 'take'
+
+
+@dataclass(frozen=True)
+class SessionModels:
+    """
+    The movements of a session.
+
+    Attributes:
+        give: the reach that gives.
+        take: the reach that takes back.
+
+    Raises:
+        DataError: a movement has other than three dimensions.
+
+    """
+
+    give: DecoupledDmp
+    take: DecoupledDmp
+
+    def __post_init__(self) -> None:
+        """Check the dimensions."""
+        for movement in (self.give, self.take):
+            if movement.dimensions != 3:
+                raise DataError(
+                    f'a movement of a session has {movement.dimensions} dimensions instead of 3'
+                )
+
+
+@dataclass(frozen=True)
+class SessionOptions:
+    """
+    The rules of a session, beside those of its handovers.
+
+    Attributes:
+        take_start: what starts the take: `signal` (the partner's) or `motion` (the hand comes
+            towards the robot).
+        take_approach_m: by how much the hand comes nearer to the wrist in one go for that, m.
+        pick_up: whether the object has to be picked up first; else the gripper holds it already.
+        pick_up_position: of the wrist, m, where that is done.
+        grip_s: how long the gripper takes to close, s.
+        released_s: how long the wrist stands still once the object is released, s.
+        wait_timeout_s: the session is over without a take after a wait of so long, s; 0: never.
+        withdrawal: how the wrist goes home.
+
+    Raises:
+        DataError: `take_start` is another word, or the position is not three numbers.
+
+    """
+
+    take_start: str = setting('dmp', 'session.take_start')
+    take_approach_m: float = setting('dmp', 'session.take_approach_m')
+    pick_up: bool = setting('dmp', 'session.pick_up')
+    pick_up_position: Vector = setting('dmp', 'session.pick_up_position')
+    grip_s: float = setting('dmp', 'session.grip_s')
+    released_s: float = setting('dmp', 'session.released_s')
+    wait_timeout_s: float = setting('dmp', 'session.wait_timeout_s')
+    withdrawal: WithdrawalOptions = field(default_factory=WithdrawalOptions)
+
+    def __post_init__(self) -> None:
+        """Check the word and the position."""
+        if self.take_start not in TAKE_STARTS:
+            raise DataError(f'take_start {self.take_start!r} is none of {", ".join(TAKE_STARTS)}')
+        place = tuple(map(float, self.pick_up_position))
+        if len(place) != 3 or not all(abs(x) < inf for x in place):
+            raise DataError(f'pick_up_position {list(place)} is not three numbers')
+        object.__setattr__(self, 'pick_up_position', place)
+
+
+class SessionController(HandoverController):
+    """
+    Moves the wrist and the gripper through a session.
+
+    Attributes:
+        leg: the handover that is on, or that comes next.
+        gripper_closed: whether the gripper is to be closed.
+        session: the rules of the session.
+
+    """
+
+    def __init__(
+        self,
+        models: SessionModels,
+        options: HandoverOptions | None = None,
+        estimator: GoalEstimator | None = None,
+        session: SessionOptions | None = None,
+    ) -> None:
+        """
+        Take the learnt movements and the rules.
+
+        Args:
+            models: of the give and of the take.
+            options: the rules of both handovers; the defaults of `config/` if left out.
+            estimator: of the hand's position and velocity.
+            session: the rules of the session; the same.
+
+        """
+        self.leg = Leg.GIVE
+        self.session = session or SessionOptions()
+        self.gripper_closed = not self.session.pick_up
+        self._trace: Trace | None = None
+        self._way: WayFollower | None = None
+        self._last_seen: Vector | None = None
+        super().__init__(models.give, options, estimator)
+        self.use_session(models, self.options, self.session)
+
+    def use_session(
+        self, models: SessionModels, options: HandoverOptions, session: SessionOptions
+    ) -> None:
+        """
+        Take movements and rules, from the next period on.
+
+        Args:
+            models: of the give and of the take.
+            options: the rules of both handovers.
+            session: the rules of the session.
+
+        """
+        # both before they are needed: to learn one anew takes longer than a period
+        self._movements = {
+            Leg.GIVE: movement_for(models.give, options),
+            Leg.TAKE: movement_for(models.take, options),
+        }
+        for movement in self._movements.values():
+            _made_ready(movement)
+        self.session = session
+        self.use(self._movements[self.leg], options)
+
+    def reset(self) -> None:
+        """Forget session and hand; brake if need be, hold. The gripper stays as it is."""
+        self._leave_way()
+        super().reset()
+        self._since_s = 0.0
+        self._nearer_m = 0.0
+        self._dt = 0.0
+        self._arrived = False
+        self._returning = False
+        self.leg = Leg.GIVE
+        self.leg = self.next_leg
+
+    def abort(self) -> None:
+        """Brake and hold; the gripper stays as it is. Only `start` or `reset` lead on."""
+        self._leave_way()
+        super().abort()
+
+    @property
+    def home(self) -> Vector | None:
+        """Where the wrist goes back to, m; None before the first session."""
+        return None if self._trace is None else self._trace.start
+
+    @property
+    def next_leg(self) -> Leg:
+        """The handover that begins with the next start."""
+        if self.state in (HandoverState.RELEASED, HandoverState.WITHDRAWING):
+            return Leg.TAKE if self.leg is Leg.GIVE else Leg.GIVE
+        waits = self.leg is Leg.TAKE and self.state is not HandoverState.DONE
+        if self.gripper_closed or (self.session.pick_up and not waits):
+            return Leg.GIVE
+        return Leg.TAKE
+
+    @property
+    def starts_by(self) -> str:
+        """What starts the next handover: `signal`, `motion` or `service`."""
+        return self.options.start if self.next_leg is Leg.GIVE else self.session.take_start
+
+    @property
+    def listens(self) -> bool:
+        """Whether a signal is followed now, or as soon as the wrist is home."""
+        return self.state in (*HOLDING, HandoverState.RELEASED, HandoverState.WITHDRAWING)
+
+    def signal(self, at_s: float) -> None:
+        """
+        Take the partner's signal: the next handover starts then, or as soon as the wrist is home.
+
+        Args:
+            at_s: when, s; in the past means now.
+
+        """
+        if self.listens and self.starts_by == 'signal':
+            self._signal_s = at_s
+
+    def start(self) -> bool:
+        """
+        Start the next handover from where the wrist is.
+
+        Returns:
+            Whether it started; it does not while one is on or before the wrist is known.
+
+        """
+        if self.state in MOVING or self._wrist is None:
+            return False
+        self.leg = self.next_leg
+        here = self._wrist
+        if self._primitive is not None:
+            here = self._anchored(self._primitive).position
+        if self._trace is None:
+            self._trace = Trace(here)
+        if self.leg is Leg.GIVE and not self.gripper_closed:
+            self._signal_s = None
+            self._returning = False
+            self._begun_at = here
+            self._walk(self.session.pick_up_position, here)
+            self.state = HandoverState.PICKING_UP
+            return True
+        return self._reach()
+
+    def _reach(self) -> bool:
+        self.model = self._movements[self.leg]
+        self._arrived = False
+        return super().start()
+
+    def step(
+        self, now_s: float, dt: float, phase_rate: float = 1.0, arrival_s: float | None = None
+    ) -> WristCommand | None:
+        """
+        Move one period on.
+
+        Args:
+            now_s: the time at the start of the period, s, on the clock of the stamps.
+            dt: its length, s.
+            phase_rate: how fast the phase may run, 0 to 1; below 1 if the arm cannot keep up.
+            arrival_s: the same time on the clock of the arrivals, where that is another.
+
+        Returns:
+            The command for the end of the period; None until the wrist is known.
+
+        """
+        if self._hand is not None:
+            self._last_seen = self._hand
+        self._dt = dt
+        age = self.hand_age_s(now_s if arrival_s is None else arrival_s)
+        fresh = self._hand is not None and age <= self.hand_timeout_s
+        before = self.state
+        if before in OWN_WAYS:
+            command = self._go(now_s, dt, phase_rate, fresh, age)
+        else:
+            found = super().step(now_s, dt, phase_rate, arrival_s)
+            if found is None:
+                return None
+            command = found
+        if before is HandoverState.EXCHANGE:
+            self._judge_release(now_s, fresh)
+        elif before is HandoverState.WAITING and self.state is before:
+            limit_s = self.session.wait_timeout_s
+            if 0.0 < limit_s <= now_s - self._since_s:
+                self._enter(HandoverState.DONE, now_s)
+        if self._trace is not None and self.state is not HandoverState.WITHDRAWING:
+            self._trace.add(command.position)
+        return command._replace(state=self.state)
+
+    def _enter(self, state: HandoverState, now_s: float) -> None:
+        self.state = state
+        self._since_s = now_s
+        self._nearer_m = 0.0
+
+    # What begins a handover
+
+    def _start_if_signalled(self, now_s: float, hand: HandEstimate | None) -> None:
+        if self.state not in HOLDING or hand is None:
+            return
+        signalled = self._signal_s is not None and now_s >= self._signal_s
+        if signalled or (self.starts_by == 'motion' and self._is_asked_by(hand)):
+            self.start()
+
+    def _is_asked_by(self, hand: HandEstimate) -> bool:
+        """Tell whether the hand moves; for a take, whether it has come towards the wrist."""
+        assert self._wrist is not None
+        if self.next_leg is Leg.GIVE:
+            moves = hypot(*hand.velocity) > self.options.motion_threshold
+            return moves and self.state is HandoverState.IDLE
+        between = [w - float(h) for w, h in zip(self._wrist, hand.position, strict=True)]
+        distance = hypot(*between)
+        along = sum(float(v) * b for v, b in zip(hand.velocity, between, strict=True))
+        speed = along / distance if distance > 0.0 else 0.0
+        comes = speed > self.options.motion_threshold
+        self._nearer_m = self._nearer_m + speed * self._dt if comes else 0.0
+        return self._nearer_m >= self.session.take_approach_m
+
+    # The exchange
+
+    def _judge_exchange(self, now_s: float, hand: HandEstimate) -> None:
+        self._arrived = self._is_at(hand)
+        if self.state is HandoverState.REACHING:
+            super()._judge_exchange(now_s, hand)
+
+    def _judge_release(self, now_s: float, fresh: bool) -> None:
+        """Open the gripper once the partner has the object; or close it, and hold it."""
+        assert self._exchange_since_s is not None
+        arrived = self._arrived and fresh
+        lasted_s = now_s - self._exchange_since_s
+        if self.leg is Leg.GIVE:
+            if arrived and lasted_s >= self.options.exchange_hold_s:
+                self.gripper_closed = False
+                self._enter(HandoverState.RELEASED, now_s)
+        elif not self.gripper_closed:
+            if arrived:
+                self.gripper_closed = True
+                self._since_s = now_s
+        elif min(now_s - self._since_s, lasted_s) >= max(
+            self.session.grip_s, self.options.exchange_hold_s
+        ):
+            self._withdraw(now_s)
+
+    # Ways without the primitive
+
+    def _go(
+        self, now_s: float, dt: float, phase_rate: float, fresh: bool, age: float
+    ) -> WristCommand:
+        assert self._primitive is not None
+        self._expectation = None
+        primitive = self._anchored(self._primitive)
+        if self._way is None or self.state is HandoverState.RELEASED:
+            self._phase_rate = 0.0
+            self._primitive = self._brake(primitive, dt)
+            if now_s - self._since_s >= self._rest_s:
+                self._go_on(now_s)
+        else:
+            slower = phase_rate if self.options.phase_stopping else 1.0
+            speed = slower * self._speed_on(self._way, primitive.position, now_s, fresh)
+            if speed == 0.0 == self._way.rate:
+                self._primitive = self._brake(primitive, dt)
+            else:
+                position, velocity = self._way.step(
+                    primitive.position,
+                    primitive.velocity,
+                    dt,
+                    speed,
+                    self.options.acceleration_limit,
+                )
+                self._primitive = primitive._replace(position=position, velocity=velocity)
+            self._phase_rate = self._way.rate
+            self._arrive(self._way, now_s)
+        return self._command(self._primitive, age)
+
+    @property
+    def _rest_s(self) -> float:
+        if self.state is HandoverState.RELEASED:
+            return self.session.released_s
+        return self.session.grip_s if self.state is HandoverState.PICKING_UP else 0.0
+
+    def _speed_on(self, way: WayFollower, position: Vector, now_s: float, fresh: bool) -> float:
+        """Tell how fast the wrist may be on a way, m/s."""
+        options, hand = self.session.withdrawal, self.estimate(now_s)
+        if fresh and hand is not None:
+            return options.speed_at(dist(position, self._goal(hand)))
+        # away from a hand that is lost it may go, towards it never
+        if self.state is HandoverState.PICKING_UP or self._last_seen is None:
+            return 0.0
+        nearer = way.way.leads_nearer(way.time_s, self._last_seen)
+        return 0.0 if nearer else options.near_speed
+
+    def _arrive(self, way: WayFollower, now_s: float) -> None:
+        assert self._primitive is not None and self._wrist is not None
+        there = dist(self._wrist, way.way.end) < WRIST_RETURNED_M
+        if not (there and way.has_arrived(self._primitive.position, self._primitive.velocity)):
+            return
+        self._way = None
+        self._since_s = now_s
+        if self.state is HandoverState.PICKING_UP and not self._returning:
+            self.gripper_closed = True
+        else:
+            self._go_on(now_s)
+
+    def _go_on(self, now_s: float) -> None:
+        """Do what comes after a rest, or after a way."""
+        if self.state is HandoverState.RELEASED:
+            self._withdraw(now_s)
+        elif self.state is HandoverState.WITHDRAWING:
+            self._be_home(now_s)
+        elif self._returning:
+            self.state = HandoverState.IDLE
+            self._reach()
+        else:
+            assert self._primitive is not None and self._begun_at is not None
+            self._returning = True
+            self._walk(self._begun_at, self._primitive.position)
+
+    def _walk(self, end: Vector, start: Vector) -> None:
+        acceleration = WAY_SHARE * self.options.acceleration_limit
+        speed = self.session.withdrawal.speed
+        self._way = WayFollower(Way([start, end], speed=speed, acceleration=acceleration))
+
+    def _withdraw(self, now_s: float) -> None:
+        assert self._trace is not None and self._primitive is not None
+        self._enter(HandoverState.WITHDRAWING, now_s)
+        way = way_back(
+            self._trace,
+            self._primitive.position,
+            self.session.withdrawal,
+            self.options.acceleration_limit,
+        )
+        self._way = None if way is None else WayFollower(way)
+
+    def _be_home(self, now_s: float) -> None:
+        assert self._trace is not None
+        self._way = None
+        self._trace = Trace(self._trace.start)
+        if self.leg is Leg.GIVE:
+            self.leg = Leg.TAKE
+            self._enter(HandoverState.WAITING, now_s)
+        else:
+            self._enter(HandoverState.DONE, now_s)
+
+    def _leave_way(self) -> None:
+        """Leave a way back: what is left of it is where the arm came from now."""
+        if self._way is not None and self.state is HandoverState.WITHDRAWING:
+            assert self._trace is not None
+            trace = Trace(self._trace.start)
+            for place in reversed(self._way.way.rest_of(self._way.time_s)):
+                trace.add(place)
+            self._trace = trace
+        self._way = None
+
+
+def _made_ready(movement: DecoupledDmp) -> None:
+    """Let a movement work out what it keeps, so that its first periods are as short as all."""
+    state = movement.initial_state()
+    movement.step(state, state.position, state.velocity, 0.005, 1.0)
+    learnt_detour(movement)
+    if movement.partner_path is not None:
+        PartnerModel(movement)

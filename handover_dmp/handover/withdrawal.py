@@ -1,0 +1,438 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The way back after an exchange: home along the way that the arm came, or as it was learnt.
+
+The way that the arm came is a `Trace` of its commands without its loops, so that a hand that was
+followed here and there is not followed once more. A `Way` lays a uniform cubic B-spline p through
+points: twice continuously differentiable, and round where the points have a corner. It is walked
+with minimum jerk,
+
+    x(θ) = p(m(θ/T)), m(u) = 10u³ − 15u⁴ + 6u⁵,
+
+T being the shortest time that keeps a speed and an acceleration; or, where the points are those of
+a learnt movement, evenly in its own time. A `WayFollower` walks it, on a clock of its own that
+runs at a rate from 0 to 1: near a hand it is slow, before a hand that is lost it stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from math import dist, hypot, sqrt
+from typing import NamedTuple
+
+from handover_dmp.common.arrays import Vector
+from handover_dmp.common.settings import setting
+from handover_dmp.dmp.primitive import Primitive
+import numpy as np
+
+TRACE_SPACING_M = 0.005
+"""Distance between points of a trace; a way that comes back so near to itself was a loop."""
+SEGMENT_M = 0.02
+"""Length of a segment of a way; its corners are as round."""
+MIN_SEGMENTS = 4
+CHECKED = 101
+"""Places at which the speed and the acceleration of a way are checked."""
+WAY_SHARE = 0.25
+"""Of the acceleration limit, for walking a way at its full pace."""
+PAUSE_SHARE = 0.5
+"""Of the same, for standing still on it."""
+RESUMING_RATE = 2.0
+"""1/s; how fast the clock of a way gets up to its rate again."""
+TRACKING_RATE = 10.0
+"""1/s; how fast the command comes back to a way that it was pushed from; critically damped."""
+ARRIVED_M = 1e-3
+ARRIVED_SPEED = 0.02
+"""So near to the end of a way, m, and so slow, m/s, it is walked."""
+LEARNT_SAMPLES = 101
+MIN_SPEED = 1e-9
+
+
+@dataclass(frozen=True)
+class WithdrawalOptions:
+    """
+    How the wrist goes home.
+
+    Attributes:
+        speed: of the wrist at most, m/s.
+        near_m: distance to the hand's place of the exchange within which it is slow, m; at twice
+            that distance it may be as fast as it likes.
+        near_speed: of the wrist there, and where the hand is lost, m/s.
+
+    """
+
+    speed: float = setting('dmp', 'session.withdrawal_speed')
+    near_m: float = setting('dmp', 'session.near_m')
+    near_speed: float = setting('dmp', 'session.near_speed')
+
+    def speed_at(self, distance_m: float) -> float:
+        """
+        Tell how fast the wrist may be.
+
+        Args:
+            distance_m: of the wrist from where it would hand over to the hand now, m.
+
+        Returns:
+            m/s.
+
+        """
+        further = max(0.0, distance_m / self.near_m - 1.0)
+        return min(self.speed, self.near_speed + further * (self.speed - self.near_speed))
+
+
+class Trace:
+    """The way that the wrist was commanded, from where it began to where it is, without loops."""
+
+    def __init__(self, start: Vector) -> None:
+        """
+        Begin it.
+
+        Args:
+            start: first place, m.
+
+        """
+        self._points = [start]
+
+    def add(self, position: Vector) -> None:
+        """
+        Go on to a place; what lies between it and a former place near to it, was a loop.
+
+        Args:
+            position: m.
+
+        """
+        for number, point in enumerate(self._points):
+            if dist(point, position) < TRACE_SPACING_M:
+                del self._points[number + 1 :]
+                return
+        self._points.append(position)
+
+    @property
+    def start(self) -> Vector:
+        """Where it began, m."""
+        return self._points[0]
+
+    def is_at_start(self, position: Vector) -> bool:
+        """
+        Tell whether a place is where it began.
+
+        Args:
+            position: m.
+
+        Returns:
+            Whether, and nothing is left of the trace.
+
+        """
+        return len(self._points) == 1 and dist(position, self.start) < TRACE_SPACING_M
+
+    def back_from(self, position: Vector) -> list[Vector]:
+        """
+        Give the way back to where it began.
+
+        Args:
+            position: where the wrist is, m.
+
+        Returns:
+            Places, m, from there on.
+
+        """
+        return [position, *reversed(self._points)]
+
+
+class Motion(NamedTuple):
+    """
+    Where a way leads at a time.
+
+    Attributes:
+        position: m.
+        velocity: m/s, of its own clock.
+        acceleration: m/s², of the same.
+
+    """
+
+    position: Vector
+    velocity: Vector
+    acceleration: Vector
+
+
+class Way:
+    """
+    A smooth way through places, from rest to rest.
+
+    Attributes:
+        duration_s: T, s.
+
+    """
+
+    def __init__(
+        self,
+        places: Sequence[Vector],
+        *,
+        speed: float,
+        acceleration: float,
+        duration_s: float | None = None,
+    ) -> None:
+        """
+        Lay it through places.
+
+        Args:
+            places: m, two at least, the last of them its end.
+            speed: bound on it, m/s.
+            acceleration: bound on it, m/s².
+            duration_s: of places that are evenly spaced in time, s; it takes longer where a bound
+                needs that. If left out, it is walked with minimum jerk, as fast as the bounds let.
+
+        """
+        self._minimum_jerk = duration_s is None
+        nodes = _evenly_spaced(places) if duration_s is None else list(places)
+        before, after = (
+            tuple(2.0 * a - b for a, b in zip(end, inner, strict=True))
+            for end, inner in ((nodes[0], nodes[1]), (nodes[-1], nodes[-2]))
+        )
+        # a spline of nodes that go on evenly beyond its ends begins and ends at these
+        self._nodes = [before, *nodes, after]
+        self._segments = len(nodes) - 1
+        self.duration_s = duration_s or 1.0
+        motions = [self.at(self.duration_s * k / (CHECKED - 1)) for k in range(CHECKED)]
+        self.duration_s *= max(
+            max(hypot(*motion.velocity) for motion in motions) / speed,
+            sqrt(max(hypot(*motion.acceleration) for motion in motions) / acceleration),
+            0.0 if duration_s is None else 1.0,
+            MIN_SPEED,
+        )
+
+    @property
+    def end(self) -> Vector:
+        """Where it leads, m."""
+        return self._nodes[-2]
+
+    def at(self, time_s: float) -> Motion:
+        """
+        Tell where it leads.
+
+        Args:
+            time_s: since its beginning, on its own clock, s.
+
+        Returns:
+            Place, velocity and acceleration then; at rest at its ends from after these on.
+
+        """
+        u = time_s / self.duration_s
+        if u >= 1.0:
+            still = (0.0,) * len(self.end)
+            return Motion(self.end, still, still)
+        u = max(u, 0.0)
+        done, first, second = u, 1.0, 0.0
+        if self._minimum_jerk:
+            done = _done(u)
+            first = 30.0 * u * u * (1.0 - u) * (1.0 - u)
+            second = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u)
+        along = done * self._segments
+        number = min(int(along), self._segments - 1)
+        t = along - number
+        per_s, n = 1.0 / self.duration_s, self._segments
+        speed, change = first * n * per_s, second * n * per_s * per_s
+        s = 1.0 - t
+        place = (
+            s * s * s,
+            4.0 + t * t * (3.0 * t - 6.0),
+            4.0 + s * s * (3.0 * s - 6.0),
+            t * t * t,
+        )
+        slope = (-s * s, t * (3.0 * t - 4.0), -s * (3.0 * s - 4.0), t * t)
+        bend = (s, 3.0 * t - 2.0, 3.0 * s - 2.0, t)
+        four = self._nodes[number : number + 4]
+        position = _combined(place, four, 1.0 / 6.0)
+        direction = _combined(slope, four, 0.5)
+        bending = _combined(bend, four, 1.0)
+        return Motion(
+            position,
+            tuple(speed * d for d in direction),
+            tuple(speed * speed * b + change * d for b, d in zip(bending, direction, strict=True)),
+        )
+
+    def rest_of(self, time_s: float) -> list[Vector]:
+        """
+        Give the places that are still to come.
+
+        Args:
+            time_s: since its beginning, s.
+
+        Returns:
+            Places, m, the end among them.
+
+        """
+        u = min(max(time_s / self.duration_s, 0.0), 1.0)
+        done = _done(u) if self._minimum_jerk else u
+        first = int(done * self._segments) + 1
+        return [*self._nodes[first + 1 : self._segments + 1], self.end]
+
+    def leads_nearer(self, time_s: float, place: Vector) -> bool:
+        """
+        Tell whether it comes nearer to a place shortly.
+
+        Args:
+            time_s: since its beginning, s.
+            place: m.
+
+        Returns:
+            Whether it does at once, or within the next bit of it.
+
+        """
+        here = self.at(time_s)
+        between = [p - x for p, x in zip(place, here.position, strict=True)]
+        if sum(v * b for v, b in zip(here.velocity, between, strict=True)) > 0.0:
+            return True
+        soon = self.rest_of(time_s)[0]
+        return dist(soon, place) < hypot(*between) and dist(soon, here.position) > MIN_SPEED
+
+
+def way_back(
+    trace: Trace,
+    position: Vector,
+    options: WithdrawalOptions,
+    acceleration_limit: float,
+    learnt: Primitive | None = None,
+) -> Way | None:
+    """
+    Find the way home.
+
+    Args:
+        trace: of the way that the arm came.
+        position: where the wrist is commanded to be, m.
+        options: of the withdrawal.
+        acceleration_limit: of the wrist command, m/s².
+        learnt: movement back, as it was recorded; the way that the arm came if left out.
+
+    Returns:
+        The way; None where the wrist is at home.
+
+    """
+    bounds = {'speed': options.speed, 'acceleration': WAY_SHARE * acceleration_limit}
+    if trace.is_at_start(position):
+        return None
+    if learnt is None:
+        return Way(trace.back_from(position), **bounds)
+    times = np.linspace(0.0, learnt.duration_s, LEARNT_SAMPLES)
+    places = learnt.rollout(times, trace.start, start=position).positions
+    # a movement comes to its goal by and by; the last of the way is added over the whole of it
+    done = [_done(u) for u in (times / times[-1]).tolist()]
+    places = places + np.outer(done, np.array(trace.start) - places[-1])
+    return Way([tuple(p) for p in places.tolist()], duration_s=learnt.duration_s, **bounds)
+
+
+class WayFollower:
+    """
+    Walks a way with a bounded acceleration, from whatever place and velocity.
+
+    Attributes:
+        way: that is walked.
+        time_s: on the clock of the way, s.
+        rate: at which that runs, 0 to 1.
+
+    """
+
+    def __init__(self, way: Way) -> None:
+        """
+        Begin it.
+
+        Args:
+            way: to be walked.
+
+        """
+        self.way = way
+        self.time_s = 0.0
+        self.rate = 1.0
+
+    def has_arrived(self, position: Vector, velocity: Vector) -> bool:
+        """
+        Tell whether the way is walked.
+
+        Args:
+            position: of the command, m.
+            velocity: m/s.
+
+        Returns:
+            Whether the command is at its end and all but at rest.
+
+        """
+        over = self.time_s >= self.way.duration_s
+        there = dist(position, self.way.end) < ARRIVED_M
+        return over and there and hypot(*velocity) < ARRIVED_SPEED
+
+    def step(
+        self, position: Vector, velocity: Vector, dt: float, max_speed: float, limit: float
+    ) -> tuple[Vector, Vector]:
+        """
+        Go one period on.
+
+        Args:
+            position: of the command, m.
+            velocity: m/s.
+            dt: length of the period, s.
+            max_speed: on the way, m/s; 0 to stand still.
+            limit: bound on the acceleration, m/s².
+
+        Returns:
+            Position and velocity of the command at the end of the period.
+
+        """
+        if dt <= 0.0:
+            return position, velocity
+        here = self.way.at(self.time_s)
+        full = hypot(*here.velocity)
+        wanted = min(1.0, max_speed / full) if full > MIN_SPEED else float(max_speed > 0.0)
+        rate = min(self.rate + RESUMING_RATE * dt, wanted)
+        rate = max(rate, self.rate - PAUSE_SHARE * limit / max(full, MIN_SPEED) * dt)
+        self.time_s += 0.5 * (self.rate + rate) * dt
+        then = self.way.at(self.time_s)
+        change = []
+        for x, v, place, v_here, v_then in zip(
+            position, velocity, here.position, here.velocity, then.velocity, strict=True
+        ):
+            asked = rate * v_then - self.rate * v_here
+            off = TRACKING_RATE * (place - x) + 2.0 * (self.rate * v_here - v)
+            change.append(asked + TRACKING_RATE * off * dt)
+        self.rate = rate
+        size = hypot(*change)
+        share = min(1.0, limit * dt / size) if size > 0.0 else 1.0
+        after = tuple(v + share * c for v, c in zip(velocity, change, strict=True))
+        moved = tuple(
+            x + 0.5 * (v + a) * dt for x, v, a in zip(position, velocity, after, strict=True)
+        )
+        return moved, after
+
+
+def _done(u: float) -> float:
+    """Tell how much of a way is walked with minimum jerk, after a share of the time."""
+    return u * u * u * (10.0 + u * (6.0 * u - 15.0))
+
+
+def _combined(shares: Sequence[float], points: Sequence[Vector], factor: float) -> Vector:
+    a, b, c, d = (factor * share for share in shares)
+    return tuple(a * w + b * x + c * y + d * z for w, x, y, z in zip(*points, strict=True))
+
+
+def _evenly_spaced(places: Sequence[Vector]) -> list[Vector]:
+    """Lay places evenly along straight lines between others, ends included."""
+    lengths = [0.0]
+    for a, b in pairwise(places):
+        lengths.append(lengths[-1] + dist(a, b))
+    segments = max(MIN_SEGMENTS, round(lengths[-1] / SEGMENT_M))
+    at = np.linspace(0.0, lengths[-1], segments + 1)
+    columns = [np.interp(at, lengths, column) for column in np.array(places).T]
+    return [tuple(p) for p in np.column_stack(columns).tolist()]

@@ -1,0 +1,107 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""What a node needs to command a gripper: a topic, and an action where there is one."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+from handover_dmp.common.errors import UsageError
+from handover_dmp.nodes.node import HandoverNode
+from handover_dmp.nodes.parameters import Parameter
+from handover_dmp.topics import GRIPPER_COMMAND
+from std_msgs.msg import Bool
+
+OF_GRIPPER = (
+    Parameter(
+        'session.gripper_action',
+        'of type control_msgs/action/GripperCommand, beside the topic; empty: none',
+        read_only=True,
+    ),
+    Parameter(
+        'session.gripper_closed_m', 'position to close it, of that action, m', 0.0, 1.0,
+        read_only=True,
+    ),
+    Parameter(
+        'session.gripper_open_m', 'position to open it, of that action, m', 0.0, 1.0,
+        read_only=True,
+    ),
+    Parameter(
+        'session.gripper_effort_n', 'greatest effort, of that action, N', 0.0, 1000.0,
+        read_only=True,
+    ),
+)  # fmt: skip
+
+
+class Gripper:
+    """Tells a gripper what to do, when that changes."""
+
+    def __init__(self, node: HandoverNode) -> None:
+        """
+        Advertise the topic; look for the action where it has a name.
+
+        Args:
+            node: with the parameters of `OF_GRIPPER`.
+
+        Raises:
+            UsageError: an action is asked for, and `control_msgs` is not installed.
+
+        """
+        self._node = node
+        self._closed: bool | None = None
+        self._topic = node.advertise(GRIPPER_COMMAND)
+        self._action, self._client = None, None
+        if name := node.values['session.gripper_action']:
+            self._action = _action_type()
+            self._client = _client(node, self._action, name)
+
+    def command(self, closed: bool) -> None:
+        """
+        Close it, or open it.
+
+        Args:
+            closed: whether it is to be closed; nothing is said where it has been told so.
+
+        """
+        if closed is self._closed:
+            return
+        self._closed = closed
+        self._topic.publish(Bool(data=closed))
+        self._node.say(f'gripper: {"close" if closed else "open"}')
+        if self._client is not None and self._action is not None:
+            goal = self._action.Goal()
+            width = 'session.gripper_closed_m' if closed else 'session.gripper_open_m'
+            goal.command.position = self._node.values[width]
+            goal.command.max_effort = self._node.values['session.gripper_effort_n']
+            self._client.send_goal_async(goal)
+
+
+def _action_type() -> Any:
+    # in no wheel; a system's ROS may have it
+    try:
+        return import_module('control_msgs.action').GripperCommand
+    except ImportError as error:
+        raise UsageError(
+            'session.gripper_action needs control_msgs, which is not installed: leave it empty, '
+            'and listen to gripper/command'
+        ) from error
+
+
+def _client(node: HandoverNode, action: Any, name: str) -> Any:
+    from rclpy.action import ActionClient
+
+    return ActionClient(node, action, name)
