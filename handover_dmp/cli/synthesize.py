@@ -82,7 +82,8 @@ def run(options: argparse.Namespace) -> int:
     """
     from handover_dmp.cli.progress import progress_bar
     from handover_dmp.mocap.data_set import file_name, write_data_set
-    from handover_dmp.mocap.synthetic import CONFIGURATIONS, synthesize
+    from handover_dmp.mocap.garage import CONFIGURATIONS
+    from handover_dmp.mocap.synthetic import synthesize
     from handover_dmp.mocap.tables import save
     from rich.console import Console
 

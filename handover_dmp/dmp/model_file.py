@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 FORMAT = 'handover_dmp model'
-VERSION = 3
+VERSION = 4
 KINDS: dict[str, type[Primitive]] = {'decoupled': DecoupledDmp, 'classical': ClassicalDmp}
 UNITS = {
     'duration': 's',
@@ -66,13 +66,15 @@ def save_model(model: Primitive, path: Path | str) -> None:
         path: file to write.
 
     """
+    document = {'format': FORMAT, 'version': VERSION, 'units': UNITS, **_describe(model)}
+    write_text(Path(path), json.dumps(document, allow_nan=False, indent=1) + '\n')
+
+
+def _describe(model: Primitive) -> dict[str, Any]:
     kind = next(name for name, known in KINDS.items() if type(model) is known)
-    document = {
-        'format': FORMAT,
-        'version': VERSION,
+    return {
         'kind': kind,
         'source': model.source,
-        'units': UNITS,
         'parameters': asdict(model.parameters),
         'duration': model.duration_s,
         'start': model.start.tolist(),
@@ -91,8 +93,8 @@ def save_model(model: Primitive, path: Path | str) -> None:
             for posterior in model.covariance
         ],
         'partner_path': None if model.partner_path is None else model.partner_path.tolist(),
+        'way_back': None if model.way_back is None else _describe(model.way_back),
     }
-    write_text(Path(path), json.dumps(document, allow_nan=False, indent=1) + '\n')
 
 
 def load_model(path: Path | str) -> Primitive:
@@ -170,9 +172,15 @@ def _from_version_2(document: dict[str, Any]) -> dict[str, Any]:
     return {**document, 'version': 3, 'partner_path': None}
 
 
+def _from_version_3(document: dict[str, Any]) -> dict[str, Any]:
+    """Version 3 knew nothing of the way back."""
+    return {**document, 'version': 4, 'way_back': None}
+
+
 MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {
     1: _from_version_1,
     2: _from_version_2,
+    3: _from_version_3,
 }
 
 
@@ -203,6 +211,7 @@ def _build(document: dict[str, Any]) -> Primitive:
         covariance=_covariance(document.get('covariance'), start.size, centres.size),
         source=_member(document, 'source', str)[:10_000],
         partner_path=_partner_path(document, start.size),
+        way_back=_way_back(document),
     )
 
 
@@ -242,6 +251,15 @@ def _partner_path(document: dict[str, Any], dimensions: int) -> NDArray[np.float
     if 'partner_path' in document and document['partner_path'] is None:
         return None
     return _array(document, 'partner_path', (None, dimensions), MAX_PATH)
+
+
+def _way_back(document: dict[str, Any]) -> Primitive | None:
+    if 'way_back' in document and document['way_back'] is None:
+        return None
+    way_back = _member(document, 'way_back', dict)
+    if way_back.get('way_back') is not None:
+        raise DataError('the way back has a way back')
+    return _build(way_back)
 
 
 def _member(document: dict[str, Any], name: str, kind: type) -> Any:

@@ -78,6 +78,8 @@ class Primitive(ABC):
         source: what it was learnt from, in words.
         partner_path: mean path of the partner's hand in the demonstrations, each over its own
             duration, m, (n, d), evenly spaced in time; None where nothing is known of it.
+        way_back: the movement from the exchange to rest, as learnt; its goal is where it rested.
+            None where the demonstrations have none.
 
     Raises:
         DataError: shapes that do not fit each other, or numbers that are not finite.
@@ -95,6 +97,7 @@ class Primitive(ABC):
     covariance: tuple[WeightPosterior, ...] | None = None
     source: str = ''
     partner_path: Array | None = None
+    way_back: Primitive | None = None
     # length of the last step, s; fastest phase at which it is not divided; what makes it; in τ
     _prepared: tuple[float, float, FastStep | None, float] = field(init=False, repr=False)
 
@@ -126,6 +129,11 @@ class Primitive(ABC):
             object.__setattr__(self, name, array)
         if self.partner_path is not None:
             object.__setattr__(self, 'partner_path', _checked_path(self.partner_path, dimensions))
+        if self.way_back is not None:
+            if self.way_back.dimensions != dimensions:
+                raise DataError('the way back has other dimensions than the way there')
+            if self.way_back.way_back is not None:
+                raise DataError('the way back has a way back')
         object.__setattr__(self, '_prepared', (nan, nan, None, nan))
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -184,6 +192,19 @@ class Primitive(ABC):
 
         """
         return replace(self, partner_path=None if path is None else np.asarray(path, dtype=float))
+
+    def with_way_back(self: Self, way_back: Primitive | None) -> Self:
+        """
+        Set how the hand goes back after the exchange.
+
+        Args:
+            way_back: the movement from the exchange to rest; None: not known.
+
+        Returns:
+            The same movement with this way back.
+
+        """
+        return replace(self, way_back=way_back)
 
     def with_weights(
         self: Self, weights: ArrayLike, covariance: tuple[WeightPosterior, ...] | None = None

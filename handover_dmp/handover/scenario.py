@@ -198,23 +198,25 @@ def _handover_in(wrists: WristMotion) -> tuple[float, float] | None:
     return None
 
 
-def scaled(trial: HandoverTrial, factor: float) -> HandoverTrial:
+def scaled(trial: HandoverTrial, factor: float, centre: Array | None = None) -> HandoverTrial:
     """
     Make a handover larger or smaller about the place where P2's hand ends.
 
     Args:
         trial: the handover.
         factor: of all distances; 1 leaves it as it is.
+        centre: (3,) m, about another place than that.
 
     Returns:
         The scaled handover.
 
     """
-    centre = trial.demonstrator[-1]
+    centre = trial.demonstrator[-1] if centre is None else centre
     return replace(
         trial,
         partner=centre + factor * (trial.partner - centre),
         demonstrator=centre + factor * (trial.demonstrator - centre),
+        way_back=trial.way_back and scaled(trial.way_back, factor, centre),
     )
 
 

@@ -67,7 +67,8 @@ def learn_from_trials(
 
     Returns:
         The learnt movement. Its goal offset is P2(end) − P1(end), the mean of it over the trials,
-        and its partner path the mean of P1, each over its own duration.
+        its partner path the mean of P1, each over its own duration, and its way back the one
+        learnt of the same trials, as far as they have one.
 
     Raises:
         DataError: no trial, or one that cannot be used.
@@ -78,18 +79,27 @@ def learn_from_trials(
         raise DataError('no trial to learn from')
     smoothed = [condition(trial, cutoff_hz=cutoff_hz) for trial in trials]
     teach = learn_jointly if jointly else learn_mean
-    motions = [(trial.times, trial.demonstrator) for trial in smoothed]
-    model: Primitive = (learn_jointly if len(trials) == 1 else teach)(
-        motions,
-        parameters,
-        regression=regression,
-        basis=basis,
-        source=_source(trials, jointly),
-        primitive=primitive,
-    )
+
+    def learn(taught: list[HandoverTrial]) -> Primitive:
+        learnt: Primitive = (learn_jointly if len(taught) == 1 else teach)(
+            [(trial.times, trial.demonstrator) for trial in taught],
+            parameters,
+            regression=regression,
+            basis=basis,
+            source=_source(taught, jointly),
+            primitive=primitive,
+        )
+        return learnt
+
+    model = learn(smoothed)
     offset = np.mean([trial.demonstrator[-1] - trial.partner[-1] for trial in smoothed], axis=0)
     _, path = mean_motion([(trial.times, trial.partner) for trial in smoothed], PATH_NODES)
-    return model.with_goal_offset(offset).with_partner_path(path)
+    ways_back = [trial.way_back for trial in smoothed if trial.way_back is not None]
+    return (
+        model.with_goal_offset(offset)
+        .with_partner_path(path)
+        .with_way_back(learn(ways_back) if ways_back else None)
+    )
 
 
 def hand_goal(

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 import csv
 import io
 from pathlib import Path
@@ -33,6 +33,7 @@ from handover_dmp.mocap.trial import (
     INDEX_COLUMNS,
     INDEX_NAME,
     read_trial,
+    way_back_file,
     write_trial,
 )
 import numpy as np
@@ -108,15 +109,17 @@ def write_data_set(
     if not append:
         check_no_data_set(folder)
     for file in files:
-        if (folder / file).exists():
-            raise DataError(f'{folder / file}: exists already; a trial is never overwritten')
+        for path in (folder / file, way_back_file(folder / file)):
+            if path.exists():
+                raise DataError(f'{path}: exists already; a trial is never overwritten')
     index = _with_rows(folder / INDEX_NAME if append else None, trials)
     with ExitStack() as undo:
         if not folder.exists():
             undo.callback(shutil.rmtree, folder, ignore_errors=True)
         for trial, file in zip(trials, files, strict=True):
+            for path in (way_back_file(folder / file), folder / file):
+                undo.callback(_remove, path)
             write_trial(trial, folder / file)
-            undo.callback((folder / file).unlink)
             if progress:
                 progress()
         save(folder / INDEX_NAME, index)
@@ -145,6 +148,11 @@ def file_name(trial: HandoverTrial) -> str:
     """Return the name of a trial's file, `<configuration>_<exchange>_<number>.csv`."""
     configuration = re.sub(r'[^A-Za-z0-9_-]+', '-', trial.configuration).strip('-') or 'unnamed'
     return f'{configuration}_{trial.direction}_{trial.number}.csv'
+
+
+def _remove(path: Path) -> None:
+    with suppress(OSError):
+        path.unlink()
 
 
 def _with_rows(index: Path | None, trials: Sequence[HandoverTrial]) -> str:

@@ -63,7 +63,8 @@ def condition(
             what is recorded is met exactly.
 
     Returns:
-        The trial at times t_0 + k / rate_hz, the last one at most 1 / rate_hz before its end.
+        The trial at times t_0 + k / rate_hz, the last one at most 1 / rate_hz before its end; its
+        way back likewise.
 
     Raises:
         DataError: rate or cut-off make no sense, or fewer than 10 samples would remain.
@@ -78,8 +79,14 @@ def condition(
         for name in ('partner_orientation', 'demonstrator_orientation')
         if (quaternions := getattr(trial, name)) is not None
     }
+    way_back = trial.way_back and condition(trial.way_back, rate_hz, cutoff_hz)
     return replace(
-        trial, times=times, partner=positions[:, :3], demonstrator=positions[:, 3:], **turns
+        trial,
+        times=times,
+        partner=positions[:, :3],
+        demonstrator=positions[:, 3:],
+        way_back=way_back,
+        **turns,
     )
 
 

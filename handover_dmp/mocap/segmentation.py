@@ -22,11 +22,14 @@ and P1's if it moves too, left its rest. Between two exchanges the wrists must h
 Who gives cannot be seen from wrists for certain. As a rule the giver starts: whose hand leaves its
 rest first is taken for the giver, and a P1 who waits with his hand out for the receiver. Where the
 order is known (the object goes to and fro, or always one way), say so.
+
+After the exchange the hands part: a hand has left where it last rested before it got fast again,
+and P2's way back ends where it rests the next time.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 from typing import NamedTuple
 
@@ -102,12 +105,17 @@ class Segment(NamedTuple):
         start_s: its beginning on the clock of the recording, s.
         exchange_s: when the wrists have met, s.
         direction: `give` or `take`.
+        parting_s: when the first of the two hands left the exchange, s; None where neither did.
+        way_back_s: when P2's hand left the exchange, and when it rested again, s; None where it
+            did not go back.
 
     """
 
     start_s: float
     exchange_s: float
     direction: str
+    parting_s: float | None = None
+    way_back_s: tuple[float, float] | None = None
 
 
 class Passage(NamedTuple):
@@ -142,31 +150,39 @@ class SegmentedMotion:
     segments: list[Segment]
     passages: list[Passage]
 
-    def trials(self, configuration: str) -> list[HandoverTrial]:
+    def trials(self, configuration: str, *, way_back: bool = False) -> list[HandoverTrial]:
         """
         Cut the handovers out of the recording, as it was recorded.
 
         Args:
             configuration: where they took place.
+            way_back: whether to cut out P2's way back from each of them, too.
 
         Returns:
             A trial a handover, gives and takes numbered from 1 each, times from 0.
 
         """
         trials: list[HandoverTrial] = []
-        for start_s, exchange_s, direction in self.segments:
-            first, end = np.searchsorted(self.motion.times, [start_s - 1e-9, exchange_s + 1e-9])
-            number = 1 + sum(trial.direction == direction for trial in trials)
-            trials.append(
-                self.motion.trial(
-                    int(first),
-                    int(end),
-                    configuration=configuration,
-                    direction=direction,
-                    number=number,
-                )
-            )
+        for part in self.segments:
+            number = 1 + sum(trial.direction == part.direction for trial in trials)
+            trial = self._cut(part.start_s, part.exchange_s, configuration, part, number)
+            if way_back and part.way_back_s:
+                back = self._cut(*part.way_back_s, configuration, part, number)
+                trial = replace(trial, way_back=back)
+            trials.append(trial)
         return trials
+
+    def _cut(
+        self, start_s: float, end_s: float, configuration: str, part: Segment, number: int
+    ) -> HandoverTrial:
+        first, end = np.searchsorted(self.motion.times, [start_s - 1e-9, end_s + 1e-9])
+        return self.motion.trial(
+            int(first),
+            int(end),
+            configuration=configuration,
+            direction=part.direction,
+            number=number,
+        )
 
 
 def segment(motion: WristMotion, thresholds: Segmentation | None = None) -> SegmentedMotion:
@@ -190,8 +206,10 @@ def segment(motion: WristMotion, thresholds: Segmentation | None = None) -> Segm
             continue
         section = _Section.of(motion, first, end)
         free_from = 0
-        for near, apart in section.meetings(thresholds):
-            found = section.handover(free_from, near, apart, thresholds)
+        meetings = section.meetings(thresholds)
+        nexts = [near for near, _ in meetings[1:]] + [len(section.times) - 1]
+        for (near, apart), following in zip(meetings, nexts, strict=False):
+            found = section.handover(free_from, near, apart, following, thresholds)
             free_from = apart
             if isinstance(found, Passage):
                 passages.append(found)
@@ -256,9 +274,13 @@ class _Section:
             found.append((near, at))
 
     def handover(
-        self, free_from: int, near: int, apart: int, thresholds: Segmentation
+        self, free_from: int, near: int, apart: int, following: int, thresholds: Segmentation
     ) -> Segment | Passage:
-        """Find exchange and start of the handover in which the wrists meet from near to apart."""
+        """
+        Find exchange, start and end of the handover in which wrists meet from near to apart.
+
+        It lies between the one before and the one after, from `free_from` to `following`.
+        """
         meeting = self._exchange(near, apart, thresholds)
         at_s = float(self.times[meeting])
 
@@ -281,7 +303,31 @@ class _Section:
         start_s = float(self.times[start])
         if not thresholds.min_duration_s <= at_s - start_s <= thresholds.max_duration_s:
             return Passage(at_s, f'lasts {at_s - start_s:.2f} s')
-        return Segment(start_s, at_s, 'take' if partner_first else 'give')
+        direction = 'take' if partner_first else 'give'
+        leaves = [_leaves(speed, meeting, following, thresholds) for speed in self.speeds]
+        left = [index for index in leaves if index is not None]
+        parting_s = float(self.times[min(left)]) if left else None
+        back_s = self._way_back(leaves[1], following, thresholds)
+        return Segment(start_s, at_s, direction, parting_s, back_s)
+
+    def _way_back(
+        self, leaves: int | None, following: int, thresholds: Segmentation
+    ) -> tuple[float, float] | None:
+        """Return from when to when P2 goes back, with a margin of rest at its end."""
+        if leaves is None:
+            return None
+        speed = self.speeds[1][leaves: following + 1]  # fmt: skip
+        fast = int(np.argmax(speed > thresholds.reach_speed))
+        rests = _first(speed[fast:] < thresholds.moving_speed)
+        if rests is None:
+            return None
+        end = leaves + fast + rests
+        way_m = float(np.linalg.norm(self.demonstrator[end] - self.demonstrator[leaves]))
+        duration_s = float(self.times[end] - self.times[leaves])
+        if way_m < thresholds.min_reach_m or duration_s < thresholds.min_duration_s:
+            return None
+        end = min(end + round(thresholds.margin_s * RATE_HZ), following)
+        return float(self.times[leaves]), float(self.times[end])
 
     def _exchange(self, near: int, apart: int, thresholds: Segmentation) -> int:
         together = self.distance[near:apart]
@@ -303,6 +349,17 @@ def _onset(
     last_fast = free_from + int(fast[-1])
     rests = np.flatnonzero(speed[free_from:last_fast] < thresholds.moving_speed)
     return free_from + int(rests[-1]) if len(rests) else free_from
+
+
+def _leaves(
+    speed: NDArray[np.float64], meeting: int, following: int, thresholds: Segmentation
+) -> int | None:
+    """Return where the first way after the exchange left its rest."""
+    fast = _first(speed[meeting: following + 1] > thresholds.reach_speed)  # fmt: skip
+    if fast is None:
+        return None
+    rests = np.flatnonzero(speed[meeting: meeting + fast] < thresholds.moving_speed)  # fmt: skip
+    return meeting + int(rests[-1]) if len(rests) else meeting
 
 
 def _started(speed: NDArray[np.float64], onset: int, meeting: int) -> int:

@@ -88,7 +88,7 @@ def draw_segmentation(segmented: SegmentedMotion, path: str | Path) -> None:
 
 
 def _mark_handovers(segmented: SegmentedMotion, top: Axes, bottom: Axes) -> None:
-    for start_s, exchange_s, direction in segmented.segments:
+    for start_s, exchange_s, direction, *_ in segmented.segments:
         for axes in (top, bottom):
             axes.axvspan(start_s, exchange_s, color=_TINTS[direction], alpha=0.7, lw=0)
             axes.axvline(exchange_s, color='black', lw=0.8)

@@ -31,6 +31,7 @@ TURN_HEADERS = tuple(tuple(f'{who}_{axis}' for axis in AXES_OF_TURN) for who in 
 """Columns of the orientation of each wrist, where a trial has it."""
 DIRECTIONS = ('give', 'take')
 INDEX_NAME = 'trials.csv'
+WAY_BACK_FOLDER = 'way_back'
 INDEX_COLUMNS = ('file', 'configuration', 'exchange', 'trial')
 
 MIN_SAMPLES = 10
@@ -69,6 +70,8 @@ class HandoverTrial:
         partner_orientation: (n, 4) unit quaternions x, y, z, w of P1's wrist, signs without jumps;
             None where they are not known.
         demonstrator_orientation: the same of P2.
+        way_back: both wrists from where P2's leaves the exchange to where it rests; None where it
+            is not known.
 
     Raises:
         DataError: the samples cannot be those of one handover.
@@ -84,6 +87,7 @@ class HandoverTrial:
     source: str = ''
     partner_orientation: NDArray[np.float64] | None = None
     demonstrator_orientation: NDArray[np.float64] | None = None
+    way_back: HandoverTrial | None = None
 
     def __post_init__(self) -> None:
         for name in ('times', 'partner', 'demonstrator'):
@@ -94,6 +98,8 @@ class HandoverTrial:
         count = len(self.times) if self.times.ndim else 0
         if shapes != ((count,), (count, 3), (count, 3)):
             raise DataError(f'{self.label}: shapes {shapes} instead of (n,), (n, 3), (n, 3)')
+        if self.way_back is not None and self.way_back.way_back is not None:
+            raise DataError(f'{self.label}: its way back has a way back')
         if self.direction not in DIRECTIONS:
             raise DataError(
                 f"{self.label}: exchange {self.direction!r} instead of 'give' or 'take'"
@@ -197,7 +203,8 @@ def read_trial(
     and metres; where it has orientations, `p1_qx,p1_qy,p1_qz,p1_qw` or the same of P2 or both
     follow, unit quaternions. What it is a trial of is told by the arguments, else by the line of a
     `trials.csv` beside it, else by its name `<configuration>_<exchange>_<number>.csv`; a file of
-    another name is taken for a give, number 1, of a configuration of its name.
+    another name is taken for a give, number 1, of a configuration of its name. A file of the same
+    name in the folder `way_back` beside it is P2's way back from it.
 
     Args:
         path: the file.
@@ -229,6 +236,14 @@ def read_trial(
         number = known[2] if number is None else number
     if direction not in DIRECTIONS:
         raise DataError(f"{path}: exchange {direction!r} instead of 'give' or 'take'")
+    way_back = None
+    if path.parent.name != WAY_BACK_FOLDER and way_back_file(path).exists():
+        way_back = read_trial(
+            way_back_file(path),
+            configuration=str(configuration),
+            direction=direction,
+            number=int(number or 0),
+        )
     return HandoverTrial(
         times=values[:, 0],
         partner=values[:, 1:4],
@@ -239,7 +254,13 @@ def read_trial(
         source=path.name,
         partner_orientation=turns.get(TURN_HEADERS[0]),
         demonstrator_orientation=turns.get(TURN_HEADERS[1]),
+        way_back=way_back,
     )
+
+
+def way_back_file(path: Path) -> Path:
+    """Return where the way back of the trial of a file is."""
+    return path.parent / WAY_BACK_FOLDER / path.name
 
 
 def describe(path: Path) -> tuple[str, str | None, int]:
@@ -265,6 +286,8 @@ def write_trial(trial: HandoverTrial, path: str | Path) -> None:
     """
     Write a trial as CSV, whole or not at all; what is read back is equal to the last bit.
 
+    Its way back is written first, as a file of the same name in the folder `way_back` beside it.
+
     Args:
         trial: what to write.
         path: the file; its folder is made if need be.
@@ -273,6 +296,8 @@ def write_trial(trial: HandoverTrial, path: str | Path) -> None:
         DataError: it cannot be written there.
 
     """
+    if trial.way_back is not None:
+        write_trial(trial.way_back, way_back_file(Path(path)))
     turns = zip(
         TURN_HEADERS, (trial.partner_orientation, trial.demonstrator_orientation), strict=True
     )

@@ -33,7 +33,10 @@ def model(request, reach):
     parameters = DmpParameters(stiffness=1 / 3, mu=0.1 + 0.2, formulation='printed')
     learnt = learn(*reach, parameters, regression=request.param, basis=20, source='träge ✓')
     path = np.linspace([1 / 3, 0.0, 2.0], [0.1, -1e-17, 1 / 7], 7)
-    return learnt.with_goal_offset([0.1, 1 / 7, -1e-17]).with_partner_path(path)
+    back = learnt.with_duration(1 / 3)
+    return (
+        learnt.with_goal_offset([0.1, 1 / 7, -1e-17]).with_partner_path(path).with_way_back(back)
+    )
 
 
 @pytest.fixture(scope='module')
@@ -64,6 +67,7 @@ def bits(model):
         ),
         None if model.partner_path is None else model.partner_path.tobytes(),
         *((each.active.tobytes(), each.matrix.tobytes()) for each in covariance),
+        model.way_back and bits(model.way_back),
     ]
 
 
@@ -103,6 +107,28 @@ def test_version_2_is_migrated(document, tmp_path):
     assert model.weights.tolist() == document['weights']
 
 
+def test_version_3_is_migrated(document, tmp_path):
+    old = {**copy.deepcopy(document), 'version': 3}
+    del old['way_back']
+    (tmp_path / 'old.json').write_text(json.dumps(old))
+    model = load_model(tmp_path / 'old.json')
+    assert model.way_back is None
+    assert model.weights.tolist() == document['weights']
+
+
+def test_a_way_back_is_a_movement_and_has_none_itself(document, tmp_path, model):
+    path = tmp_path / 'back.json'
+    inner = {key: document[key] for key in document if key not in ('format', 'version', 'units')}
+    path.write_text(json.dumps({**document, 'way_back': inner}))
+    assert load_model(path).way_back.weights.tolist() == document['weights']
+    path.write_text(json.dumps({**document, 'way_back': {**inner, 'way_back': inner}}))
+    with pytest.raises(DataError, match='way back has a way back'):
+        load_model(path)
+    twice = model.with_way_back(None).with_way_back(model.with_way_back(None))
+    with pytest.raises(DataError, match='way back has a way back'):
+        model.with_way_back(twice)
+
+
 @pytest.mark.parametrize('version', [0, VERSION + 1, '2', None, True, 2.5, [1]])
 def test_unknown_versions_are_refused_by_name(document, tmp_path, version):
     (tmp_path / 'new.json').write_text(json.dumps({**document, 'version': version}))
@@ -125,6 +151,7 @@ SPOILT = {
     'covariance': [[], [1, 2, 3], {}, 'x', [{'active': [0], 'matrix': [[NAN]]}] * 3],
     'source': [None, 3, ['a']],
     'partner_path': [3, [], [[0, 0, 0]], [[0, 0], [0, 0]], [[0, 0, NAN]] * 5, [0] * 5],
+    'way_back': [3, [], {}, 'home', {'kind': 'dog'}],
     'format': [None, 'another'],
 }
 

@@ -1,0 +1,206 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A recorded session: both wrists from before the tool is picked up until both have withdrawn.
+
+A session is a CSV file of the columns of a trial, only longer; the index `sessions.csv` beside it
+has a line an exchange, which tells when it was.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+import re
+
+from handover_dmp.common.errors import DataError
+from handover_dmp.mocap.segmentation import Segment, segment, Segmentation
+from handover_dmp.mocap.tables import quote, read_records, read_table, save
+from handover_dmp.mocap.trial import DIRECTIONS, HEADER
+from handover_dmp.mocap.wrists import WristMotion
+import numpy as np
+
+SESSIONS_NAME = 'sessions.csv'
+_WHAT = ('file', 'configuration', 'trial', 'exchange')
+_TIMES = ('start_s', 'exchange_s', 'parting_s', 'way_back_from_s', 'way_back_to_s')
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedSession:
+    """
+    A recording of several exchanges in a row, and when they are.
+
+    Attributes:
+        motion: both wrists, from rest to rest.
+        exchanges: what is handed over when, in order.
+        configuration: where it took place.
+        number: of the session within its configuration.
+
+    """
+
+    motion: WristMotion
+    exchanges: tuple[Segment, ...]
+    configuration: str = 'unnamed'
+    number: int = 1
+
+    @property
+    def file_name(self) -> str:
+        """Return the name of its file, `<configuration>_<number>.csv`."""
+        return f'{self.configuration}_{self.number}.csv'
+
+
+def read_csv_wrists(path: str | Path) -> WristMotion:
+    """
+    Read both wrists over a recording of any length from a CSV file with the header of a trial.
+
+    Args:
+        path: the file.
+
+    Returns:
+        Both wrists, in metres, z up.
+
+    Raises:
+        DataError: it cannot be read, or is no recording of two wrists; names file, line and fault.
+
+    """
+    path = Path(path)
+    values = read_table(path, HEADER)
+    return WristMotion(values[:, 0], values[:, 1:4], values[:, 4:7], path.name).checked()
+
+
+def read_session(path: str | Path, thresholds: Segmentation | None = None) -> RecordedSession:
+    """
+    Read a recorded session.
+
+    Args:
+        path: CSV file, or bag with the wrists of both. The index beside a CSV file tells when the
+            exchanges are; where none does, they are found by distance and speed.
+        thresholds: what counts as an exchange, where they have to be found.
+
+    Returns:
+        The session.
+
+    Raises:
+        DataError: it cannot be read, or no exchange is in it.
+
+    """
+    path = Path(path)
+    told: list[Segment] = []
+    configuration, number = path.stem, 1
+    if path.suffix.lower() == '.csv':
+        motion = read_csv_wrists(path)
+        index = path.parent / SESSIONS_NAME
+        records = read_records(index, (*_WHAT, *_TIMES)) if index.exists() else []
+        for line, row in records:
+            if row['file'] == path.name:
+                told.append(_told(row, f'{index}: line {line}'))
+                configuration, number = row['configuration'], int(row['trial'])
+    else:
+        from handover_dmp.mocap.bag import read_bag_wrists
+
+        motion = read_bag_wrists(path)
+    exchanges = told or segment(motion, thresholds).segments
+    if not exchanges:
+        raise DataError(f'{path}: no exchange is in it')
+    return RecordedSession(motion, tuple(exchanges), configuration, number)
+
+
+def session_files(folder: str | Path) -> list[Path]:
+    """
+    List the recordings that the index of a folder names.
+
+    Args:
+        folder: with `sessions.csv`.
+
+    Returns:
+        Their files, in the order of the index.
+
+    Raises:
+        DataError: there is no index, or it cannot be read.
+
+    """
+    folder = Path(folder)
+    rows = read_records(folder / SESSIONS_NAME, _WHAT)
+    return [folder / name for name in dict.fromkeys(row['file'] for _, row in rows)]
+
+
+def write_sessions(
+    sessions: Sequence[RecordedSession],
+    folder: str | Path,
+    progress: Callable[[], object] | None = None,
+) -> None:
+    """
+    Write sessions as CSV files, and their index last.
+
+    Args:
+        sessions: what to write, no two of one configuration and number.
+        folder: where to; made if need be.
+        progress: called after each session.
+
+    Raises:
+        DataError: two sessions have one name, or a file is there already; nothing is written then.
+
+    """
+    folder = Path(folder)
+    names = Counter(session.file_name for session in sessions)
+    for name, count in names.items():
+        if count > 1:
+            raise DataError(f'{folder}: more than one session would be written as {name}')
+    for name in (*names, SESSIONS_NAME):
+        if (folder / name).exists():
+            raise DataError(f'{folder / name}: exists already; a recording is never overwritten')
+    lines = [','.join((*_WHAT, *_TIMES))]
+    for session in sessions:
+        motion = session.motion
+        rows = np.column_stack([motion.times, motion.partner, motion.demonstrator]).tolist()
+        text = [','.join(HEADER), *(','.join(map(repr, row)) for row in rows)]
+        save(folder / session.file_name, '\n'.join(text) + '\n')
+        lines += [_row(session, part) for part in session.exchanges]
+        if progress:
+            progress()
+    save(folder / SESSIONS_NAME, '\n'.join(lines) + '\n')
+
+
+def _row(session: RecordedSession, part: Segment) -> str:
+    back = part.way_back_s or (None, None)
+    times = (part.start_s, part.exchange_s, part.parting_s, *back)
+    cells = ['' if time is None else repr(round(time, 6)) for time in times]
+    what = session.file_name, session.configuration, str(session.number), part.direction
+    return ','.join((*what, *cells))
+
+
+def _told(row: dict[str, str], where: str) -> Segment:
+    """Read a line of the index."""
+    if row['exchange'] not in DIRECTIONS:
+        raise DataError(f"{where}: exchange {quote(row['exchange'])} instead of 'give' or 'take'")
+    if not re.fullmatch('[0-9]{1,9}', row['trial'], re.ASCII):
+        raise DataError(f'{where}: trial {quote(row["trial"])} is not a number')
+    try:
+        start, meeting, parting, *back = (float(row[name] or 'nan') for name in _TIMES)
+    except ValueError as error:
+        raise DataError(f'{where}: a time is not a number') from error
+    # what is not known, as NaN, is in order with everything
+    in_order = start < meeting and not parting < meeting and not back[1] <= back[0]
+    if not in_order:
+        raise DataError(f'{where}: the times are not in order')
+    return Segment(
+        start,
+        meeting,
+        row['exchange'],
+        None if np.isnan(parting) else parting,
+        None if np.isnan(back).any() else (back[0], back[1]),
+    )
