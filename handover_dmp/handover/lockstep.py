@@ -37,6 +37,7 @@ from handover_dmp.robot.priority_ik import PriorityIk
 from handover_dmp.robot.tasks import WristTarget
 from handover_dmp.robot.wrist_controller import JointCommand, WristController
 from handover_dmp.simulation.arm import SimulatedArm
+from handover_dmp.simulation.carried_object import ObjectState
 from handover_dmp.tracking import GoalEstimator, HandEstimate
 from handover_dmp.tracking.playback import HandSample, Replay, TrackedHand
 from handover_dmp.tracking.tracker_preset import TrackerPreset
@@ -63,6 +64,7 @@ class Period(NamedTuple):
         estimate: of the hand, by all of them; None before the first.
         command: of the wrist.
         answer: of the inverse kinematics.
+        object_state: of the object that is handed over; None where none is simulated.
 
     """
 
@@ -75,6 +77,7 @@ class Period(NamedTuple):
     estimate: HandEstimate | None
     command: WristCommand
     answer: JointCommand
+    object_state: ObjectState | None = None
 
 
 class Handover:

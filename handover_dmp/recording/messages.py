@@ -134,6 +134,25 @@ def twist_stamped(
     }
 
 
+def wrench_stamped(
+    time_ns: int, force: Sequence[float], torque: Sequence[float], frame: str = 'world'
+) -> dict[str, Any]:
+    """
+    Return a `geometry_msgs/WrenchStamped`.
+
+    Args:
+        time_ns: stamp in nanoseconds.
+        force: (3,), N.
+        torque: (3,), Nm.
+        frame: frame that the wrench is given in.
+
+    """
+    return {
+        'header': header(time_ns, frame),
+        'wrench': {'force': _named(force, 'xyz'), 'torque': _named(torque, 'xyz')},
+    }
+
+
 def joint_state(
     time_ns: int,
     names: Sequence[str],
@@ -203,6 +222,11 @@ def float_array(values: Sequence[float], labels: Sequence[str] = ()) -> dict[str
 def string(text: str) -> dict[str, Any]:
     """Return a `std_msgs/String`."""
     return {'data': text}
+
+
+def boolean(value: bool) -> dict[str, Any]:
+    """Return a `std_msgs/Bool`."""
+    return {'data': bool(value)}
 
 
 def _named(values: Sequence[float], names: str) -> dict[str, float]:

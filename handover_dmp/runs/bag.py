@@ -27,6 +27,7 @@ from handover_dmp.handover.scenario import Scenario
 from handover_dmp.mocap.filtering import interpolate
 from handover_dmp.recording import BagWriter, Qos
 from handover_dmp.recording.messages import (
+    boolean,
     clock,
     float_array,
     joint_state,
@@ -36,6 +37,7 @@ from handover_dmp.recording.messages import (
     string,
     transforms,
     twist_stamped,
+    wrench_stamped,
 )
 from handover_dmp.robot.link_frames import LinkFrames
 from handover_dmp.robot.published_description import published_description
@@ -43,6 +45,7 @@ from handover_dmp.topics import (
     CLOCK,
     DEMONSTRATOR_POSE,
     FRAME,
+    GRIPPER_COMMAND,
     HAND_FUSED,
     HAND_POSE,
     HAND_TRUTH,
@@ -50,6 +53,8 @@ from handover_dmp.topics import (
     INFO,
     JOINT_COMMAND,
     JOINT_STATES,
+    OBJECT_HOLDER,
+    OBJECT_POSE,
     PHASE,
     POSE_COMMAND,
     ROBOT_DESCRIPTION,
@@ -60,6 +65,7 @@ from handover_dmp.topics import (
     Topic,
     TWIST_COMMAND,
     WRIST_POSE,
+    WRIST_WRENCH,
 )
 import numpy as np
 from numpy.typing import NDArray
@@ -96,7 +102,7 @@ def write_run_bag(
         _write(bag, TF_STATIC, transforms(start_ns, links.fixed), start_ns)
         next_tf_ns = start_ns
         _write(bag, INFO, string(json.dumps(info)), start_ns)
-        state = None
+        state = holder = gripper_closed = None
         rotation = periods[0].wrist_rotation
         heard = [replace(HAND_POSE, name=name) for name in topics]
         trial = scenario.trial
@@ -120,6 +126,13 @@ def write_run_bag(
             if period.command.state is not state:
                 state = period.command.state
                 _write(bag, STATE, string(state.value), period.time_ns)
+            seen = period.object_state
+            if seen is not None and seen.holder is not holder:
+                holder = seen.holder
+                _write(bag, OBJECT_HOLDER, string(holder.value), time_ns)
+            if seen is not None and seen.gripper_closed is not gripper_closed:
+                gripper_closed = seen.gripper_closed
+                _write(bag, GRIPPER_COMMAND, boolean(gripper_closed), time_ns)
 
 
 def _path(
@@ -157,6 +170,11 @@ def _messages(
     if answer.velocities is not None:
         yield JOINT_COMMAND, float_array(answer.velocities.tolist(), [str(time_ns)])
     yield IK_STATUS, _float_array(answer.status_values(time_ns / NANOSECONDS))
+    if period.object_state is not None:
+        seen = period.object_state
+        force, torque = (part.tolist() for part in seen.wrench)
+        yield WRIST_WRENCH, wrench_stamped(time_ns, force, torque)
+        yield OBJECT_POSE, pose_stamped(time_ns, seen.position.tolist(), seen.quaternion.tolist())
 
 
 def _write(bag: BagWriter, topic: Topic, message: Message, time_ns: int) -> None:

@@ -39,6 +39,7 @@ from handover_dmp.simulation.carried_object import (
     CarriedObject,
     CarriedObjectOptions,
     Holder,
+    ObjectState,
     Wrench,
 )
 from handover_dmp.simulation.partner_figure import PartnerFigure
@@ -169,6 +170,11 @@ class SimulatedArm(Closing):
     def partner_force(self) -> Array:
         """What the partner's hand does to the object, as the mean of the last `advance`, N."""
         return np.zeros(3) if self._carried is None else self._carried.partner_force
+
+    @property
+    def object_state(self) -> ObjectState | None:
+        """All that is known of the object; None where there is none."""
+        return None if self._carried is None else self._carried.state(self._wrist())
 
     @property
     def object_pose(self) -> tuple[Array, Array]:

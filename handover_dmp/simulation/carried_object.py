@@ -69,6 +69,26 @@ class Wrench(NamedTuple):
     torque: Array
 
 
+class ObjectState(NamedTuple):
+    """
+    What an object does at one moment.
+
+    Attributes:
+        position: (3,), of its middle, m.
+        quaternion: (4,), x, y, z, w.
+        holder: who has it.
+        wrench: on the wrist.
+        gripper_closed: whether the gripper has been told to close.
+
+    """
+
+    position: Array
+    quaternion: Array
+    holder: Holder
+    wrench: Wrench
+    gripper_closed: bool
+
+
 @dataclass(frozen=True)
 class CarriedObjectOptions:
     """
@@ -173,10 +193,18 @@ class CarriedObject:
             # before the first step, too, the wrist feels what it holds
             self._felt[2] = -self._weight_n
 
-    @property
-    def gripper_closed(self) -> bool:
-        """Whether the gripper has been told to close."""
-        return self._gripper_closed
+    def state(self, wrist: Array) -> ObjectState:
+        """
+        Tell all of it.
+
+        Args:
+            wrist: (3,), where it is now, m.
+
+        Returns:
+            Where the object is, who has it, and what that does to the wrist.
+
+        """
+        return ObjectState(*self.pose, self.holder, self.wrench(wrist), self._gripper_closed)
 
     @property
     def holder(self) -> Holder:

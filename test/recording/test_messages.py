@@ -15,6 +15,7 @@
 from __future__ import annotations
 
 from handover_dmp.recording.messages import (
+    boolean,
     clock,
     encoder,
     float_array,
@@ -22,6 +23,7 @@ from handover_dmp.recording.messages import (
     pose_stamped,
     string,
     twist_stamped,
+    wrench_stamped,
 )
 from handover_dmp.topics import names_of_values
 from hypothesis import given, settings
@@ -82,6 +84,10 @@ def test_float_array_names_its_values(values: list[float]) -> None:
 def test_the_others() -> None:
     twist = decode('geometry_msgs/msg/TwistStamped', twist_stamped(5, (1, 2, 3), (4, 5, 6)))
     assert (twist.twist.linear.z, twist.twist.angular.x) == (3.0, 4.0)
+    wrench = decode('geometry_msgs/msg/WrenchStamped', wrench_stamped(5, (1, 2, 3), (4, 5, 6)))
+    assert (wrench.wrench.force.z, wrench.wrench.torque.x) == (3.0, 4.0)
+    assert wrench.header.frame_id == 'world'
+    assert [decode('std_msgs/msg/Bool', boolean(value)).data for value in (1, 0)] == [True, False]
     assert decode('std_msgs/msg/String', string('Übergabe')).data == 'Übergabe'
     assert decode('rosgraph_msgs/msg/Clock', clock(1_500_000_000)).clock.nanosec == 500_000_000
     empty = decode('diagnostic_msgs/msg/DiagnosticArray', {})
