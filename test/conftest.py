@@ -18,6 +18,8 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+import shutil
+import subprocess
 from typing import Any
 
 from handover_dmp.common.threads import use_one_thread
@@ -60,6 +62,15 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
             return 'graph' if Path(file).stem in WHOLE_GRAPH else file
 
     return ByFile(config, log)
+
+
+@pytest.fixture(scope='session')
+def ros2_bag() -> str | None:
+    """Give the `ros2` command where it is on the PATH and has `ros2 bag`, else nothing."""
+    ros2 = shutil.which('ros2')
+    if ros2 is None or subprocess.run([ros2, 'bag', '--help'], capture_output=True).returncode:
+        return None
+    return ros2
 
 
 @pytest.fixture(scope='session')

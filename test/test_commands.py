@@ -243,7 +243,7 @@ def run_ros2(words: list[str], folder: Path, request: pytest.FixtureRequest) -> 
                 running.spin()
                 assert monotonic() < end_s
         case ['bag', 'play', bag, *_]:
-            play_bag(words, folder, folder / bag)
+            play_bag(words, folder, folder / bag, request.getfixturevalue('ros2_bag'))
         case ['launch' | 'security', *_]:
             if ROS2 is None:
                 pytest.skip('ros2 is not installed')
@@ -253,11 +253,11 @@ def run_ros2(words: list[str], folder: Path, request: pytest.FixtureRequest) -> 
             pytest.fail(f'ros2 {" ".join(words)}: unknown here')
 
 
-def play_bag(words: list[str], folder: Path, bag: Path) -> None:
+def play_bag(words: list[str], folder: Path, bag: Path, ros2: str | None) -> None:
     """Play a bag to its end; who listens must hear of the hand what is in the bag."""
     recorded = {place_of(message) for _, message, _ in read_bag(bag, [HAND_POSE.name])}
     own = [sys.executable, str(PLAYER), *words[2:], '--heard', HAND_POSE.name, '1']
-    command = [ROS2, *words] if ROS2 else own
+    command = [ros2, *words] if ros2 else own
     context = rclpy.Context()
     context.init(args=[], domain_id=domain_alone())
     node = rclpy.create_node('listen', context=context, use_global_arguments=False)

@@ -21,14 +21,25 @@ import re
 from time import sleep
 
 from handover_dmp.common.errors import HandoverError
+from handover_dmp.common.settings import parameters_of
 from handover_dmp.nodes.node import HandoverNode
+from handover_dmp.nodes.parameters import Parameter, Values
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.nodes.spin import told_to_end
 from handover_dmp.robot.descriptions import Description, read_description
 from handover_dmp.robot.model import BasePlacement, RobotModel
+from handover_dmp.robot.velocity_driver import ArmOptions
 from handover_dmp.topics import ROBOT_DESCRIPTION
 
 TOPIC = re.compile(r'(/[A-Za-z_]\w*)+')
+RESUMING = (
+    Parameter(
+        'resume_required', 'whether it must be told to move again after that', read_only=True
+    ),
+    Parameter(
+        'resume_within_s', 'unless commands are back within so long, s', 0.0, 60.0, read_only=True
+    ),
+)
 LOOK_S = 0.05
 SAY_EVERY = 100
 """Looks in vain after which the log says again what is waited for."""
@@ -101,6 +112,20 @@ def _awaited(node: HandoverNode, topic: str) -> Description:
     finally:
         node.destroy_subscription(subscription)
     return Description(topic, '', Path(topic), str(taken[0].data))
+
+
+def arm_options(values: Values) -> ArmOptions:
+    """
+    Say when an arm stops by itself, as the parameters of a node have it.
+
+    Args:
+        values: of `command_timeout_s` and of the parameters `RESUMING`.
+
+    Returns:
+        The options.
+
+    """
+    return ArmOptions(**parameters_of(ArmOptions, values))
 
 
 def limits_told(model: RobotModel) -> dict[str, str]:

@@ -16,13 +16,14 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from math import inf, isfinite, nan
 from pathlib import Path
 import sys
-from time import monotonic
+from time import monotonic, time_ns
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
@@ -66,7 +67,7 @@ from handover_dmp.nodes.gripper import Gripper, OF_GRIPPER
 from handover_dmp.nodes.hand_input import HandInputs, HandPose
 from handover_dmp.nodes.lockstep import Lockstep
 from handover_dmp.nodes.markers import Markers
-from handover_dmp.nodes.node import HandoverNode, MISSED_S
+from handover_dmp.nodes.node import Dated, HandoverNode, MISSED_S
 from handover_dmp.nodes.parameters import declare, on_change, Parameter, Values
 from handover_dmp.nodes.spin import run
 from handover_dmp.nodes.tracker_parameters import goal_estimator, HAND, ONE_TRACKER
@@ -98,6 +99,9 @@ WAKING_PERIODS = 10
 """The first periods after a stall, which may be late answers to questions asked during it."""
 MAX_WAKING_GAP_S = 0.05
 """In the first periods after a stall, the motion ends after a gap longer than this, s."""
+MAX_SIGNAL_AGE_S = 5.0
+"""Of a signal that is followed when it arrives; a busy machine discovers within less, s."""
+SIGNALS_REMEMBERED = 16
 OVER = (HandoverState.DONE, HandoverState.ABORTED)
 PRIMITIVE = (
     Parameter('stiffness', 'K of (8)', *RANGES['stiffness']),
@@ -248,6 +252,7 @@ class Dmp(HandoverNode):
     def __init__(self) -> None:
         """Load the model, connect the topics, wait for hand and wrist."""
         super().__init__()
+        self._made_ns = time_ns()
         path = self.values['model']
         self._learnt = learnt = read_model(Path(path)) if path else example_model()
         self.values |= declare(self, PRIMITIVE, defaults_from=asdict(learnt.parameters))
@@ -271,6 +276,8 @@ class Dmp(HandoverNode):
         self._since_stall = WAKING_PERIODS
         self._begun_s: float | None = None
         self._signal_s: float | None = None
+        # each comes twice from who latches it
+        self._signals_heard: deque[int] = deque(maxlen=SIGNALS_REMEMBERED)
         self._over_s: float | None = None
         self.ended = False
         self.exit_code = 0
@@ -334,9 +341,9 @@ class Dmp(HandoverNode):
         )
         self.subscribe(WRIST_POSE, self._on_wrist)
         self.subscribe(IK_STATUS, self._on_ik_status)
-        self.subscribe(SIGNAL, self._on_stamped_signal)
-        # what was latched before says nothing of its time: only who speaks now is heard
-        self.subscribe(replace(SIGNAL, quality=Quality.COMMAND), self._on_unstamped_signal)
+        # that of who latches it, also if it is discovered later, and that of who does not
+        self.subscribe(SIGNAL, Dated(self._on_latched_signal))
+        self.subscribe(replace(SIGNAL, quality=Quality.COMMAND), Dated(self._on_signal))
         self.serve('start', self._start)
         self.serve('abort', self._abort)
         self.serve('reset', self._reset)
@@ -379,21 +386,41 @@ class Dmp(HandoverNode):
         self._phase_rate_ns = round(time_s * NANOSECONDS)
         self._clock_of_periods.look()
 
-    def _on_unstamped_signal(self, message: Header) -> None:
-        if not self.is_stamped(message.stamp):
+    def _on_latched_signal(self, message: Header, published_ns: int) -> None:
+        age_s = (time_ns() - published_ns) / NANOSECONDS
+        # its time is that of its arrival, which is late where who gave it was discovered late
+        late = published_ns < self._made_ns or age_s > MAX_SIGNAL_AGE_S
+        if late and not self.is_stamped(message.stamp):
+            self._fault('signal from before this node was there')
+            self.get_logger().warning(
+                f'a signal that was given {age_s:.1f} s ago, before this node was there: not '
+                'followed; give it again (play the bag again), or call ~/start'
+            )
+        else:
+            self._on_signal(message, published_ns)
+
+    def _on_signal(self, message: Header, published_ns: int) -> None:
+        if published_ns in self._signals_heard:
+            return
+        self._signals_heard.append(published_ns)
+        if self.is_stamped(message.stamp):
+            self._signal_s = nanoseconds(message.stamp) / NANOSECONDS
+            if self._begun_s is not None:
+                self._take_stamped_signal(self._signal_s, self._begun_s)
+        else:
             self._take_signal(self.now_s())
 
-    def _on_stamped_signal(self, message: Header) -> None:
-        if not self.is_stamped(message.stamp):
-            return
-        self._signal_s = nanoseconds(message.stamp) / NANOSECONDS
-        if self._begun_s is None:
-            return
+    def _take_stamped_signal(self, at_s: float, begun_s: float) -> None:
         # one that was latched before this node was there may come after its first period
-        if self._signal_s >= self._begun_s:
-            self._take_signal(self._signal_s)
+        if at_s >= begun_s:
+            self._take_signal(at_s)
         else:
             self._fault('signal of an earlier time')
+            self.get_logger().warning(
+                f'a signal for {at_s:.3f} s, before this node began at {begun_s:.3f} s: not '
+                'followed; where stamps are of another clock, as in a '
+                'bag that is played, say hand_stamps:=arrival'
+            )
 
     def _take_signal(self, at_s: float) -> None:
         state, start = self._controller.state, self._controller.starts_by
@@ -522,8 +549,8 @@ class Dmp(HandoverNode):
         if last_s is None or arrival_s < last_s:
             self._begun_s = now_s
         if last_s is None:
-            if self._signal_s is not None and self._signal_s >= now_s:
-                self._controller.signal(self._signal_s)
+            if self._signal_s is not None:
+                self._take_stamped_signal(self._signal_s, now_s)
             return
         woken = self._since_stall < WAKING_PERIODS
         max_gap_s = MAX_WAKING_GAP_S if woken else MAX_STALL_S

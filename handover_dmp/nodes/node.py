@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from inspect import signature
 import sys
 from time import monotonic, time_ns
 from typing import Any, ClassVar
@@ -113,22 +114,27 @@ class HandoverNode(Node):  # type: ignore[misc]
 
         self.once_per_second.add(look)
 
-    def say_changes(self, condition: Callable[[], str]) -> None:
+    def say_changes(self, doing: Callable[[], str], fault: Callable[[], str]) -> None:
         """
-        Log a condition when it has changed, once a second at most.
+        Log what a node does when that has changed, once a second at most.
 
         Args:
-            condition: names it.
+            doing: says what, while nothing is wrong.
+            fault: says what is wrong; empty while nothing is. A warning, save before all was well
+                for the first time.
 
         """
         last: str | None = None
+        was_well = False
 
         def look() -> None:
-            nonlocal last
-            now = condition()
+            nonlocal last, was_well
+            wrong = fault()
+            now = wrong or doing()
             if now != last and self.once_per_second.stage == 'running':
-                self.say(now)
+                (self.get_logger().warning if wrong and was_well else self.say)(now)
                 last = now
+            was_well |= not wrong
 
         self.once_per_second.add(look)
 
@@ -310,6 +316,29 @@ class HandoverNode(Node):  # type: ignore[misc]
     def arrival_s(self) -> float:
         """Return the time that ages are counted in, s: never set back, unless it is simulated."""
         return self.now_s() if self.simulated else monotonic()
+
+
+class Dated:
+    """A callback of a subscription that asks when each message was published."""
+
+    # what rclpy goes by
+    __signature__ = signature(lambda _message, _info: None)
+
+    def __init__(self, callback: Callable[[Any, int], None]) -> None:
+        """
+        Take what is to be called.
+
+        Args:
+            callback: gets each message, and when it was published by the clock of who did, ns.
+
+        """
+        self._callback = callback
+
+    def __call__(self, *told: Any) -> None:
+        """Hand on a message."""
+        # the events executor hands on both as one
+        message, info = told if len(told) == 2 else told[0]
+        self._callback(message, info['source_timestamp'])
 
 
 def _keep_the_clock(requested: list[RosParameter]) -> SetParametersResult:

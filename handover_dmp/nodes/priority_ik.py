@@ -63,10 +63,13 @@ from handover_dmp.topics import (
     WRIST_POSE,
 )
 import numpy as np
+from rclpy.duration import Duration
 from sensor_msgs.msg import JointState
 
 MAX_STEP = 4.0
 """Longest time that one step may cover, in periods."""
+MAX_DELIVERY_S = 1.0
+"""Longest wait, at the end, for the driver to have the last command, s."""
 OVERDUE = 1.5
 """Periods without a step after which the watchdog makes one."""
 TIMEOUTS = (
@@ -165,7 +168,7 @@ class PriorityIkNode(HandoverNode):
             self.every(self._period_s, self._watch)
         Diagnostics(self, self._periods, self._condition)
         self.warn_when_in_vain(self._missing)
-        self.say_changes(lambda: self._fault or f'follows {self.named(POSE_COMMAND)}')
+        self.say_changes(lambda: f'follows {self.named(POSE_COMMAND)}', lambda: self._fault)
         self.say(
             f'moves {self._model.wrist_frame} of {self._model.name} in frame {self.frame}: hears '
             f'{self.named(JOINT_STATES)}, {self.named(POSE_COMMAND)} and {self._hands.named}'
@@ -377,6 +380,8 @@ class PriorityIkNode(HandoverNode):
         while not self.lockstep:
             command = self._controller.stop('told to end', self._period_s)
             if command.velocities is None:
+                # what is not yet with the driver would be lost with this node
+                self._joint_command.wait_for_all_acked(Duration(seconds=MAX_DELIVERY_S))
                 return
             self._joint_command.publish(to_joint_command(self.now_ns(), command.velocities))
             sleep(self._period_s)

@@ -23,7 +23,7 @@ import sys
 from time import monotonic, sleep
 
 from handover_dmp.common.errors import UsageError
-from handover_dmp.nodes.arm import limits_told, load_arm
+from handover_dmp.nodes.arm import arm_options, limits_told, load_arm, RESUMING
 from handover_dmp.nodes.conversions import NANOSECONDS, period_of, stamp
 from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.lockstep import ASK_AGAIN_S, HEAD_START_S, Pace
@@ -34,7 +34,7 @@ from handover_dmp.nodes.spin import run
 from handover_dmp.nodes.transforms import TransformPublisher
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.published_description import published_description
-from handover_dmp.robot.velocity_driver import ArmOptions, ArmState
+from handover_dmp.robot.velocity_driver import ArmState
 from handover_dmp.simulation.arm import SimulatedArm
 from handover_dmp.topics import CLOCK, JOINT_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
 from rosgraph_msgs.msg import Clock
@@ -74,9 +74,7 @@ class RobotSim(HandoverNode):
             'command_timeout_s', 'the arm brakes without a command for so long, s', 0.001, 10.0,
             read_only=True,
         ),
-        Parameter(
-            'resume_required', 'whether it must be told to move again after that', read_only=True
-        ),
+        *RESUMING,
         Parameter('paused', 'whether time stands still at the start', read_only=True),
         *OBJECT,
     )  # fmt: skip
@@ -90,7 +88,7 @@ class RobotSim(HandoverNode):
         self.values |= declare(self, POSTURE, defaults_from=home)
         self._arm = SimulatedArm(
             model,
-            options=ArmOptions(self.values['command_timeout_s'], self.values['resume_required']),
+            options=arm_options(self.values),
             carried=carried_object(self.values),
         )
         self._start: Sequence[float] = self.values['initial_positions']
@@ -106,6 +104,7 @@ class RobotSim(HandoverNode):
         self._answers = 0
         self._lost = False
         self._commanded_s = -inf
+        self._timeouts_told = 0
         self._paused: bool = self.values['paused']
         self._connect(model)
         if self.lockstep:
@@ -115,7 +114,8 @@ class RobotSim(HandoverNode):
             self.every(self._period_s, self._step_by_the_clock)
         Diagnostics(self, self._periods, self._condition)
         self.warn_when_in_vain(self._missing)
-        self.say_changes(self._doing)
+        self.say_changes(self._doing, self._stopped)
+        self.once_per_second.add(self._warn_of_silence)
         self.say(f'simulates {model.name}: hears {self.named(JOINT_COMMAND)}')
 
     def _missing(self) -> str:
@@ -126,11 +126,23 @@ class RobotSim(HandoverNode):
     def _doing(self) -> str:
         if self._paused:
             return 'time stands still until ~/pause is called with false'
+        return 'follows commands'
+
+    def _stopped(self) -> str:
         report = self._arm.report
-        if report.state is ArmState.READY:
-            return 'follows commands'
-        again = 'moves again after ~/resume' if self.values['resume_required'] else ''
-        return '; '.join(filter(None, (f'stopped: {report.last_fault}', again)))
+        if report.state is not ArmState.STOPPED:
+            return ''
+        return f'{report.reason}; moves again after ~/resume'
+
+    def _warn_of_silence(self) -> None:
+        report = self._arm.report
+        times = report.timeouts - self._timeouts_told
+        self._timeouts_told = report.timeouts
+        if times > 0 and report.state is not ArmState.STOPPED:
+            self.get_logger().warning(
+                f'no command for {self.values["command_timeout_s"]:g} s ({times} times): braked, '
+                'goes on when commands are back. Is this machine too busy?'
+            )
 
     def _connect(self, model: RobotModel) -> None:
         # on the wall clock nobody needs it, and `ros2 bag play --clock` publishes its own
@@ -258,7 +270,6 @@ class RobotSim(HandoverNode):
 
     def _condition(self) -> tuple[str, dict[str, str]]:
         report = self._arm.report
-        fault = '' if report.state is ArmState.READY else f'stopped: {report.last_fault}'
         values = {key: str(value) for key, value in asdict(report).items()}
         values |= limits_told(self._arm.model)
         if self._arm.carries:
@@ -269,7 +280,7 @@ class RobotSim(HandoverNode):
                 'simulated (s)': f'{self._tick_ns / NANOSECONDS:.3f}',
                 'slept for real_time_factor (s)': f'{self._slept_s:.3f}',
             }
-        return fault, values
+        return report.reason, values
 
 
 def _check_factor(values: Values) -> None:

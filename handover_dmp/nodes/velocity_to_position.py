@@ -21,14 +21,14 @@ import sys
 from time import sleep
 
 from handover_dmp.common.errors import UsageError
-from handover_dmp.nodes.arm import limits_told, load_arm
+from handover_dmp.nodes.arm import arm_options, limits_told, load_arm, RESUMING
 from handover_dmp.nodes.conversions import to_joint_command
 from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import ARM, DRIVER, Parameter
 from handover_dmp.nodes.spin import run
 from handover_dmp.robot.position_commander import PositionCommander, PositionCommanderOptions
-from handover_dmp.robot.velocity_driver import ArmOptions, CommandOutcome
+from handover_dmp.robot.velocity_driver import CommandOutcome
 from handover_dmp.topics import JOINT_COMMAND, JOINT_POSITIONS, JOINT_STATES
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
@@ -49,9 +49,7 @@ class VelocityToPosition(HandoverNode):
             'command_timeout_s', 'the arm brakes without a command for so long, s', 0.005, 10.0,
             read_only=True,
         ),
-        Parameter(
-            'resume_required', 'whether it must be told to move again after that', read_only=True
-        ),
+        *RESUMING,
         Parameter(
             'joint_state_timeout_s', 'older: the arm brakes, s', 0.005, 10.0, read_only=True
         ),
@@ -71,7 +69,7 @@ class VelocityToPosition(HandoverNode):
         self._limits_told = limits_told(model)
         self._commander = PositionCommander(
             model,
-            ArmOptions(values['command_timeout_s'], values['resume_required']),
+            arm_options(values),
             PositionCommanderOptions(values['joint_state_timeout_s'], values['lead_limit_rad']),
             joint_prefix=values['joint_prefix'],
         )
@@ -86,7 +84,7 @@ class VelocityToPosition(HandoverNode):
         self.serve('resume', self._resume)
         self.every(self._period_s, self._answer)
         Diagnostics(self, self._periods, self._condition)
-        self.say_changes(lambda: self._fault or 'follows commands')
+        self.say_changes(lambda: 'follows commands', lambda: self._fault)
         self.say(
             f'turns velocities into positions of {model.name}: hears {self.named(JOINT_COMMAND)} '
             f'and {self.named(JOINT_STATES)}'

@@ -27,7 +27,7 @@ from math import ceil
 from typing import NamedTuple
 
 from handover_dmp.common.arrays import Array
-from handover_dmp.common.settings import setting
+from handover_dmp.common.settings import defaults, parameters_of, setting
 from handover_dmp.robot.joint_states import JointStateReader
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.velocity_driver import (
@@ -99,7 +99,8 @@ class PositionCommander:
         self.model = model
         self.options = options or PositionCommanderOptions()
         self.joint_states = JointStateReader(model.joint_names, joint_prefix)
-        self._driver = VelocityDriver(model, arm_options)
+        usual = parameters_of(ArmOptions, defaults('velocity_to_position'))
+        self._driver = VelocityDriver(model, arm_options or ArmOptions(**usual))
         self._measured: Array | None = None
         self._joint_fault = 'no joint states yet'
         self._joint_arrival_s = float('-inf')
@@ -185,7 +186,7 @@ class PositionCommander:
         """
         fault = self._fault(now_s)
         if not self._engaged:
-            return PositionCommand(None, fault or self._stopped() or 'no joint command')
+            return PositionCommand(None, fault or self.report.reason or 'no joint command')
         self._driver.watch(now_s)
         if fault and self._driver.moving:
             self._driver.halt(fault)
@@ -196,7 +197,7 @@ class PositionCommander:
         # a position controller keeps its last command; whoever moves the arm meanwhile is left in
         # peace, and the next motion begins where the arm is then
         self._engaged = not at_rest or self._driver.deadline_s < float('inf')
-        return PositionCommand(self._driver.reference, fault or self._stopped())
+        return PositionCommand(self._driver.reference, fault or self.report.reason)
 
     def _go_on(self, dt: float) -> None:
         """Integrate in steps so short, and look at the end stops so often, as their bounds ask."""
@@ -218,7 +219,3 @@ class PositionCommander:
         if ahead[worst] <= self.options.lead_limit_rad:
             return ''
         return f'{self.model.joint_names[worst]} does not follow: {ahead[worst]:.3f} rad behind'
-
-    def _stopped(self) -> str:
-        report = self._driver.report
-        return '' if report.state is ArmState.READY else f'stopped: {report.last_fault}'

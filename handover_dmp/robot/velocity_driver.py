@@ -47,11 +47,14 @@ class ArmOptions:
     Attributes:
         command_timeout_s: simulated time without a good command after which it brakes, s.
         resume_required: whether it then stays stopped, if it was in motion, until `resume`.
+        resume_within_s: silence, s, up to which it goes on all the same when commands are back, as
+            after a moment in which the machine had no time for who sends them.
 
     """
 
     command_timeout_s: float = setting('robot_sim', 'command_timeout_s')
     resume_required: bool = setting('robot_sim', 'resume_required')
+    resume_within_s: float = setting('robot_sim', 'resume_within_s')
 
 
 class CommandOutcome(str, Enum):
@@ -64,9 +67,15 @@ class CommandOutcome(str, Enum):
 
 
 class ArmState(str, Enum):
-    """Whether the arm obeys commands, or waits, at rest or braking, until it is told to resume."""
+    """
+    Whether the arm obeys commands.
+
+    It obeys when it is ready; it waits, braking or at rest, for commands that stay away; it is
+    stopped, braking or at rest, until it is told to resume.
+    """
 
     READY = 'ready'
+    WAITING = 'waiting'
     STOPPED = 'stopped'
 
 
@@ -93,6 +102,11 @@ class ArmReport:
     ignored: int
     timeouts: int
     last_fault: str
+
+    @property
+    def reason(self) -> str:
+        """Say why it does not obey; empty while it does."""
+        return '' if self.state is ArmState.READY else f'{self.state.value}: {self.last_fault}'
 
 
 class VelocityDriver:
@@ -205,6 +219,7 @@ class VelocityDriver:
             return self._refuse('a command with numbers that are not finite')
         if self._state is ArmState.STOPPED:
             return CommandOutcome.IGNORED
+        self._state = ArmState.READY
         self._deadline_s = time_s + self.options.command_timeout_s
         if share[worst] <= 1.0 + 1e-9:
             self._target = wanted
@@ -230,9 +245,8 @@ class VelocityDriver:
 
         """
         self._state = ArmState.STOPPED
-        self._target = np.zeros(self.model.dof)
         self._deadline_s = inf
-        self._last_fault = fault
+        self._brake(fault)
 
     def resume(self) -> None:
         """Obey commands again, from the next one on."""
@@ -250,7 +264,7 @@ class VelocityDriver:
 
     def watch(self, time_s: float) -> None:
         """
-        Brake if commands have stayed away for too long.
+        Brake if commands have stayed away for too long; after still longer, wait to be told.
 
         Args:
             time_s: now, s.
@@ -258,10 +272,22 @@ class VelocityDriver:
         """
         if time_s < self._deadline_s - 1e-9:
             return
+        options = self.options
+        if self._state is ArmState.WAITING:
+            self.stop(f'no command for {options.resume_within_s:.3f} s')
+            return
+        patience_s = options.resume_within_s - options.command_timeout_s
         self._deadline_s = inf
-        if self.moving:
-            self._timeouts += 1
-            self.halt(f'no command for {self.options.command_timeout_s:.3f} s')
+        if not self.moving:
+            return
+        self._timeouts += 1
+        fault = f'no command for {options.command_timeout_s:.3f} s'
+        if options.resume_required and patience_s > 0.0:
+            self._state = ArmState.WAITING
+            self._brake(fault)
+            self._deadline_s = time_s + patience_s
+        else:
+            self.halt(fault)
 
     def halt(self, fault: str) -> None:
         """
@@ -274,8 +300,11 @@ class VelocityDriver:
         if self.options.resume_required:
             self.stop(fault)
         else:
-            self._target = np.zeros(self.model.dof)
-            self._last_fault = fault
+            self._brake(fault)
+
+    def _brake(self, fault: str) -> None:
+        self._target = np.zeros(self.model.dof)
+        self._last_fault = fault
 
     def steps(self, dt: float, count: int) -> list[list[float]]:
         """

@@ -429,7 +429,7 @@ class TestWholeGraph:
             bench.signal('priority_ik', signal.SIGSTOP)
         bench.neighbour.set_parameter('robot_sim', 'patience_s', 0.05)
         bench.wait_sim(0.7)
-        said = bench.neighbour.diagnosis('robot_sim', 'stopped: no command for 0.050 s')
+        said = bench.neighbour.diagnosis('robot_sim', 'stopped: no command for 0.500 s')
         assert "key='timeouts', value='1'" in str(said)
         bench.neighbour.set_parameter('robot_sim', 'patience_s', 20.0)
         if how == 'killed':

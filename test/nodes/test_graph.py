@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
-import shutil
 import signal
 import subprocess
 import sys
@@ -57,7 +56,6 @@ from rclpy.parameter_client import AsyncParameterClient
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(400)]
 
 MAX_S = 20.0
-ROS2 = shutil.which('ros2')
 PLAYER = Path(__file__).with_name('play_bag.py')
 STALL_S = 4.0
 AT_REST = 1e-3
@@ -369,7 +367,9 @@ def test_nodes_that_still_start_are_ended_without_a_kill(tmp_path: Path, ignored
     assert all((tmp_path / 'logs' / f'{name}.log').read_text() == '' for name in NODES)
 
 
-def hand_over(graph: Graph, recorded: Path, bag: Path | None = None) -> None:
+def hand_over(
+    graph: Graph, recorded: Path, bag: Path | None = None, ros2: str | None = None
+) -> None:
     """
     Hand over on the wall clock, to the hand of `hand_tracker` or to that of a bag that is played.
 
@@ -389,7 +389,7 @@ def hand_over(graph: Graph, recorded: Path, bag: Path | None = None) -> None:
             graph.call('/hand_tracker/replay')
             graph.wait_for_state(('done', 'aborted'), 8.0, lambda: None)
         else:
-            with subprocess.Popen(play(graph, bag)) as player:
+            with subprocess.Popen(play(graph, bag, ros2)) as player:
                 graph.wait_for_state(('done', 'aborted'), 30.0, lambda: None)
                 player.kill()
         if graph.state == 'done':
@@ -398,10 +398,10 @@ def hand_over(graph: Graph, recorded: Path, bag: Path | None = None) -> None:
     pytest.fail('never handed over')
 
 
-def play(graph: Graph, bag: Path) -> list[str]:
+def play(graph: Graph, bag: Path, ros2: str | None) -> list[str]:
     """Return the command that plays a bag once all who listen can hear it."""
-    if ROS2:  # which can only wait for a while
-        return [ROS2, 'bag', 'play', str(bag), '--delay', '2']
+    if ros2:  # which can only wait for a while
+        return [ros2, 'bag', 'play', str(bag), '--delay', '2']
     command = [sys.executable, str(PLAYER), str(bag)]
     for topic in (HAND_POSE.name, SIGNAL.name):
         command += ['--heard', topic, str(graph.node.count_subscribers(topic))]
@@ -577,7 +577,9 @@ def farthest(way: np.ndarray, other: np.ndarray) -> float:
     return float(apart.min(axis=1).max())
 
 
-def way_towards(source: str, trial_bag: Path, folder: Path, prepare: Any) -> np.ndarray:
+def way_towards(
+    source: str, trial_bag: Path, folder: Path, prepare: Any, ros2: str | None
+) -> np.ndarray:
     """Hand over to the hand of a bag, as a player or `hand_tracker` shows it."""
     stamps = {'hand_stamps': 'arrival' if source == 'player' else 'header'}
     run, parameters = prepare(
@@ -589,12 +591,12 @@ def way_towards(source: str, trial_bag: Path, folder: Path, prepare: Any) -> np.
     )
     nodes = tuple(node for node in NODES if (node, source) != ('hand_tracker', 'player'))
     with Graph(run, parameters, lockstep=False, nodes=nodes) as graph:
-        hand_over(graph, folder, trial_bag if source == 'player' else None)
+        hand_over(graph, folder, trial_bag if source == 'player' else None, ros2)
     return last_way(folder)
 
 
 def test_a_bag_that_is_played_moves_the_arm_as_the_tracker_does(
-    prepare: Any, trial_bag: Path
+    prepare: Any, trial_bag: Path, ros2_bag: str | None
 ) -> None:
     """
     As by `ros2 bag play`: stamps of long ago, no `hand_tracker`, on the wall clock.
@@ -605,7 +607,9 @@ def test_a_bag_that_is_played_moves_the_arm_as_the_tracker_does(
     ends, ways = [], []
     for attempt in range(3):
         played, tracked = (
-            way_towards(source, trial_bag, trial_bag.parent / f'{source}_{attempt}', prepare)
+            way_towards(
+                source, trial_bag, trial_bag.parent / f'{source}_{attempt}', prepare, ros2_bag
+            )
             for source in ('player', 'hand_tracker')
         )
         assert np.linalg.norm(tracked[-1] - tracked[0]) > 0.3

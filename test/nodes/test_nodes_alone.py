@@ -25,20 +25,30 @@ import sys
 import time
 from typing import Any
 
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
 from handover_dmp.nodes.conversions import pose_message, quaternion_of
 from handover_dmp.nodes.graph import isolate, NODES
 from handover_dmp.nodes.priority_ik import MAX_STEP
+from handover_dmp.nodes.qos import qos_profile
 from handover_dmp.nodes.shutdown import MAX_WAIT_S, shut_down, turn_file
 from handover_dmp.robot.model import RobotModel
-from handover_dmp.topics import JOINT_COMMAND, JOINT_STATES, POSE_COMMAND
+from handover_dmp.topics import (
+    HAND_POSE,
+    JOINT_COMMAND,
+    JOINT_STATES,
+    POSE_COMMAND,
+    SIGNAL,
+    STATE,
+    WRIST_POSE,
+)
 import numpy as np
 from numpy.typing import NDArray
 import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, Header, String
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 
@@ -98,6 +108,73 @@ def test_starts_alone_and_ends_cleanly(node: str, number: signal.Signals, tmp_pa
     assert process.returncode == 0, said
     assert 'Traceback' not in said[1]
     assert 'leaked' not in said[1]
+
+
+class Partner:
+    """Somebody whom `dmp` has not discovered yet; latches one signal at once."""
+
+    def __init__(self, stamp_s: int = 0) -> None:
+        self._context = rclpy.Context()
+        self._context.init(args=[], domain_id=int(os.environ['ROS_DOMAIN_ID']))
+        self._node = rclpy.create_node(
+            f'partner_{stamp_s}', context=self._context, use_global_arguments=False
+        )
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        signals = self._node.create_publisher(Header, SIGNAL.name, qos_profile(SIGNAL.quality))
+        signals.publish(Header(stamp=Time(sec=stamp_s), frame_id='world'))
+        self._poses = [
+            self._node.create_publisher(PoseStamped, topic.name, qos_profile(topic.quality))
+            for topic in (WRIST_POSE, HAND_POSE)
+        ]
+        self._state = ''
+        self._node.create_subscription(String, STATE.name, self._hear, qos_profile(STATE.quality))
+
+    def _hear(self, message: String) -> None:
+        self._state = message.data
+
+    def waits_for(self, *wanted: str, timeout_s: float) -> str:
+        """Show wrist and hand until a state is reached or the time is over; return the state."""
+        end_s = time.monotonic() + timeout_s
+        while self._state not in wanted and time.monotonic() < end_s:
+            pose = pose_message(Time(), (0.5, 0.0, 0.5), (0.0, 0.0, 0.0, 1.0), frame='world')
+            for publisher in self._poses:
+                publisher.publish(pose)
+            self._executor.spin_once(timeout_sec=0.02)
+        return self._state
+
+    def close(self) -> None:
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+
+def test_a_signal_is_followed_however_late_its_sender_is_discovered(tmp_path: Path) -> None:
+    """A latched one without a time; one from before the node was there is told of."""
+    isolate()
+    early = Partner()
+    time.sleep(0.5)
+    process = start('dmp', tmp_path, '-p', 'hand_stamps:=arrival')
+    assert early.waits_for('idle', timeout_s=60.0) == 'idle'
+    assert early.waits_for('reaching', timeout_s=1.5) == 'idle'
+    late = Partner(stamp_s=3)
+    assert late.waits_for('reaching', timeout_s=20.0) == 'reaching'
+    process.send_signal(signal.SIGINT)
+    said = process.communicate(timeout=30)[1]
+    assert 'before this node was there: not followed; give it again' in said
+    assert said.count('reaching') == 1
+    for partner in (early, late):
+        partner.close()
+
+
+def test_a_signal_of_another_clock_is_told_of(tmp_path: Path) -> None:
+    process = start('dmp', tmp_path)
+    assert is_up('dmp'), process.communicate()
+    partner = Partner(stamp_s=3)
+    assert partner.waits_for('reaching', timeout_s=1.5) == 'idle'
+    process.send_signal(signal.SIGINT)
+    assert 'say hand_stamps:=arrival' in process.communicate(timeout=30)[1]
+    partner.close()
 
 
 def test_leaves_when_its_turn_comes_and_not_before(tmp_path: Path) -> None:

@@ -56,7 +56,7 @@ class Follower:
 
 @pytest.fixture
 def arm():
-    return Follower(PositionCommander(ARM, ArmOptions(0.05, resume_required=True)))
+    return Follower(PositionCommander(ARM))
 
 
 def test_nothing_is_commanded_before_states_and_a_command_have_come(arm):

@@ -199,14 +199,15 @@ def test_what_no_command_could_come_in_does_not_count_as_silence(arm):
         assert arm.report.state is ArmState.READY
     for _ in range(8):
         arm.advance(0.025, 0.025 - PERIOD_S)
-    assert arm.report.state is ArmState.STOPPED
+    assert arm.report.state is ArmState.WAITING
 
 
 def test_after_lost_commands_moves_only_when_told_to_resume(arm):
     drive(arm, [0.3] * 7, 0.3)
     arm.advance(1.0)
     assert arm.report.state is ArmState.STOPPED
-    assert arm.report.last_fault == 'no command for 0.050 s'
+    assert arm.report.last_fault == 'no command for 0.500 s'
+    assert arm.report.timeouts == 1
     still = arm.joint_positions
     assert arm.command([0.3] * 7) is CommandOutcome.IGNORED
     drive(arm, [0.3] * 7, 0.5)
@@ -220,6 +221,32 @@ def test_after_lost_commands_moves_only_when_told_to_resume(arm):
         arm.command([0.3] * 7)
         watch.advance(PERIOD_S)
     assert arm.joint_velocities == pytest.approx([0.3] * 7, abs=1e-4)
+
+
+def test_a_short_silence_brakes_and_goes_on_with_the_commands(arm):
+    watch = Watch(arm)
+    for silence_s in (0.2, 0.44):
+        for _ in range(60):
+            arm.command([0.3] * 7)
+            watch.advance(PERIOD_S)
+        assert arm.report.state is ArmState.READY
+        assert arm.joint_velocities == pytest.approx([0.3] * 7, abs=1e-4)
+        watch.advance(silence_s)
+        assert arm.report.state is ArmState.WAITING
+        assert arm.report.last_fault == 'no command for 0.050 s'
+        assert np.abs(arm.joint_velocities).max() < 0.05
+    assert arm.report.timeouts == 2
+    assert arm.report.ignored == 0
+    watch.advance(0.1)
+    assert arm.report.state is ArmState.STOPPED
+
+
+def test_where_no_silence_is_short_the_first_one_stops():
+    with SimulatedArm(MODEL, options=ArmOptions(resume_within_s=0.0)) as arm:
+        drive(arm, [0.3] * 7, 0.3)
+        arm.advance(0.06)
+        assert arm.report.state is ArmState.STOPPED
+        assert arm.command([0.3] * 7) is CommandOutcome.IGNORED
 
 
 def test_without_that_rule_motion_resumes_with_the_commands():
