@@ -142,6 +142,7 @@ def run(options: argparse.Namespace) -> int:
         'duration_s': model.duration_s,
         'regression': options.regression,
         'basis_functions': model.basis.size,
+        'orientation': model.turn is not None,
         'used_basis_functions': np.count_nonzero(model.weights, axis=0).tolist(),
         'reproduction_error_mm': [
             1e3 * reproduction_error(model, trial, options.low_pass) for trial in trials
@@ -156,7 +157,8 @@ def run(options: argparse.Namespace) -> int:
     Console(highlight=False).print(
         f'{options.output}: {model.source}; τ = {model.duration_s:.3f} s, {used} of '
         f'{model.basis.size} basis functions, at most {worst:.2f} mm off '
-        f'{"the demonstration" if len(trials) == 1 else "a demonstration"}',
+        f'{"the demonstration" if len(trials) == 1 else "a demonstration"}'
+        f'{"" if model.turn is None else "; with orientation"}',
         soft_wrap=True,
         markup=False,
     )

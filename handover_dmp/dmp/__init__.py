@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from handover_dmp.dmp.decoupled import DecoupledDmp
     from handover_dmp.dmp.learning import learn, learn_jointly, learn_mean, relearn
     from handover_dmp.dmp.model_file import load_model, save_model
+    from handover_dmp.dmp.orientation import LearntTurn, OrientationPrimitive
     from handover_dmp.dmp.parameters import DmpParameters
     from handover_dmp.dmp.posterior import WeightPosterior
     from handover_dmp.dmp.state import DmpState, Rollout
@@ -40,6 +41,8 @@ _HOMES = {
     'DecoupledDmp': 'decoupled',
     'DmpParameters': 'parameters',
     'DmpState': 'state',
+    'LearntTurn': 'orientation',
+    'OrientationPrimitive': 'orientation',
     'Rollout': 'state',
     'WeightPosterior': 'posterior',
     'learn': 'learning',
@@ -56,6 +59,8 @@ __all__ = [
     'DecoupledDmp',
     'DmpParameters',
     'DmpState',
+    'LearntTurn',
+    'OrientationPrimitive',
     'Rollout',
     'WeightPosterior',
     'learn',

@@ -18,10 +18,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import erf, sqrt
+from math import erf, exp, log, sqrt
 
+from handover_dmp.common.arrays import Vector
 from handover_dmp.dmp.fast_step import fast_step, FastStep
 from handover_dmp.dmp.primitive import Primitive
+from handover_dmp.dmp.state import DmpState
 import numpy as np
 from numpy.typing import NDArray
 
@@ -68,6 +70,42 @@ class DecoupledDmp(Primitive):
 
         """
         return 0.5 + 0.5 * erf((u - self.parameters.mu) / (self.parameters.sigma * sqrt(2.0)))
+
+    def step_as_late(
+        self,
+        state: DmpState,
+        goal: Vector,
+        goal_velocity: Vector,
+        dt: float,
+        phase_rate: float,
+        later: float,
+    ) -> DmpState:
+        """
+        Make a step of (8) with the goal weight of a later time and the present shape.
+
+        The primitive is asked as if it were as late, with its start moved by what the shape would
+        have gone on until then: right for any length of the step.
+
+        Args:
+            state: where it stands.
+            goal: g, m.
+            goal_velocity: ġ, m/s.
+            dt: length of the step, s.
+            phase_rate: how fast the phase runs.
+            later: when the goal weight is what it shall be, −ln(s)/α.
+
+        Returns:
+            The state at the end of the step.
+
+        """
+        alpha = self.parameters.alpha
+        half = 0.5 * phase_rate * dt / self.duration_s
+        now, then = self.shape(-log(state.phase) / alpha + half), self.shape(later + half)
+        moved = tuple(x0 + (n - t) for x0, n, t in zip(state.start, now, then, strict=True))
+        asked = state._replace(phase=exp(-alpha * later), start=moved)
+        after = self.step(asked, goal, goal_velocity, dt, phase_rate)
+        phase = state.phase * exp(-2.0 * alpha * half)
+        return after._replace(phase=phase, start=state.start)
 
     @property
     def _settled(self) -> float:

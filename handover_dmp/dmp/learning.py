@@ -25,6 +25,7 @@ from handover_dmp.common.errors import DataError, UsageError
 from handover_dmp.dmp.basis import equally_spaced
 from handover_dmp.dmp.decoupled import DecoupledDmp
 from handover_dmp.dmp.demonstration import demonstrate, Demonstration, mean_motion
+from handover_dmp.dmp.orientation import LearntTurn, OrientationPrimitive
 from handover_dmp.dmp.parameters import DmpParameters
 from handover_dmp.dmp.posterior import WeightPosterior
 from handover_dmp.dmp.primitive import Primitive
@@ -168,7 +169,11 @@ def relearn(model: AnyPrimitive, **changes: Any) -> AnyPrimitive:
         source=model.source,
         primitive=type(model),
     )
-    return learnt.with_goal_offset(model.goal_offset).with_partner_path(model.partner_path)
+    known = learnt.with_goal_offset(model.goal_offset).with_partner_path(model.partner_path)
+    if model.turn is None or not isinstance(model, DecoupledDmp):
+        return known
+    turning = relearn(OrientationPrimitive(model).turning, **changes)
+    return known.with_turn(LearntTurn.of(turning, model.turn.start))
 
 
 def learn_jointly(

@@ -28,6 +28,7 @@ from handover_dmp.common.files import write_text
 from handover_dmp.dmp.basis import Basis
 from handover_dmp.dmp.classical import ClassicalDmp
 from handover_dmp.dmp.decoupled import DecoupledDmp
+from handover_dmp.dmp.orientation import LearntTurn
 from handover_dmp.dmp.parameters import DmpParameters
 from handover_dmp.dmp.posterior import WeightPosterior
 from handover_dmp.dmp.primitive import Primitive
@@ -44,6 +45,7 @@ UNITS = {
     'goal_offset': 'm',
     'start_velocity': 'm/s',
     'partner_path': 'm',
+    'turn': 'rad; start: quaternion x, y, z, w; start_velocity: rad/s',
     'weights': 'm',
     'covariance': 'm^2',
     'goal_velocity_gain': 's; negative: damping times duration',
@@ -94,6 +96,9 @@ def _describe(model: Primitive) -> dict[str, Any]:
         ],
         'partner_path': None if model.partner_path is None else model.partner_path.tolist(),
         'way_back': None if model.way_back is None else _describe(model.way_back),
+        'turn': None
+        if model.turn is None
+        else {each.name: getattr(model.turn, each.name).tolist() for each in fields(model.turn)},
     }
 
 
@@ -173,8 +178,8 @@ def _from_version_2(document: dict[str, Any]) -> dict[str, Any]:
 
 
 def _from_version_3(document: dict[str, Any]) -> dict[str, Any]:
-    """Version 3 knew nothing of the way back."""
-    return {**document, 'version': 4, 'way_back': None}
+    """Version 3 knew neither the way back nor how the wrist turns."""
+    return {**document, 'version': 4, 'way_back': None, 'turn': None}
 
 
 MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {
@@ -212,6 +217,7 @@ def _build(document: dict[str, Any]) -> Primitive:
         source=_member(document, 'source', str)[:10_000],
         partner_path=_partner_path(document, start.size),
         way_back=_way_back(document),
+        turn=_turn(document, centres.size),
     )
 
 
@@ -260,6 +266,18 @@ def _way_back(document: dict[str, Any]) -> Primitive | None:
     if way_back.get('way_back') is not None:
         raise DataError('the way back has a way back')
     return _build(way_back)
+
+
+def _turn(document: dict[str, Any], size: int) -> LearntTurn | None:
+    if 'turn' in document and document['turn'] is None:
+        return None
+    turn = _member(document, 'turn', dict)
+    return LearntTurn(
+        _array(turn, 'start', (4,)),
+        _array(turn, 'goal', (3,)),
+        _array(turn, 'weights', (size, 3)),
+        _array(turn, 'start_velocity', (3,)),
+    )
 
 
 def _member(document: dict[str, Any], name: str, kind: type) -> Any:

@@ -28,7 +28,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from math import ceil, inf, log, nan
-from typing import Any, TypeVar
+from typing import Any, TYPE_CHECKING, TypeVar
 
 from handover_dmp.common.arrays import Array, Vector
 from handover_dmp.common.errors import DataError
@@ -42,6 +42,9 @@ from handover_dmp.dmp.state import DmpState, Rollout, SMALLEST_PHASE
 from handover_dmp.dmp.transition import GAUSS_A, GAUSS_B, in_seconds, steady, varying
 import numpy as np
 from numpy.typing import ArrayLike
+
+if TYPE_CHECKING:
+    from handover_dmp.dmp.orientation import LearntTurn
 
 Self = TypeVar('Self', bound='Primitive')
 
@@ -80,6 +83,7 @@ class Primitive(ABC):
             duration, m, (n, d), evenly spaced in time; None where nothing is known of it.
         way_back: the movement from the exchange to rest, as learnt; its goal is where it rested.
             None where the demonstrations have none.
+        turn: how the wrist turns on the way; None where the demonstrations do not tell.
 
     Raises:
         DataError: shapes that do not fit each other, or numbers that are not finite.
@@ -98,6 +102,7 @@ class Primitive(ABC):
     source: str = ''
     partner_path: Array | None = None
     way_back: Primitive | None = None
+    turn: LearntTurn | None = None
     # length of the last step, s; fastest phase at which it is not divided; what makes it; in τ
     _prepared: tuple[float, float, FastStep | None, float] = field(init=False, repr=False)
 
@@ -134,6 +139,8 @@ class Primitive(ABC):
                 raise DataError('the way back has other dimensions than the way there')
             if self.way_back.way_back is not None:
                 raise DataError('the way back has a way back')
+        if self.turn is not None and len(self.turn.weights) != self.basis.size:
+            raise DataError(f'turn has {len(self.turn.weights)} weights, not {self.basis.size}')
         object.__setattr__(self, '_prepared', (nan, nan, None, nan))
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -205,6 +212,19 @@ class Primitive(ABC):
 
         """
         return replace(self, way_back=way_back)
+
+    def with_turn(self: Self, turn: LearntTurn | None) -> Self:
+        """
+        Set how the wrist turns on the way.
+
+        Args:
+            turn: on the basis of this movement; None: not known.
+
+        Returns:
+            The same movement with this turn.
+
+        """
+        return replace(self, turn=turn)
 
     def with_weights(
         self: Self, weights: ArrayLike, covariance: tuple[WeightPosterior, ...] | None = None

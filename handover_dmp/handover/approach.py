@@ -151,8 +151,7 @@ def step_towards(
     Make a step of (8), with the goal's weight by time or by place.
 
     Where it is by place, the primitive is asked as if it were as late as (7) needs for that
-    weight, with its start moved by what the shape would have gone on until then: a step of (8)
-    with the later weight and the present shape, right for any length.
+    weight, see `DecoupledDmp.step_as_late`.
 
     Args:
         model: the movement.
@@ -185,15 +184,9 @@ def step_towards(
     if later <= u:
         after = model.step(state, target, target_velocity, dt, phase_rate)
         return Towards(after, float(model.goal_weight(after.phase)), astray)
-    half = 0.5 * phase_rate * dt / model.duration_s
-    now, then = model.shape(u + half), model.shape(later + half)
-    asked = state._replace(
-        phase=exp(-parameters.alpha * later), start=_plus(state.start, _minus(now, then))
-    )
-    after = model.step(asked, target, target_velocity, dt, phase_rate)
-    phase = state.phase * exp(-2.0 * parameters.alpha * half)
-    weight = float(model.goal_weight(asked.phase))
-    return Towards(after._replace(phase=phase, start=state.start), weight, astray)
+    after = model.step_as_late(state, target, target_velocity, dt, phase_rate, later)
+    weight = float(model.goal_weight(exp(-parameters.alpha * later)))
+    return Towards(after, weight, astray)
 
 
 def _near(

@@ -21,9 +21,11 @@ from typing import Any
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
+from handover_dmp.common.quaternions import turns_from_start, with_continuous_signs
 from handover_dmp.dmp.decoupled import DecoupledDmp
 from handover_dmp.dmp.demonstration import mean_motion
 from handover_dmp.dmp.learning import DEFAULT_BASIS, learn_jointly, learn_mean
+from handover_dmp.dmp.orientation import LearntTurn
 from handover_dmp.dmp.parameters import DmpParameters
 from handover_dmp.dmp.primitive import Primitive
 from handover_dmp.dmp.state import Rollout
@@ -68,7 +70,8 @@ def learn_from_trials(
     Returns:
         The learnt movement. Its goal offset is P2(end) − P1(end), the mean of it over the trials,
         its partner path the mean of P1, each over its own duration, and its way back the one
-        learnt of the same trials, as far as they have one.
+        learnt of the same trials, as far as they have one. Where all trials tell how P2's wrist
+        turns, it has learnt that, too.
 
     Raises:
         DataError: no trial, or one that cannot be used.
@@ -78,10 +81,10 @@ def learn_from_trials(
     if not trials:
         raise DataError('no trial to learn from')
     smoothed = [condition(trial, cutoff_hz=cutoff_hz) for trial in trials]
-    teach = learn_jointly if jointly else learn_mean
 
     def learn(taught: list[HandoverTrial]) -> Primitive:
-        learnt: Primitive = (learn_jointly if len(taught) == 1 else teach)(
+        teach = learn_jointly if jointly or len(taught) == 1 else learn_mean
+        learnt: Primitive = teach(
             [(trial.times, trial.demonstrator) for trial in taught],
             parameters,
             regression=regression,
@@ -89,7 +92,19 @@ def learn_from_trials(
             source=_source(taught, jointly),
             primitive=primitive,
         )
-        return learnt
+        paths = [trial.demonstrator_orientation for trial in taught]
+        turned = [path for path in paths if path is not None]
+        if len(turned) < len(taught) or not isinstance(learnt, DecoupledDmp):
+            return learnt
+        turns = [turns_from_start(path) for path in turned]
+        turning = teach(
+            [(trial.times, turn) for trial, turn in zip(taught, turns, strict=True)],
+            parameters,
+            regression=regression,
+            basis=basis,
+        )
+        starts = with_continuous_signs([path[0] for path in turned])
+        return learnt.with_turn(LearntTurn.of(turning, starts.mean(axis=0)))
 
     model = learn(smoothed)
     offset = np.mean([trial.demonstrator[-1] - trial.partner[-1] for trial in smoothed], axis=0)

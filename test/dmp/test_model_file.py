@@ -91,7 +91,7 @@ def test_the_file_names_its_version_and_units(document):
 def test_version_1_is_migrated(document, tmp_path):
     old = copy.deepcopy(document)
     old['version'] = 1
-    del old['start_velocity'], old['kind'], old['partner_path']
+    del old['start_velocity'], old['kind'], old['partner_path'], old['turn']
     (tmp_path / 'old.json').write_text(json.dumps(old))
     model = load_model(tmp_path / 'old.json')
     assert np.array_equal(model.start_velocity, np.zeros(3))
@@ -100,10 +100,11 @@ def test_version_1_is_migrated(document, tmp_path):
 
 def test_version_2_is_migrated(document, tmp_path):
     old = {**copy.deepcopy(document), 'version': 2}
-    del old['partner_path']
+    del old['partner_path'], old['turn']
     (tmp_path / 'old.json').write_text(json.dumps(old))
     model = load_model(tmp_path / 'old.json')
     assert model.partner_path is None
+    assert model.turn is None
     assert model.weights.tolist() == document['weights']
 
 

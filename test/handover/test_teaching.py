@@ -15,16 +15,18 @@
 from __future__ import annotations
 
 from handover_dmp.common.errors import DataError
-from handover_dmp.dmp import ClassicalDmp, DmpParameters
+from handover_dmp.common.quaternions import turns_from_start
+from handover_dmp.dmp import ClassicalDmp, DmpParameters, OrientationPrimitive
 from handover_dmp.handover.teaching import (
     hand_goal,
     learn_from_trials,
     reproduction_error,
     rollout_against,
 )
-from handover_dmp.mocap import HandoverTrial, read_data_set
+from handover_dmp.mocap import condition, HandoverTrial, read_data_set, synthesize
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 
 def trial(duration_s=1.5, hand=(0.9, 0.0, 0.1), drift=(0.1, 0.0, 0.0), number=1):
@@ -106,3 +108,26 @@ def test_recordings_of_people_are_learnt(kth_folder):
         assert end < 0.03
     assert np.median(errors) < 1e-3
     assert np.max(errors) < 5e-3
+
+
+def test_orientations_are_learnt_where_all_trials_have_them(kth_full) -> None:
+    trials = synthesize(2, 3, configurations=['engine_bay'], orientation=True)[:3]
+    bare = synthesize(2, 3, configurations=['engine_bay'])[:3]
+    for jointly in (False, True):
+        model = learn_from_trials(trials, jointly=jointly)
+        plain = learn_from_trials(bare, jointly=jointly)
+        assert plain.turn is None
+        # the positions know nothing of it
+        np.testing.assert_array_equal(model.weights, plain.weights)
+        ends = [
+            turns_from_start(condition(trial).demonstrator_orientation)[-1] for trial in trials
+        ]
+        np.testing.assert_allclose(model.turn.goal, np.mean(ends, axis=0), atol=1e-9)
+    assert learn_from_trials([trials[0], bare[1]]).turn is None
+    assert learn_from_trials(trials, primitive=ClassicalDmp).turn is None
+    # a real one, whose hand turns already where it was cut
+    taught = condition(kth_full)
+    path, _ = OrientationPrimitive(learn_from_trials([kth_full])).rollout(taught.times)
+    off = Rotation.from_quat(path) * Rotation.from_quat(taught.demonstrator_orientation).inv()
+    assert np.degrees(off.magnitude().max()) < 1.5
+    assert np.degrees(off[-1].magnitude()) < 0.2

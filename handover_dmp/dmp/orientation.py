@@ -1,0 +1,334 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The primitive of an orientation: shape first, goal later, on the clock of the position's.
+
+Unit quaternions have no straight lines to add forces on, but the logarithm of how far the wrist
+has turned since its start has: r = Log(q ⊗ q₀⁻¹). There (8) is what it is for a position, and
+what comes out is an orientation again, q = Exp(r) ⊗ q₀, exactly at the ends: r = 0 is where it
+starts, and r = Log(g ⊗ q₀⁻¹) is the goal.
+
+- A. Ude, B. Nemec, T. Petrič, J. Morimoto, "Orientation in Cartesian Space Dynamic Movement
+  Primitives", ICRA 2014: quaternions and their logarithm in a primitive.
+- L. Koutras, Z. Doulgeri, "A correct formulation for the Orientation Dynamic Movement Primitives
+  for robot control in the Cartesian space", CoRL 2019 (PMLR 100, 2020): the second-order system on
+  the logarithm itself, which is linear; with the angular velocity in its place it is not, and the
+  learnt path is not met.
+
+They take the logarithm from the goal, which here moves; from the start, it is a fixed map.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from math import hypot, log, sqrt
+from typing import Any, NamedTuple
+
+from handover_dmp.common.errors import DataError
+from handover_dmp.common.quaternions import (
+    angular_velocity,
+    conjugate,
+    exponential,
+    logarithm,
+    multiply,
+    nearest_turn,
+    normalized,
+    Quaternion,
+    Turn,
+    turn_rate,
+)
+from handover_dmp.dmp.decoupled import DecoupledDmp
+from handover_dmp.dmp.state import DmpState
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import ndtri
+
+Array = NDArray[np.float64]
+
+NO_TURN: Turn = (0.0, 0.0, 0.0)
+EQUAL_WEIGHTS = 1e-9
+"""A goal weight that differs by less from that of (7) is the same."""
+
+
+@dataclass(frozen=True, eq=False)
+class LearntTurn:
+    """
+    How the wrist turns in a learnt movement, beside how it moves.
+
+    Along the axes of the room, so it does not matter how the axes of the wrist lie in it.
+
+    Attributes:
+        start: orientation at the start of the demonstration, quaternion x, y, z, w, (4,).
+        goal: turn from there to its end, rad, (3,).
+        weights: w of (6), rad, (m, 3), on the basis of the movement.
+        start_velocity: ṙ at the start, rad/s, (3,).
+
+    Raises:
+        DataError: shapes that do not fit, numbers that are not finite, or no unit quaternion.
+
+    """
+
+    start: Array
+    goal: Array
+    weights: Array
+    start_velocity: Array = field(default_factory=lambda: np.zeros(3))
+
+    def __post_init__(self) -> None:
+        """Check the shapes and make the arrays read-only."""
+        count = len(self.weights)
+        for name, shape in (
+            ('start', (4,)),
+            ('goal', (3,)),
+            ('weights', (count, 3)),
+            ('start_velocity', (3,)),
+        ):
+            array = np.array(getattr(self, name), dtype=float, order='C')
+            if array.shape != shape or not np.isfinite(array).all():
+                raise DataError(f'turn: {name} is not of {shape} finite numbers')
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        if abs(float(np.linalg.norm(self.start)) - 1.0) > 1e-6:
+            raise DataError('turn: start is no unit quaternion')
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy and pickle what it is made of, and make it anew: read-only."""
+        return type(self), tuple(getattr(self, each.name) for each in fields(self))
+
+    @classmethod
+    def of(cls, turning: DecoupledDmp, start: ArrayLike) -> LearntTurn:
+        """
+        Keep what a primitive of the logarithm has learnt.
+
+        Args:
+            turning: learnt from turns since the start, rad.
+            start: orientation at the start, quaternion x, y, z, w.
+
+        Returns:
+            The turn.
+
+        """
+        return cls(
+            np.array(normalized(np.asarray(start, dtype=float).tolist())),
+            turning.goal,
+            turning.weights,
+            turning.start_velocity,
+        )
+
+
+class OrientationState(NamedTuple):
+    """
+    Where an orientation primitive stands.
+
+    Attributes:
+        turned: r in place of a position, rad, ṙ, rad/s, and the phase.
+        origin: q₀, where it started, quaternion x, y, z, w.
+        goal: Log(g ⊗ q₀⁻¹) of the last step, rad, so that the next one does not jump by a whole
+            revolution.
+
+    """
+
+    turned: DmpState
+    origin: Quaternion
+    goal: Turn
+
+    @property
+    def orientation(self) -> Quaternion:
+        """q, a unit quaternion x, y, z, w."""
+        return normalized(multiply(exponential(self.turned.position), self.origin))
+
+    @property
+    def angular_velocity(self) -> Turn:
+        """ω, rad/s, along the axes of the room."""
+        return angular_velocity(self.turned.position, self.turned.velocity)
+
+    def braked(self, dt: float, deceleration: float) -> OrientationState:
+        """
+        Come to rest along the way; the phase stands still.
+
+        Args:
+            dt: length of the step, s.
+            deceleration: rad/s².
+
+        Returns:
+            The state at the end of the step.
+
+        """
+        speed = hypot(*self.turned.velocity)
+        if speed == 0.0:
+            return self
+        slower = max(0.0, speed - deceleration * dt) / speed
+        return self._moved(tuple(v * slower for v in self.turned.velocity), dt)
+
+    def turned_back(
+        self, dt: float, speed: float, acceleration: float, towards: Sequence[float] = NO_TURN
+    ) -> OrientationState:
+        """
+        Turn to where it began, or to another place on the way, and come to rest there.
+
+        Args:
+            dt: length of the step, s.
+            speed: rad/s.
+            acceleration: rad/s².
+            towards: r at the end, rad.
+
+        Returns:
+            The state at the end of the step.
+
+        """
+        turned = self.turned
+        left = [t - r for t, r in zip(towards, turned.position, strict=True)]
+        distance = hypot(*left)
+        # the last of it in proportion, which does not shake
+        wanted_speed = min(speed, sqrt(acceleration * distance), 0.2 * distance / dt)
+        wanted = [wanted_speed * part / max(distance, 1e-12) for part in left]
+        change = [w - v for w, v in zip(wanted, turned.velocity, strict=True)]
+        share = min(1.0, acceleration * dt / max(hypot(*change), 1e-12))
+        velocity = tuple(v + share * c for v, c in zip(turned.velocity, change, strict=True))
+        return self._moved(velocity, dt)
+
+    def _moved(self, velocity: tuple[float, ...], dt: float) -> OrientationState:
+        turned = self.turned
+        place = tuple(
+            r + 0.5 * (before + after) * dt
+            for r, before, after in zip(turned.position, turned.velocity, velocity, strict=True)
+        )
+        return self._replace(turned=turned._replace(position=place, velocity=velocity))
+
+
+class OrientationPrimitive:
+    """
+    The orientation of a learnt movement, ready to be run.
+
+    With r = Log(q ⊗ q₀⁻¹) and ρ = Log(g ⊗ q₀⁻¹),
+
+        (O1) τv̇ = (1 − w_g)K_s(f_w − r) + w_g[K(ρ − r) + K_v ρ̇] − Dv,   τṙ = v
+        (O2) q = Exp(r) ⊗ q₀,   ω = J(r)ṙ,   ρ̇ = J(ρ)⁻¹ω_g
+
+    J the left Jacobian; K, D, K_v, τ, basis, phase and goal weight are those of the position.
+
+    Attributes:
+        turning: (O1) as a primitive of three dimensions, in rad in place of m.
+
+    """
+
+    def __init__(self, movement: DecoupledDmp) -> None:
+        """
+        Take a movement that knows how its wrist turns.
+
+        Args:
+            movement: the learnt movement.
+
+        Raises:
+            DataError: it knows nothing of that.
+
+        """
+        if movement.turn is None:
+            raise DataError('the movement was learnt without orientations')
+        self.turning = DecoupledDmp(
+            movement.parameters,
+            movement.duration_s,
+            np.zeros(3),
+            movement.turn.goal,
+            movement.turn.weights,
+            movement.basis,
+            start_velocity=movement.turn.start_velocity,
+        )
+        self._goal: Turn = tuple(movement.turn.goal.tolist())
+        self._start = normalized(movement.turn.start.tolist())
+
+    def initial_state(
+        self, orientation: Sequence[float] | None = None, velocity: Sequence[float] = NO_TURN
+    ) -> OrientationState:
+        """
+        Stand at the start.
+
+        Args:
+            orientation: q₀, quaternion x, y, z, w; that of the demonstration if left out.
+            velocity: ω, rad/s; at rest if left out.
+
+        Returns:
+            The state, with phase 1.
+
+        """
+        origin = self._start if orientation is None else normalized(orientation)
+        # at r = 0 the rate of the turn is the angular velocity
+        return OrientationState(self.turning.initial_state(NO_TURN, velocity), origin, self._goal)
+
+    def step(
+        self,
+        state: OrientationState,
+        dt: float,
+        phase_rate: float = 1.0,
+        *,
+        goal: Quaternion | None = None,
+        goal_velocity: Sequence[float] = NO_TURN,
+        goal_weight: float = 0.0,
+    ) -> OrientationState:
+        """
+        Move on by one step.
+
+        Args:
+            state: where it stands.
+            dt: length of the step, s.
+            phase_rate: how fast the phase runs.
+            goal: g at the start of the step; turned from the start as in the demonstration if left
+                out.
+            goal_velocity: its angular velocity, rad/s.
+            goal_weight: w_g is no less than this, where the position's is more than (7) has it.
+
+        Returns:
+            The state at the end of the step.
+
+        """
+        turning, aim, rate = self.turning, self._goal, NO_TURN
+        if goal is not None:
+            turn = logarithm(multiply(normalized(goal), conjugate(state.origin)))
+            aim = nearest_turn(turn, state.goal)
+            rate = turn_rate(aim, goal_velocity)
+        parameters, phase = turning.parameters, state.turned.phase
+        u = -log(phase) / parameters.alpha
+        by_time = turning.goal_weight_at(u + phase_rate * dt / turning.duration_s)
+        if goal_weight > by_time + EQUAL_WEIGHTS:
+            later = parameters.mu + parameters.sigma * float(ndtri(min(goal_weight, 1.0 - 1e-15)))
+            after = turning.step_as_late(state.turned, aim, rate, dt, phase_rate, later)
+        else:
+            after = turning.step(state.turned, aim, rate, dt, phase_rate)
+        return OrientationState(after, state.origin, aim)
+
+    def rollout(
+        self, times: ArrayLike, start: Sequence[float] | None = None
+    ) -> tuple[Array, Array]:
+        """
+        Run from the start to where the demonstration ended.
+
+        Args:
+            times: s, (n,), rising.
+            start: q₀, quaternion x, y, z, w; that of the demonstration if left out.
+
+        Returns:
+            Unit quaternions, (n, 4), and angular velocities, rad/s, (n, 3).
+
+        """
+        origin = self._start if start is None else normalized(start)
+        motion = self.turning.rollout(times, self.turning.goal)
+        states = [
+            OrientationState(DmpState(tuple(r), tuple(v), 1.0, NO_TURN), origin, self._goal)
+            for r, v in zip(motion.positions.tolist(), motion.velocities.tolist(), strict=True)
+        ]
+        return (
+            np.array([state.orientation for state in states]),
+            np.array([state.angular_velocity for state in states]),
+        )
