@@ -97,7 +97,7 @@ def learn_from_trials(
         if len(turned) < len(taught) or not isinstance(learnt, DecoupledDmp):
             return learnt
         turns = [turns_from_start(path) for path in turned]
-        turning = teach(
+        turning: DecoupledDmp = teach(
             [(trial.times, turn) for trial, turn in zip(taught, turns, strict=True)],
             parameters,
             regression=regression,
