@@ -118,6 +118,7 @@ class ReleaseRule:
         self._tare_span_s = 0.0
         self._felt: deque[tuple[float, Force]] = deque()
         self._felt_s = 0.0
+        self._silent_s = 0.0
         self._taker: Force = NOTHING
 
     @property
@@ -165,8 +166,8 @@ class ReleaseRule:
 
         Args:
             force: (3,), on the wrist from what it holds, N, in the axes of the room; one that is
-                not finite says nothing.
-            dt_s: time since the last one, s.
+                not finite says nothing, nor do exact zeros of a sensor that has felt a weight.
+            dt_s: time since the last call, s.
             acceleration: (3,), of the wrist, m/s², where it is known; without it, what the arm's
                 own motion does to the object is taken for the taker's.
 
@@ -174,8 +175,15 @@ class ReleaseRule:
             Whether to let go now.
 
         """
-        if not (all(map(isfinite, force)) and all(map(isfinite, acceleration)) and dt_s >= 0.0):
+        if not dt_s >= 0.0:
             return False
+        dt_s += self._silent_s
+        # a sensor that has felt a weight never reads nothing to the last bit: it has died
+        dead = self._rest is not None and any(self._rest) and not any(force)
+        if dead or not (all(map(isfinite, force)) and all(map(isfinite, acceleration))):
+            self._silent_s = dt_s
+            return False
+        self._silent_s = 0.0
         if self._rest is None:
             self._measure_rest(force, dt_s, acceleration)
             return False

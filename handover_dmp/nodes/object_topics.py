@@ -50,6 +50,7 @@ OBJECT = (
         read_only=True,
     ),
     Parameter('object.reach_m', 'of the gripper, to its middle, m', 0.001, 5.0, read_only=True),
+    Parameter('object.noise_n', 'of the sensor in the wrist, N', 0.0, 10.0, read_only=True),
     Parameter('partner.reach_m', 'of the hand, to its middle, m', 0.001, 5.0, read_only=True),
     Parameter(
         'partner.speed', 'of both, up to which it is taken, m/s', 0.001, 5.0, read_only=True

@@ -42,6 +42,8 @@ HAND_TURNS = 30.0
 """How fast the hand turns the object back to how it was gripped, rad/s."""
 JOINT_FORCE_N = 1e6
 """More than the joint ever has to bear: a fixed one does not give way, N."""
+SEED = 0
+"""Of the sensor's noise: the same run is the same again."""
 FLOOR_M = 0.0
 """Height of the floor in the room, m."""
 
@@ -101,6 +103,7 @@ class CarriedObjectOptions:
             has it on the other side.
         holder: who has it at the start, `robot` or `partner`.
         reach_m: from the wrist to its middle, for the gripper to close on it, m.
+        noise_n: standard deviation of the sensor in the wrist on each axis, N.
         partner: how the partner takes and gives it.
 
     Raises:
@@ -113,6 +116,7 @@ class CarriedObjectOptions:
     position: Sequence[float] = setting('robot_sim', 'object.position')
     holder: str = setting('robot_sim', 'object.holder')
     reach_m: float = setting('robot_sim', 'object.reach_m')
+    noise_n: float = setting('robot_sim', 'object.noise_n')
     partner: PartnerGripOptions = field(default_factory=PartnerGripOptions)
 
     def __post_init__(self) -> None:
@@ -186,6 +190,7 @@ class CarriedObject:
         self._quaternion: Sequence[float] = (0.0, 0.0, 0.0, 1.0)
         self._felt = np.zeros(6)
         self._pull = np.zeros(3)
+        self._random = np.random.default_rng(SEED)
         self.begin()
         self._place(wrist + self.options.position)
         if self._gripper_closed:
@@ -233,13 +238,13 @@ class CarriedObject:
             wrist: (3,), where it is now, m.
 
         Returns:
-            Force and torque; none where the gripper holds nothing.
+            Force and torque; noise alone where the gripper holds nothing.
 
         """
         mean = self._impulse / self._elapsed_s if self._elapsed_s > 0.0 else self._felt
         force, torque = mean[:3], mean[3:]
         lever = self.pose[0] - wrist
-        return Wrench(force, torque + np.cross(lever, force))
+        return Wrench(force + self._noise, torque + np.cross(lever, force))
 
     def set_gripper(self, closed: bool, wrist: Array) -> None:
         """
@@ -288,6 +293,7 @@ class CarriedObject:
         """Begin to measure forces anew."""
         self._impulse = np.zeros(6)
         self._pulled = np.zeros(3)
+        self._noise = self._random.normal(0.0, self.options.noise_n, 3)
         self._elapsed_s = 0.0
 
     def push(self, time_step_s: float) -> None:

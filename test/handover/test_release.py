@@ -71,7 +71,7 @@ def run(
 
 
 @ENOUGH
-@given(weights, biases, numbers(0.0, 0.3), numbers(0.2, 1.5), st.booleans())
+@given(weights, biases, numbers(0.01, 0.3), numbers(0.2, 1.5), st.booleans())
 def test_a_load_that_passes_over_opens_once_half_of_it_has(
     weight_n: float, bias: tuple[float, ...], noise_n: float, transfer_s: float, weighed: bool
 ) -> None:
@@ -185,8 +185,8 @@ def test_a_pull_opens_and_a_push_does_not(
 def test_nothing_opens_without_contact_whatever_the_share() -> None:
     rule = ReleaseRule(OPTIONS)
     rule.reset(1.2)  # all of it is less than a contact
-    assert not any(opens for _, opens in run(rule, 1.2, lambda _t: (0.0, 0.0, 1.2)))
-    assert rule.share == pytest.approx(1.0)
+    assert not any(opens for _, opens in run(rule, 1.2, lambda _t: (0.0, 0.0, 1.2), noise_n=0.01))
+    assert rule.share == pytest.approx(1.0, abs=0.02)
     assert not rule.contact
 
 
@@ -219,9 +219,12 @@ def test_a_gap_and_numbers_that_are_none_open_nothing() -> None:
         rule.update((0.0, 0.0, -8.0), DT)
     assert not rule.update((np.nan, 0.0, 0.0), DT)
     assert not rule.update((0.0, 0.0, 0.0), DT, (np.inf, 0.0, 0.0))
-    assert not rule.update((0.0, 0.0, 0.0), 1.0)  # the first after a second of silence
-    opened = [step for step in range(60) if rule.update((0.0, 0.0, 0.0), DT)]
-    assert opened[0] == round(OPTIONS.window_s / DT) - 1
+    # a sensor that has died, whether it says so or not, is no taker
+    for force in ((np.nan, 0.0, 0.0), (0.0, 0.0, 0.0)):
+        assert not any(rule.update(force, DT) for _ in range(100))
+        assert not rule.contact
+    opened = [step for step in range(60) if rule.update((0.0, 0.0, -1.0), DT)]
+    assert opened[0] == round(OPTIONS.window_s / DT)
 
 
 @pytest.mark.parametrize('change', [{'share': 0.0}, {'pull_n': -1.0}, {'window_s': np.nan}])

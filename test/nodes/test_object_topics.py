@@ -87,7 +87,7 @@ class Listener:
 def test_the_object_is_told_of_and_changes_hands(tmp_path: Path) -> None:
     isolate()
     words = [sys.executable, '-m', 'handover_dmp.nodes.robot_sim', '--ros-args']
-    for name, value in (('mass_kg', MASS_KG), ('position', OBJECT)):
+    for name, value in (('mass_kg', MASS_KG), ('position', OBJECT), ('noise_n', 0.0)):
         words += ['-p', f'object.{name}:={value}']
     process = subprocess.Popen(words, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     rclpy.init()

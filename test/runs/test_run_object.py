@@ -37,7 +37,9 @@ def test_wrench_pose_holder_and_gripper_are_in_the_bag(tmp_path: Path) -> None:
     scenario = make_scenario()
     handover = Handover(scenario)
     periods: list[Period] = []
-    with SimulatedArm(scenario.robot, carried=CarriedObjectOptions(mass_kg=0.5)) as arm:
+    with SimulatedArm(
+        scenario.robot, carried=CarriedObjectOptions(mass_kg=0.5, noise_n=0.0)
+    ) as arm:
         arm.reset(scenario.q_start)
         for number in range(20):
             arm.set_gripper(number < 10)

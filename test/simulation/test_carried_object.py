@@ -40,7 +40,8 @@ BESIDE = WRIST + [0.3, 0.0, 0.0]
 
 
 def held(mass_kg: float = 0.8, **changes: Any) -> CarriedObjectOptions:
-    return CarriedObjectOptions(mass_kg=mass_kg, position=(0.1, 0.0, 0.02), **changes)
+    changes = {'position': (0.1, 0.0, 0.02), 'noise_n': 0.0} | changes
+    return CarriedObjectOptions(mass_kg=mass_kg, **changes)
 
 
 def advance(
@@ -73,7 +74,7 @@ def in_turn(holders: Sequence[Holder]) -> list[Holder]:
 def test_at_rest_the_wrist_feels_the_weight(
     mass_kg: float, position: tuple[float, ...], turns: tuple[float, ...]
 ) -> None:
-    with SimulatedArm(MODEL, carried=CarriedObjectOptions(mass_kg, position=position)) as arm:
+    with SimulatedArm(MODEL, carried=held(mass_kg, position=position)) as arm:
         arm.reset(MODEL.home + turns)
         advance(arm, 0.05)
         weight = mass_kg * GRAVITY
@@ -264,6 +265,17 @@ def test_the_same_hands_give_the_same_object_to_the_bit() -> None:
             return np.array(rows)
 
     assert np.array_equal(once(), once())
+
+
+def test_the_sensor_has_noise_of_its_own() -> None:
+    with SimulatedArm(MODEL, carried=held(noise_n=0.1)) as arm:
+        felt = []
+        for _ in range(300):
+            advance(arm, PERIOD_S)
+            felt.append(arm.wrench.force)
+            assert np.array_equal(felt[-1], arm.wrench.force)
+    assert np.std(felt, axis=0) == pytest.approx([0.1] * 3, rel=0.15)
+    assert np.mean(felt, axis=0) == pytest.approx([0.0, 0.0, -0.8 * 9.81], abs=0.03)
 
 
 @pytest.mark.parametrize(
