@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from handover_dmp.mocap.wrists import WristMotion
 
 FORMATS = {
+    'csv': 'CSV of both wrists, with the header of a trial, of any length; or a folder of them',
     'qualisys': 'TSV of Qualisys Track Manager, 3D trajectories or 6D rigid bodies',
     'c3d': 'C3D',
     'motive': 'CSV of OptiTrack Motive, format 1.2 and later',
@@ -119,7 +120,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--giver',
         choices=('first_mover', 'p2', 'p1', 'p2_then_p1', 'p1_then_p2'),
         help='who gives: whose hand moves first, always the same one, or in turn; '
-        'default: first_mover',
+        'default: as the index of sessions has it, else first_mover',
+    )
+    cutting.add_argument(
+        '--way-back',
+        action='store_true',
+        help="keep P2's way back from each exchange, in the folder way_back of the data set; "
+        '`learn` then puts it into the model',
     )
     cutting.add_argument('--near', type=float, metavar='M', help='wrists may exchange; m')
     cutting.add_argument('--apart', type=float, metavar='M', help='wrists have parted; m')
@@ -168,7 +175,7 @@ def run(options: argparse.Namespace) -> int:
     new: list[HandoverTrial] = []
     motions: list[tuple[WristMotion, float]] = []
     segmented: list[SegmentedMotion] = []
-    sources = options.sources
+    sources = _sources(options)
     console = Console(stderr=True)
     for source in track(
         sources, 'reading', console=console, transient=True, disable=not console.is_terminal
@@ -176,7 +183,8 @@ def run(options: argparse.Namespace) -> int:
         motion = _read(options, source)
         if options.segment:
             segmented.append(_segment(options, source, motion))
-            new += segmented[-1].trials(options.configuration or source.stem)
+            configuration = options.configuration or _told(options, source)[0]
+            new += segmented[-1].trials(configuration, way_back=options.way_back)
             motions += [(motion, part.start_s) for part in segmented[-1].segments]
         else:
             new.append(_whole(options, source, motion))
@@ -229,7 +237,7 @@ def run(options: argparse.Namespace) -> int:
 def _check(options: argparse.Namespace) -> None:
     from handover_dmp.mocap.units import METRES, unit_of
 
-    if options.figure and not (options.segment and len(options.sources) == 1):
+    if options.figure and not (options.segment and len(_sources(options)) == 1):
         raise UsageError('--figure shows how one SOURCE was cut up: it needs --segment')
     if options.segment and options.exchange:
         raise UsageError('--exchange is for whole files; with --segment use --giver')
@@ -237,9 +245,16 @@ def _check(options: argparse.Namespace) -> None:
         for name in ('giver', 'near', 'apart', 'moving', 'reach'):
             if getattr(options, name) is not None:
                 raise UsageError(f'--{name} needs --segment')
+        if options.way_back:
+            raise UsageError('--way-back needs --segment')
     both = set(options.p1 or []) & set(options.p2 or [])
     if both and options.format != 'bag':
         raise UsageError(f'--p1 and --p2 both name {min(both)!r}; they are two people')
+    if options.format == 'csv':
+        if options.p1 or options.p2:
+            raise UsageError('--p1 and --p2: a CSV of both wrists has columns of these names')
+        if options.unit or options.up:
+            raise UsageError('--unit and --up: a CSV of both wrists is in metres, z up')
     if options.format == 'bag':
         if max(len(options.p1 or []), len(options.p2 or [])) > 1:
             raise UsageError('a bag has one topic for each wrist: --p1 and --p2 once each')
@@ -249,7 +264,23 @@ def _check(options: argparse.Namespace) -> None:
         raise UsageError(f'--unit {options.unit!r} is not one of {", ".join(METRES)}')
 
 
+def _sources(options: argparse.Namespace) -> list[Path]:
+    """Give the recordings of a folder in its place, and leave out the index beside them."""
+    if options.format != 'csv':
+        return list(options.sources)
+    from handover_dmp.mocap.session import session_files, SESSIONS_NAME
+
+    found: list[Path] = []
+    for source in options.sources:
+        found += session_files(source) if source.is_dir() else [source]
+    return [source for source in found if source.name != SESSIONS_NAME]
+
+
 def _read(options: argparse.Namespace, source: Path) -> WristMotion:
+    if options.format == 'csv':
+        from handover_dmp.mocap.session import read_csv_wrists
+
+        return read_csv_wrists(source)
     if options.format == 'bag':
         from handover_dmp.mocap.bag import DEMONSTRATOR_TOPIC, PARTNER_TOPIC, read_bag_wrists
 
@@ -273,9 +304,10 @@ def _read(options: argparse.Namespace, source: Path) -> WristMotion:
 
 def _segment(options: argparse.Namespace, source: Path, motion: WristMotion) -> SegmentedMotion:
     from handover_dmp.mocap.segmentation import segment, Segmentation
+    from handover_dmp.mocap.session import giver_of
 
     told = {
-        'giver': options.giver,
+        'giver': options.giver or (giver_of(source) if options.format == 'csv' else None),
         'near_m': options.near,
         'apart_m': options.apart,
         'moving_speed': options.moving,
@@ -305,9 +337,13 @@ def _whole(options: argparse.Namespace, source: Path, motion: WristMotion) -> Ha
 
 def _told(options: argparse.Namespace, source: Path) -> tuple[str, str | None, int]:
     from handover_dmp.mocap.bag import describe_bag
+    from handover_dmp.mocap.session import describe_session
     from handover_dmp.mocap.trial import describe
 
-    return describe_bag(source) if options.format == 'bag' else describe(source)
+    if options.format == 'bag':
+        return describe_bag(source)
+    told = describe_session(source) if options.format == 'csv' else None
+    return (told[0], None, told[1]) if told else describe(source)
 
 
 def _with_direction(options: argparse.Namespace, source: Path, one: Review) -> Review:

@@ -20,6 +20,9 @@ import argparse
 import json
 from pathlib import Path
 
+SHORT_TRIALS, SHORT_SESSIONS = 300, 50
+"""Fewer are done before a bar could be read."""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
@@ -32,10 +35,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         'Write a synthetic data set: no person was recorded for it. Mechanic and assistant at an '
         'engine bay, under a car and at a hydraulic lift, give and take, minimum-jerk reaches '
-        'with the spread of people, sensor noise. The same seed gives the same files everywhere.'
+        'with the spread of people, sensor noise. The same seed gives the same files everywhere. '
+        'With --sessions: whole recordings, in which the assistant picks up the tool, gives it, '
+        'and takes it back; their reaches are those of the data set of the same seed.'
     )
     parser.add_argument(
         '-o', '--output', type=Path, required=True, metavar='DATASET', help='folder to write'
+    )
+    parser.add_argument(
+        '--sessions',
+        action='store_true',
+        help='whole recordings, with index sessions.csv, for `import csv DATASET --segment`',
     )
     parser.add_argument('--seed', type=int, default=0, help='default: 0')
     parser.add_argument(
@@ -43,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=int,
         default=5,
         metavar='N',
-        help='for each configuration and exchange; default: 5',
+        help='for each configuration, and exchange or session; default: 5',
     )
     parser.add_argument(
         '--configuration',
@@ -80,6 +90,8 @@ def run(options: argparse.Namespace) -> int:
         0.
 
     """
+    if options.sessions:
+        return _run_sessions(options)
     from handover_dmp.cli.progress import progress_bar
     from handover_dmp.mocap.data_set import file_name, write_data_set
     from handover_dmp.mocap.garage import CONFIGURATIONS
@@ -96,9 +108,7 @@ def run(options: argparse.Namespace) -> int:
         noise_m=options.noise,
         orientation=options.orientation,
     )
-    # Below this, it is done before a bar could be read.
-    short = len(trials) < 300
-    with progress_bar(hidden=short) as bar:
+    with progress_bar(hidden=len(trials) < SHORT_TRIALS) as bar:
         task = bar.add_task('writing', total=len(trials))
         write_data_set(trials, options.output, progress=lambda: bar.advance(task))
     if options.json:
@@ -123,6 +133,56 @@ def run(options: argparse.Namespace) -> int:
     Console(soft_wrap=True).print(
         f'{options.output}: {len(trials)} synthetic trials of {", ".join(configurations)}, '
         f'give and take, seed {options.seed}',
+        highlight=False,
+        markup=False,
+    )
+    return 0
+
+
+def _run_sessions(options: argparse.Namespace) -> int:
+    from handover_dmp.cli.progress import progress_bar
+    from handover_dmp.common.errors import UsageError
+    from handover_dmp.mocap.garage import CONFIGURATIONS
+    from handover_dmp.mocap.session import write_sessions
+    from handover_dmp.mocap.synthetic_session import synthesize_sessions
+    from handover_dmp.mocap.tables import save
+    from rich.console import Console
+
+    if options.orientation:
+        raise UsageError('--orientation is for trials; sessions have positions alone')
+    configurations = options.configuration or CONFIGURATIONS
+    sessions = synthesize_sessions(
+        options.seed,
+        options.trials,
+        configurations=configurations,
+        rate_hz=options.rate,
+        noise_m=options.noise,
+    )
+    with progress_bar(hidden=len(sessions) < SHORT_SESSIONS) as bar:
+        task = bar.add_task('writing', total=len(sessions))
+        write_sessions(sessions, options.output, progress=lambda: bar.advance(task))
+    if options.json:
+        made = {
+            'folder': str(options.output),
+            'seed': options.seed,
+            'rate_hz': options.rate,
+            'noise_m': options.noise,
+            'sessions': [
+                {
+                    'file': session.file_name,
+                    'configuration': session.configuration,
+                    'trial': session.number,
+                    'duration_s': float(session.motion.times[-1]),
+                    'exchanges': [part._asdict() for part in session.exchanges],
+                }
+                for session in sessions
+            ],
+        }
+        save(options.json, json.dumps(made, indent=2) + '\n')
+    word = 'session' if len(sessions) == 1 else 'sessions'
+    Console(soft_wrap=True).print(
+        f'{options.output}: {len(sessions)} synthetic {word} of {", ".join(configurations)}, '
+        f'a give and a take each, seed {options.seed}',
         highlight=False,
         markup=False,
     )

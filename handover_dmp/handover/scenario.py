@@ -26,6 +26,8 @@ from handover_dmp.dmp import DecoupledDmp, load_model
 from handover_dmp.handover.approach import rollout_towards
 from handover_dmp.handover.teaching import hand_goal, learn_from_trials
 from handover_dmp.mocap import condition, HandoverTrial, read_trial, synthesize
+from handover_dmp.mocap.session import read_session, RecordedSession
+from handover_dmp.mocap.synthetic_session import synthesize_sessions
 from handover_dmp.mocap.wrists import WristMotion
 from handover_dmp.robot.descriptions import ArmChoice
 from handover_dmp.robot.model import BasePlacement, RobotModel
@@ -33,6 +35,8 @@ from handover_dmp.robot.placement import choose_base_placement
 import numpy as np
 
 EXAMPLE = ('engine_bay', 'give')
+EXAMPLE_SESSION = ('engine_bay', 3)
+"""Configuration and number of the synthetic session; in this one, both hands move."""
 MAX_REST_S = 0.5
 """A recording that is longer than its handover by more than this is cut, s."""
 MIN_SAMPLES = 5
@@ -147,6 +151,31 @@ def recorded_trial(
     else:
         trial = read_trial(Path(path))
     return condition(trial, cutoff_hz=cutoff_hz) if cutoff_hz else trial
+
+
+def recorded_session(path: str | Path, *, cutoff_hz: float | None = None) -> RecordedSession:
+    """
+    Read a session that is to be replayed.
+
+    Args:
+        path: CSV file or bag; empty: a synthetic one.
+        cutoff_hz: low-pass, zero phase; 0 leaves it as it is; that of `config/` if left out.
+
+    Returns:
+        The session, filtered.
+
+    Raises:
+        DataError: the file cannot be used, or no exchange is in it.
+
+    """
+    if cutoff_hz is None:
+        cutoff_hz = defaults('hand_tracker')['cutoff_hz']
+    if str(path):
+        session = read_session(path)
+    else:
+        configuration, number = EXAMPLE_SESSION
+        session = synthesize_sessions(0, number, configurations=[configuration])[-1]
+    return session.low_passed(cutoff_hz)
 
 
 def _trial_of_bag(path: Path, span_s: tuple[float, float] | None) -> HandoverTrial:

@@ -40,7 +40,14 @@ from handover_dmp.mocap.wrists import WristMotion
 import numpy as np
 from numpy.typing import NDArray
 
-GIVERS = ('first_mover', 'p2', 'p1', 'p2_then_p1', 'p1_then_p2')
+ORDERS = {
+    'p2': ('give', 'give'),
+    'p1': ('take', 'take'),
+    'p2_then_p1': ('give', 'take'),
+    'p1_then_p2': ('take', 'give'),
+}
+"""Directions of the first two exchanges, and of all that follow, by who is known to give."""
+GIVERS = ('first_mover', *ORDERS)
 # The wrists are about to meet when they are this near to their least distance and slow; they have
 # met when they are this near to the least distance of the moments that follow.
 _ABOUT_TO_MEET_M = 0.02
@@ -215,10 +222,8 @@ def segment(motion: WristMotion, thresholds: Segmentation | None = None) -> Segm
                 passages.append(found)
             else:
                 segments.append(found)
-    known = {'p2': ('give', 'give'), 'p1': ('take', 'take')}
-    known |= {'p2_then_p1': ('give', 'take'), 'p1_then_p2': ('take', 'give')}
-    if thresholds.giver in known:
-        order = known[thresholds.giver]
+    if thresholds.giver in ORDERS:
+        order = ORDERS[thresholds.giver]
         segments = [
             found._replace(direction=order[number % 2]) for number, found in enumerate(segments)
         ]

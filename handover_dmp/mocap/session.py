@@ -23,14 +23,15 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 import re
 
 from handover_dmp.common.errors import DataError
-from handover_dmp.mocap.segmentation import Segment, segment, Segmentation
-from handover_dmp.mocap.tables import quote, read_records, read_table, save
-from handover_dmp.mocap.trial import DIRECTIONS, HEADER
+from handover_dmp.mocap.filtering import smooth
+from handover_dmp.mocap.segmentation import ORDERS, Segment, segment, Segmentation
+from handover_dmp.mocap.tables import quote, read_records, save
+from handover_dmp.mocap.trial import DIRECTIONS, HEADER, read_columns
 from handover_dmp.mocap.wrists import WristMotion
 import numpy as np
 
@@ -62,6 +63,32 @@ class RecordedSession:
         """Return the name of its file, `<configuration>_<number>.csv`."""
         return f'{self.configuration}_{self.number}.csv'
 
+    def low_passed(self, cutoff_hz: float) -> RecordedSession:
+        """
+        Take the noise out.
+
+        Args:
+            cutoff_hz: low-pass, zero phase; 0 leaves it as it is.
+
+        Returns:
+            The same at 200 Hz.
+
+        """
+        if not cutoff_hz:
+            return self
+        motion = self.motion
+        both = np.hstack([motion.partner, motion.demonstrator])
+        times, places, _ = smooth(motion.times, both, cutoff_hz=cutoff_hz)
+        smoothed = replace(
+            motion,
+            times=times,
+            partner=places[:, :3],
+            demonstrator=places[:, 3:],
+            partner_orientation=None,
+            demonstrator_orientation=None,
+        )
+        return replace(self, motion=smoothed)
+
 
 def read_csv_wrists(path: str | Path) -> WristMotion:
     """
@@ -78,8 +105,7 @@ def read_csv_wrists(path: str | Path) -> WristMotion:
 
     """
     path = Path(path)
-    values = read_table(path, HEADER)
-    return WristMotion(values[:, 0], values[:, 1:4], values[:, 4:7], path.name).checked()
+    return WristMotion(**read_columns(path)._asdict(), source=path.name).checked()
 
 
 def read_session(path: str | Path, thresholds: Segmentation | None = None) -> RecordedSession:
@@ -99,24 +125,70 @@ def read_session(path: str | Path, thresholds: Segmentation | None = None) -> Re
 
     """
     path = Path(path)
-    told: list[Segment] = []
-    configuration, number = path.stem, 1
     if path.suffix.lower() == '.csv':
         motion = read_csv_wrists(path)
-        index = path.parent / SESSIONS_NAME
-        records = read_records(index, (*_WHAT, *_TIMES)) if index.exists() else []
-        for line, row in records:
-            if row['file'] == path.name:
-                told.append(_told(row, f'{index}: line {line}'))
-                configuration, number = row['configuration'], int(row['trial'])
     else:
         from handover_dmp.mocap.bag import read_bag_wrists
 
         motion = read_bag_wrists(path)
+    index = path.parent / SESSIONS_NAME
+    told = [_told(row, f'{index}: line {line}') for line, row in _lines_of(path)]
     exchanges = told or segment(motion, thresholds).segments
     if not exchanges:
         raise DataError(f'{path}: no exchange is in it')
+    configuration, number = describe_session(path) or (path.stem, 1)
     return RecordedSession(motion, tuple(exchanges), configuration, number)
+
+
+def describe_session(path: str | Path) -> tuple[str, int] | None:
+    """
+    Tell by the index beside a recording what it is a recording of.
+
+    Args:
+        path: of the recording.
+
+    Returns:
+        Configuration and number; None where no index names it.
+
+    Raises:
+        DataError: the index cannot be read.
+
+    """
+    for _, row in _lines_of(Path(path)):
+        return row['configuration'], int(row['trial'])
+    return None
+
+
+def _lines_of(path: Path) -> list[tuple[int, dict[str, str]]]:
+    """Return the lines of the index beside a recording that name it."""
+    index = path.parent / SESSIONS_NAME
+    if not index.exists():
+        return []
+    lines = read_records(index, (*_WHAT, *_TIMES))
+    named = [(line, row) for line, row in lines if row['file'] == path.name]
+    for line, row in named:
+        if not re.fullmatch('[0-9]{1,9}', row['trial'], re.ASCII):
+            raise DataError(f'{index}: line {line}: trial {quote(row["trial"])} is not a number')
+    return named
+
+
+def giver_of(path: str | Path) -> str | None:
+    """
+    Tell by the index beside a recording who gives in it.
+
+    Args:
+        path: of the recording.
+
+    Returns:
+        One of the words of `Segmentation.giver`; None where no index names it, or none of them
+        says it.
+
+    """
+    directions = [row['exchange'] for _, row in _lines_of(Path(path))]
+    for giver, order in ORDERS.items():
+        if directions and directions == [order[k % 2] for k in range(len(directions))]:
+            return giver
+    return None
 
 
 def session_files(folder: str | Path) -> list[Path]:
@@ -187,8 +259,6 @@ def _told(row: dict[str, str], where: str) -> Segment:
     """Read a line of the index."""
     if row['exchange'] not in DIRECTIONS:
         raise DataError(f"{where}: exchange {quote(row['exchange'])} instead of 'give' or 'take'")
-    if not re.fullmatch('[0-9]{1,9}', row['trial'], re.ASCII):
-        raise DataError(f'{where}: trial {quote(row["trial"])} is not a number')
     try:
         start, meeting, parting, *back = (float(row[name] or 'nan') for name in _TIMES)
     except ValueError as error:

@@ -19,7 +19,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 import re
+from typing import NamedTuple
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.orientation import AXES_OF_TURN, orientation_fault, unit_orientations
 from handover_dmp.mocap.tables import header_of, read_records, read_table, save
@@ -220,15 +222,10 @@ def read_trial(
 
     """
     path = Path(path)
-    turned = _turned_in(path)
-    values = read_table(path, (*HEADER, *(name for columns in turned for name in columns)))
-    if fault := find_fault(values[:, 0], values[:, 1:7]):
+    columns = read_columns(path)
+    if fault := find_fault(columns.times, np.hstack([columns.partner, columns.demonstrator])):
         where = '' if fault.row is None else f'line {fault.row + 2}: '
         raise DataError(f'{path}: {where}{fault.what}')
-    turns = dict(zip(turned, np.split(values[:, 7:], max(len(turned), 1), axis=1), strict=False))
-    for quaternions in turns.values():
-        if turn_fault := orientation_fault(values[:, 0], quaternions):
-            raise DataError(f'{path}: line {turn_fault[0] + 2}: {turn_fault[1]}')
     if None in (configuration, direction, number):
         known = _from_index(path) or describe(path)
         configuration = known[0] if configuration is None else configuration
@@ -245,16 +242,61 @@ def read_trial(
             number=int(number or 0),
         )
     return HandoverTrial(
-        times=values[:, 0],
-        partner=values[:, 1:4],
-        demonstrator=values[:, 4:7],
+        **columns._asdict(),
         configuration=str(configuration),
         direction=direction,
         number=int(number or 0),
         source=path.name,
-        partner_orientation=turns.get(TURN_HEADERS[0]),
-        demonstrator_orientation=turns.get(TURN_HEADERS[1]),
         way_back=way_back,
+    )
+
+
+class WristColumns(NamedTuple):
+    """
+    What the columns of a file hold, as arrays.
+
+    Attributes:
+        times: (n,) s.
+        partner: (n, 3) m.
+        demonstrator: (n, 3) m.
+        partner_orientation: (n, 4) unit quaternions x, y, z, w; None where there are none.
+        demonstrator_orientation: the same of P2.
+
+    """
+
+    times: Array
+    partner: Array
+    demonstrator: Array
+    partner_orientation: Array | None
+    demonstrator_orientation: Array | None
+
+
+def read_columns(path: Path) -> WristColumns:
+    """
+    Read the columns of a trial, or of a recording of any length.
+
+    Args:
+        path: CSV file.
+
+    Returns:
+        What they hold, their numbers finite, the orientations checked, the positions not.
+
+    Raises:
+        DataError: it cannot be read, has other columns, or an orientation cannot be one.
+
+    """
+    turned = _turned_in(path)
+    values = read_table(path, (*HEADER, *(name for columns in turned for name in columns)))
+    turns = dict(zip(turned, np.split(values[:, 7:], max(len(turned), 1), axis=1), strict=False))
+    for quaternions in turns.values():
+        if fault := orientation_fault(values[:, 0], quaternions):
+            raise DataError(f'{path}: line {fault[0] + 2}: {fault[1]}')
+    return WristColumns(
+        values[:, 0],
+        values[:, 1:4],
+        values[:, 4:7],
+        turns.get(TURN_HEADERS[0]),
+        turns.get(TURN_HEADERS[1]),
     )
 
 

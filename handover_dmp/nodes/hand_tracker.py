@@ -21,7 +21,7 @@ from time import sleep
 
 from geometry_msgs.msg import PoseStamped
 from handover_dmp.common.errors import UsageError
-from handover_dmp.handover.scenario import recorded_trial
+from handover_dmp.handover.scenario import recorded_session, recorded_trial
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds, pose_message, stamp
 from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.lockstep import Lockstep
@@ -32,15 +32,18 @@ from handover_dmp.nodes.tracker_parameters import plain, TOPIC, TRACKERS
 from handover_dmp.topics import (
     CLOCK,
     DEMONSTRATOR_POSE,
+    GRIPPER_COMMAND,
     HAND_POSE,
     HAND_TRUTH,
+    OBJECT_HOLDER,
     SIGNAL,
     WRIST_POSE,
 )
 from handover_dmp.tracking.playback import HandSample, PlayedBag, PlayedTrial
 from handover_dmp.tracking.sensor_model import FAULTS, SensorModel
+from handover_dmp.tracking.session_playback import PlayedSession, SessionPlayback
 from rclpy.publisher import Publisher
-from std_msgs.msg import Header
+from std_msgs.msg import Bool, Header, String
 
 LOOK_S = 0.1
 SENSOR = (
@@ -67,12 +70,26 @@ class HandTracker(HandoverNode):
     PARAMETERS = (
         Parameter(
             'source',
-            'a trial as a tracker sees it, or the poses of a bag as they are',
-            choices=('trial', 'bag'),
+            'a trial or a session as a tracker sees it, or the poses of a bag as they are',
+            choices=('trial', 'session', 'bag'),
             read_only=True,
         ),
         Parameter('bag', 'what source: bag plays', read_only=True),
-        Parameter('trial', 'CSV file or bag; empty: a synthetic handover', read_only=True),
+        Parameter('trial', 'or session: CSV file or bag; empty: a synthetic one', read_only=True),
+        Parameter(
+            'session.lead_s',
+            'of the recording before the first reach of a session that is played, s',
+            0.1,
+            3600.0,
+            read_only=True,
+        ),
+        Parameter(
+            'session.patience_s',
+            'how long the partner holds out the hand at an exchange, s',
+            0.0,
+            3600.0,
+            read_only=True,
+        ),
         Parameter(
             'cutoff_hz', 'low-pass of the recording, Hz; 0: none', 0.0, 100.0, read_only=True
         ),
@@ -110,6 +127,8 @@ class HandTracker(HandoverNode):
                 self._begin(values['replay_at_s'])
             else:
                 self._awaited = self.every(LOOK_S, self._begin_when_all_are_there)
+        if isinstance(self._played, PlayedSession):
+            self._listen_for_holder(self._played)
         if self.lockstep:
             periods = Lockstep(1.0 / values['rate_hz'], self._answer, self._publish)
             self.subscribe(CLOCK, lambda message: periods.ask(nanoseconds(message.clock)))
@@ -126,6 +145,22 @@ class HandTracker(HandoverNode):
             + ('by itself' if values['replay_at_s'] >= 0.0 else 'when told to by ~/replay')
         )
 
+    def _listen_for_holder(self, played: PlayedSession) -> None:
+        """Hear who holds the object or, where none is simulated, whether the gripper does."""
+        told = False
+
+        def hear_holder(message: String) -> None:
+            nonlocal told
+            told = True
+            played.hear(message.data)
+
+        def hear_gripper(message: Bool) -> None:
+            if not told:
+                played.hear('robot' if message.data else 'partner')
+
+        self.subscribe(OBJECT_HOLDER, hear_holder)
+        self.subscribe(GRIPPER_COMMAND, hear_gripper)
+
     def _replay(self) -> str:
         if not self._signal.get_subscription_count():
             self.get_logger().warning(f'nobody hears {self.named(SIGNAL)}: is dmp running?')
@@ -135,7 +170,7 @@ class HandTracker(HandoverNode):
     def _begin_when_all_are_there(self) -> None:
         """Start the replay once `dmp` listens and the wrist of the arm is known."""
         listened_to = all(
-            publisher.get_subscription_count() for publisher in (self._hand_pose, self._signal)
+            publisher.get_subscription_count() for publisher in (*self._hand_poses, self._signal)
         )
         if listened_to and self.count_publishers(self.resolve_topic_name(WRIST_POSE.relative)):
             self._awaited.cancel()
@@ -143,9 +178,14 @@ class HandTracker(HandoverNode):
 
     def _begin(self, at_s: float) -> None:
         self._played.start(at_s)
-        time = stamp(round(self._played.signal_s * NANOSECONDS))
-        self._signal.publish(Header(stamp=time, frame_id=self.frame))
-        self.say(f'replays, the signal is for {self._played.signal_s:.3f} s')
+        self.say(f'replays from {at_s:.3f} s')
+        self._send_signals()
+
+    def _send_signals(self) -> None:
+        for signal_s in self._played.signals():
+            time = stamp(round(signal_s * NANOSECONDS))
+            self._signal.publish(Header(stamp=time, frame_id=self.frame))
+            self.say(f'the signal is for {signal_s:.3f} s')
 
     def _tick(self) -> None:
         self._answer(self.now_ns(), 0.0)
@@ -164,6 +204,7 @@ class HandTracker(HandoverNode):
             for publisher, samples in streams
             for sample in samples
         ]
+        self._send_signals()
         self._publish()
 
     def _message(self, sample: HandSample) -> PoseStamped:
@@ -178,13 +219,23 @@ class HandTracker(HandoverNode):
         return '', {'replay starts at (s)': f'{self._played.start_s:.3f}'}
 
 
-def _played(values: Values) -> PlayedTrial | PlayedBag:
+def _played(values: Values) -> PlayedTrial | PlayedSession | PlayedBag:
     if values['source'] == 'bag':
         if not values['bag']:
             raise UsageError('hand_tracker: source is bag, but the parameter bag names none')
         return PlayedBag(values['bag'])
-    trial = recorded_trial(values['trial'], cutoff_hz=values['cutoff_hz'])
     sensors = [_sensor(name, values) for name in values['trackers']]
+    if values['source'] == 'session':
+        return PlayedSession(
+            SessionPlayback(
+                recorded_session(values['trial'], cutoff_hz=values['cutoff_hz']),
+                sensors,
+                tells_lost=values['lockstep'],
+                lead_s=values['session.lead_s'],
+                patience_s=values['session.patience_s'],
+            )
+        )
+    trial = recorded_trial(values['trial'], cutoff_hz=values['cutoff_hz'])
     return PlayedTrial(trial, sensors, tells_lost=values['lockstep'])
 
 

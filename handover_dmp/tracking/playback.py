@@ -341,21 +341,23 @@ class PlayedTrial:
         self._truth = replay
         self._hands = [TrackedHand(replay, sensor, tells_lost=tells_lost) for sensor in sensors]
         self._demonstrator = Replay.from_motion(trial.times, trial.demonstrator)
+        self._signals: list[float] = []
 
     @property
     def start_s(self) -> float:
         """When the trial starts, s; infinite until it is told."""
         return self._hands[0].start_s
 
-    @property
-    def signal_s(self) -> float:
-        """When the handover is to start, s."""
-        return self.start_s
-
     def start(self, at_s: float) -> None:
         """Start the trial at a time, s."""
         for hand in self._hands:
             hand.start(at_s)
+        self._signals = [at_s]
+
+    def signals(self) -> list[float]:
+        """Give the times at which a handover is to start, s, that were not given yet."""
+        signals, self._signals = self._signals, []
+        return signals
 
     def hands(self, now_s: float) -> list[list[HandSample]]:
         """Give, of each tracker, the poses that arrived since the last call, at a time, s."""
@@ -398,15 +400,21 @@ class PlayedBag:
         self._hand, self._demonstrator = (_PlayedPoses(poses, zero_s) for poses in seen.values())
         self._signal_s = signals[0] - zero_s if signals else 0.0
         self.start_s = math.inf
-
-    @property
-    def signal_s(self) -> float:
-        """When the handover is to start, s: at the first signal, without one at the start."""
-        return self.start_s + self._signal_s
+        self._signals: list[float] = []
 
     def start(self, at_s: float) -> None:
         """Start the bag with its first pose of the hand at a time, s."""
         self.start_s = at_s
+        self._signals = [at_s + self._signal_s]
+
+    def signals(self) -> list[float]:
+        """
+        Give the times at which a handover is to start, s, that were not given yet.
+
+        It starts at the first signal of the bag, without one with its first pose.
+        """
+        signals, self._signals = self._signals, []
+        return signals
 
     def hands(self, now_s: float) -> list[list[HandSample]]:
         """Give the poses that became due since the last call, at a time, s: of one tracker."""

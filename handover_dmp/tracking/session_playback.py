@@ -211,6 +211,56 @@ class SessionPlayback:
         return places
 
 
+class PlayedSession:
+    """A session with the face of a `PlayedTrial`, that hears who holds the object."""
+
+    def __init__(self, playback: SessionPlayback) -> None:
+        """
+        Play a session.
+
+        Args:
+            playback: of its partner.
+
+        """
+        self._playback = playback
+        self._told: SessionStep | None = None
+        self._signals: list[float] = []
+        self._holder: str | None = None
+
+    @property
+    def start_s(self) -> float:
+        """When the session starts, s; infinite until it is told."""
+        return self._playback.start_s
+
+    def start(self, at_s: float) -> None:
+        """Start the session, or start it anew, at a time, s."""
+        self._playback.start(at_s)
+        self._signals = []
+
+    def hear(self, holder: str) -> None:
+        """Take who holds the object, as `object/holder` says it."""
+        self._holder = holder
+
+    def hands(self, now_s: float) -> list[list[HandSample]]:
+        """Go on to a time, s, and give the poses that arrived since the last call."""
+        self._told = self._playback.step(now_s, self._holder)
+        self._signals += [signal.stamp_s for signal in self._told.signals]
+        return self._told.hands
+
+    def truth(self, _now_s: float) -> list[HandSample]:
+        """Give where the hand is, whatever the trackers say."""
+        return [] if self._told is None else [self._told.truth]
+
+    def demonstrator(self, _now_s: float) -> list[HandSample]:
+        """Give where the person is whose place the robot takes."""
+        return [] if self._told is None else [self._told.demonstrator]
+
+    def signals(self) -> list[float]:
+        """Give the times at which a handover is to start, s, that were not given yet."""
+        signals, self._signals = self._signals, []
+        return signals
+
+
 def _waiting_place(part: Segment) -> float:
     """Return when in the recording the partner's hand is held out for the last time, s."""
     if part.parting_s is None:

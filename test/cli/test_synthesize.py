@@ -19,6 +19,7 @@ from __future__ import annotations
 import json
 
 from handover_dmp.cli.main import main
+from handover_dmp.dmp import load_model
 from handover_dmp.mocap import read_data_set, synthesize
 import numpy as np
 import pytest
@@ -87,3 +88,56 @@ def test_a_folder_that_cannot_be_made(tmp_path, capsys):
     with pytest.raises(SystemExit) as caught:
         main(['synthesize'])
     assert caught.value.code == 2
+
+
+def test_sessions_are_made_cut_and_are_what_went_in(tmp_path, capsys):
+    recorded, cut, made = tmp_path / 'recorded', tmp_path / 'cut', tmp_path / 'made.json'
+    words = ['synthesize', '--sessions', '--seed', '5', '--trials', '1']
+    words += ['--configuration', 'under_car']
+    assert main([*words, '-o', str(recorded), '--json', str(made)]) == 0
+    assert '1 synthetic session of' in capsys.readouterr().out
+    told = json.loads(made.read_text())['sessions']
+    assert [len(row['exchanges']) for row in told] == [2]
+    assert main([*words, '-o', str(recorded)]) == 1
+    assert 'exists already' in capsys.readouterr().err
+    words = ['import', 'csv', str(recorded), '--segment', '--way-back', '-o', str(cut)]
+    assert main(words) == 0
+    found = {trial.label: trial for trial in read_data_set(cut)}
+    put_in = synthesize(5, 1, configurations=['under_car'])
+    assert found.keys() == {trial.label for trial in put_in}
+    for trial in put_in:
+        new = found[trial.label]
+        assert new.duration_s == pytest.approx(trial.duration_s, abs=0.4)
+        for name in ('partner', 'demonstrator'):
+            first, second = getattr(new, name), getattr(trial, name)
+            assert np.linalg.norm(first[0] - second[0]) < 0.02, trial.label
+            assert np.linalg.norm(first[-1] - second[-1]) < 0.02, trial.label
+        assert np.linalg.norm(new.way_back.demonstrator[-1] - new.demonstrator[-1]) > 0.3
+    # files by name, the index among them, are the same as the folder
+    again = tmp_path / 'again'
+    sources = sorted(str(file) for file in recorded.iterdir())
+    assert main(['import', 'csv', *sources, '--segment', '--dry-run', '-o', str(again)]) == 0
+    assert '2 trials nothing written' in capsys.readouterr().out
+    model = tmp_path / 'model.json'
+    assert main(['learn', str(cut / 'under_car_give_1.csv'), '-o', str(model)]) == 0
+    learnt = load_model(model)
+    # from where the reach ends to where P2 rests
+    assert np.linalg.norm(learnt.way_back.start - learnt.goal) < 0.02
+    assert np.linalg.norm(learnt.way_back.goal - learnt.start) < 0.15
+
+
+@pytest.mark.parametrize(
+    ('words', 'message'),
+    [
+        (['synthesize', '--sessions', '--orientation'], '--orientation is for trials'),
+        (['import', 'csv', 'x.csv', '--way-back'], '--way-back needs --segment'),
+        (['import', 'csv', 'x.csv', '--p1', 'hand'], '--p1 and --p2'),
+        (['import', 'csv', 'x.csv', '--up', 'y'], 'is in metres, z up'),
+    ],
+)
+def test_wrong_usage_of_sessions_is_one_line(words, message, tmp_path, capsys):
+    assert main([*words, '-o', str(tmp_path / 'set')]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count('\n') == 1
+    assert not (tmp_path / 'set').exists()

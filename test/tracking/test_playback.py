@@ -74,7 +74,8 @@ def test_a_bag_of_a_trial_is_what_a_tracker_sees_of_the_trial(
     bag, tracked = PlayedBag(tmp_path / 'bag'), PlayedTrial(trial)
     bag.start(0.0)
     tracked.start(0.5)
-    assert bag.signal_s == pytest.approx(tracked.signal_s)
+    assert bag.signals() == pytest.approx(tracked.signals())
+    assert bag.signals() == tracked.signals() == []
     humans = 0
     for number in range(1200):
         now_s = number * 0.005
@@ -100,7 +101,7 @@ def test_poses_are_played_as_they_were_recorded(tmp_path: Path) -> None:
     assert [sample.stamp_s for sample in resting] == [0.005 * number for number in range(21)]
     assert all(sample.position.tolist() == [0.0, 0.0, 1.0] for sample in resting)
     played.start(1.5)
-    assert played.signal_s == pytest.approx(1.525, abs=1e-9)
+    assert played.signals() == pytest.approx([1.525], abs=1e-9)
     got = play(played, 3.0, 1.5)
     stamps = [sample.stamp_s for sample in got]
     np.testing.assert_allclose(stamps, 1.5 + 1e-3 * np.array(after_ms), atol=1e-8)
@@ -113,7 +114,7 @@ def test_without_stamps_and_signal_the_times_of_recording_count(tmp_path: Path) 
     rows: list[Any] = [('/hand/pose', None, (x, 0.0, 1.0)) for x in (0.0, 1.0, 2.0)]
     played = PlayedBag(write(tmp_path / 'bag', rows))
     played.start(2.0)
-    assert played.signal_s == 2.0
+    assert played.signals() == [2.0]
     stamps = [sample.stamp_s for sample in play(played, 3.0, 2.0)]
     np.testing.assert_allclose(stamps, [2.0, 2.01, 2.02], atol=1e-8)
 
