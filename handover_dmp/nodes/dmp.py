@@ -41,6 +41,7 @@ from handover_dmp.handover.controller import (
     WristCommand,
 )
 from handover_dmp.handover.lockstep import AFTERWARDS_S
+from handover_dmp.handover.rehearsal import rehearse
 from handover_dmp.handover.scenario import example_model, read_model
 from handover_dmp.handover.session import (
     SessionController,
@@ -667,7 +668,9 @@ def _nested(values: Values, prefix: str) -> Values:
 
 def _movement(model: DecoupledDmp, options: HandoverOptions, values: Values) -> DecoupledDmp:
     given = {parameter.name: values[parameter.name] for parameter in PRIMITIVE}
-    return movement_for(model, options, **given)
+    movement = movement_for(model, options, **given)
+    rehearse(movement, options)
+    return movement
 
 
 def _path(model: DecoupledDmp) -> Sequence[Sequence[float]]:
