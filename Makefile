@@ -95,7 +95,7 @@ clean:
 
 # Files in `lib/` and `share/` are copied, so an install is also as old as they are.
 COPIED := $(wildcard config/* launch/* urdf/* scripts/* package.xml)
-INSTALL = pip install --quiet $(PIP_OPTIONS)
+INSTALL = pip install --quiet
 
 $(BIN)/python $(LINTERS)/bin/python $(SITE)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 14))' || { \

@@ -13,25 +13,42 @@
 # limitations under the License.
 
 """
-Writes the lower bounds of what this package requires as constraints for pip.
+Writes the lower bounds of what this package requires as requirements for pip, in two parts.
 
     python scripts/lower_bounds.py > lowest.txt
-    pip install --constraint lowest.txt --editable '.[ros,test]'
+    python scripts/lower_bounds.py pinocchio > lowest-pinocchio.txt
+    pip install -r lowest.txt
+    pip install --no-deps -r lowest-pinocchio.txt
+    pip install --no-deps --editable .
+
+The wheels of Pinocchio work with NumPy 1.26 but are declared to need 2.0, at which pip gives up; a
+Pinocchio that came with ROS 2 is built with the NumPy of its system.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
 import re
+import sys
 
 SETUP = Path(__file__).resolve().parents[1] / 'setup.py'
-REQUIREMENT = re.compile(r"^ +'([\w.-]+)(?:\[\w+\])?>=([\d.]+)[^;']*(;[^']*)?',$", re.MULTILINE)
+REQUIREMENT = re.compile(r"^ +'([\w.-]+)(\[\w+\])?>=([\d.]+)[^;']*(;[^']*)?',$", re.MULTILINE)
 EXTRAS = ('ros', 'test')
+WITH_PINOCCHIO = ('coal', 'eigenpy', 'pin')
+# what these are made of, without a dependency that is not among them
+OF_PINOCCHIO = (
+    'cmeel', 'cmeel-assimp~=6.0', 'cmeel-boost~=1.90.0', 'cmeel-console-bridge',
+    'cmeel-octomap~=1.10', 'cmeel-qhull~=8.0.2.1', 'cmeel-tinyxml2', 'cmeel-urdfdom', 'cmeel-zlib',
+)  # fmt: skip
+LIBRARIES = {'coal': 'libcoal', 'pin': 'libpinocchio'}
 
 
-def lower_bounds() -> list[str]:
+def lower_bounds(with_pinocchio: bool) -> list[str]:
     """
     Read them out of `setup.py`, which no installation is needed for.
+
+    Args:
+        with_pinocchio: whether those of Pinocchio, and what they need; else all others.
 
     Returns:
         One line a requirement of the package itself, of ROS and of the tests.
@@ -43,13 +60,19 @@ def lower_bounds() -> list[str]:
         re.search(rf"^    '{extra}': \[$(.*?)^    \],$", text, re.MULTILINE | re.DOTALL)
         for extra in EXTRAS
     ]
-    return [
-        f'{name}=={version}{marker}'
+    found = [
+        (name, f'{name}{extra}=={version}{marker}', version)
         for part in parts
         if part is not None
-        for name, version, marker in REQUIREMENT.findall(part.group(1))
+        for name, extra, version, marker in REQUIREMENT.findall(part.group(1))
+        if (name in WITH_PINOCCHIO) == with_pinocchio
     ]
+    lines = [line for _, line, _ in found]
+    if with_pinocchio:
+        lines += [f'{LIBRARIES[name]}=={bound}' for name, _, bound in found if name in LIBRARIES]
+        lines += OF_PINOCCHIO
+    return lines
 
 
 if __name__ == '__main__':
-    print('\n'.join(lower_bounds()))
+    print('\n'.join(lower_bounds(with_pinocchio=sys.argv[1:] == ['pinocchio'])))

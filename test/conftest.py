@@ -36,8 +36,9 @@ settings.load_profile('same')
 DATA = Path(__file__).resolve().parents[2] / 'shared' / 'data'
 KTH = DATA / 'kth_handovers'
 DOMAINS = 100
-# Each of these starts all five nodes, which want both processors.
-WHOLE_GRAPH = ('test_graph', 'test_faults_graph', 'test_interfaces', 'test_lost_hand', 'test_demo')
+# Each of these has all five nodes keep pace with the wall clock. Two at once would be too much for
+# two processors; graphs in lockstep wait for whatever else is run.
+ON_THE_WALL_CLOCK = ('test_graph', 'test_interfaces')
 
 
 def pytest_configure() -> None:
@@ -50,7 +51,7 @@ def pytest_configure() -> None:
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """
-    Let tests of a file share what they set up, and those of the running graph run one at a time.
+    Let tests of a file share what they set up, and those on the wall clock run one at a time.
 
     By the files: the marks of pytest-xdist 3.8 (`--dist loadgroup`) are lost in pytest 9.2.
     """
@@ -59,7 +60,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     class ByFile(LoadScopeScheduling):  # type: ignore[misc]
         def _split_scope(self, nodeid: str) -> str:
             file = nodeid.partition('::')[0]
-            return 'graph' if Path(file).stem in WHOLE_GRAPH else file
+            return 'wall clock' if Path(file).stem in ON_THE_WALL_CLOCK else file
 
     return ByFile(config, log)
 

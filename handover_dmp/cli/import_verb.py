@@ -153,6 +153,7 @@ def run(options: argparse.Namespace) -> int:
         UsageError: options that do not go together.
 
     """
+    from handover_dmp.cli.progress import track
     from handover_dmp.mocap.data_set import (
         check_no_data_set,
         file_name,
@@ -163,8 +164,6 @@ def run(options: argparse.Namespace) -> int:
     from handover_dmp.mocap.review import review
     from handover_dmp.mocap.review_page import review_page
     from handover_dmp.mocap.tables import save
-    from rich.console import Console
-    from rich.progress import track
 
     _check(options)
     old: list[HandoverTrial] = []
@@ -176,10 +175,7 @@ def run(options: argparse.Namespace) -> int:
     motions: list[tuple[WristMotion, float]] = []
     segmented: list[SegmentedMotion] = []
     sources = _sources(options)
-    console = Console(stderr=True)
-    for source in track(
-        sources, 'reading', console=console, transient=True, disable=not console.is_terminal
-    ):
+    for source in track(sources, 'reading'):
         motion = _read(options, source)
         if options.segment:
             segmented.append(_segment(options, source, motion))

@@ -101,7 +101,7 @@ def test_the_examples_can_be_read(tmp_path: Path, name: str) -> None:
 @pytest.mark.parametrize('name', READERS)
 @given(data=st.data())
 @settings(
-    max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 def test_damage_gives_a_value_or_one_clear_line(
     tmp_path: Path, name: str, data: st.DataObject

@@ -252,7 +252,7 @@ def bridged(stream: Stream, times) -> np.ndarray:
 
 @given(bag=bags())
 # Some seconds: fewer bags would not have every oddity with every other.
-@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_mix_gives_the_truth_or_is_refused(tmp_path, bag):
     folder = bag.write(tmp_path / 'bag')
     set_back = any(stream.set_s < 0.0 and stream.stamped for stream in bag.streams)

@@ -287,7 +287,7 @@ def cases(draw):
 
 
 @given(case=cases())
-@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_mix_gives_the_truth_or_is_refused(tmp_path, case):
     file, truth = case.file, case.truth
     recording = read_c3d(write(tmp_path / 'a.c3d', file))

@@ -176,7 +176,7 @@ def test_a_place_that_cannot_be_written_to(tmp_path, trials):
 
 @given(st.text(max_size=200))
 @settings(
-    max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 def test_any_index_is_read_or_a_data_error(folder, text):
     (folder / 'trials.csv').write_text(HEADER + text, encoding='utf-8', errors='replace')

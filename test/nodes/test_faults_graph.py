@@ -33,6 +33,7 @@ import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
+from handover_dmp.common.settings import defaults
 from handover_dmp.handover.scenario import Scenario
 from handover_dmp.nodes.conversions import (
     NANOSECONDS,
@@ -189,7 +190,7 @@ class Neighbour:
             SetParameters.Request(parameters=[Parameter(name=name, value=double)])
         )
         self.until(done.done)
-        assert done.result().results[0].successful
+        assert done.result().results[0].successful, done.result().results[0].reason
         self.node.destroy_client(client)
 
 
@@ -348,6 +349,8 @@ def bench(tmp_path_factory: pytest.TempPathFactory, scenario: Scenario) -> Itera
     keep_inputs(folder, scenario)
     parameters = graph_parameters(folder, scenario, {'by': 'a test'}, True)
     parameters['hand_tracker']['replay_at_s'] = -1.0
+    # as fast as it goes it would take both processors also where this test only waits
+    parameters['robot_sim']['real_time_factor'] = 1.0
     # who is killed here is not to be waited for as long as one that is merely slow
     for name in ('dmp', 'priority_ik'):
         parameters[name]['patience_s'] = SHORT_PATIENCE_S
@@ -475,6 +478,42 @@ class TestWholeGraph:
         bench.graph.pause(False)
         bench.finish()
         bench.recorded(begun_s)
+
+    def test_changing_parameters_in_motion_does_not_jump(self, bench: Bench) -> None:
+        kept = {name: defaults('dmp')[name] for name in ('stiffness', 'mu', 'acceleration_limit')}
+        bench.reset()
+        bench.neighbour.set_parameter('robot_sim', 'real_time_factor', 0.2)
+        begun_s = bench.graph.time_s
+        bench.neighbour.tell('/hand_tracker/replay')
+        assert bench.graph.wait_for_state(('reaching',), MAX_S, lambda: None)
+        changes = 0
+        while bench.graph.state == 'reaching':
+            for name, value in (
+                ('stiffness', 200.0 + 50.0 * (changes % 3)),
+                ('mu', 0.5 + 0.1 * (changes % 4)),
+                ('acceleration_limit', 20.0 - 5.0 * (changes % 2)),
+            ):
+                bench.neighbour.set_parameter('dmp', name, value)
+            bench.neighbour.set_parameter(
+                'priority_ik', 'braking_share', 0.25 + 0.05 * (changes % 2)
+            )
+            changes += 1
+        bench.neighbour.set_parameter('robot_sim', 'real_time_factor', 1.0)
+        for name, value in kept.items():
+            bench.neighbour.set_parameter('dmp', name, value)
+        bench.neighbour.set_parameter('priority_ik', 'braking_share', 0.25)
+        bench.finish()
+        assert changes > 3
+        assert bench.recorded(begun_s).speed(begun_s) > MOVING_RAD_S
+        places = {
+            nanoseconds(message.header.stamp): message.pose.position
+            for _, message, _ in read_bag(bench.folder / 'bag' / 'bag_0.mcap', [POSE_COMMAND.name])
+        }
+        way = [(t, places[t]) for t in sorted(places) if t / NANOSECONDS > begun_s]
+        assert len(way) > 100
+        for (t0, a), (t1, b) in pairwise(way):
+            apart_m = np.linalg.norm([b.x - a.x, b.y - a.y, b.z - a.z])
+            assert apart_m < 2.5 * (t1 - t0) / NANOSECONDS + 0.005
 
     def test_a_killed_recorder_changes_nothing_and_its_bag_is_repaired(self, bench: Bench) -> None:
         schedule = Path(f'/proc/{bench.graph.processes["recorder"].pid}/schedstat')

@@ -424,7 +424,7 @@ def test_nothing_known_and_forgetting():
         max_size=60,
     )
 )
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=60, deadline=None)
 def test_any_stream_gives_finite_answers(stream):
     estimator = GoalEstimator()
     for stamp, place, now in stream:
