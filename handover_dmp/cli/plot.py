@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`handover_dmp plot`: the figures and the report of a recorded run, from its bag alone."""
+"""`handover_dmp plot`: figures and report of a run from its bag alone, or a recorded session."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ import argparse
 from pathlib import Path
 
 from handover_dmp.cli.recorded import add_source_and_output
+
+DPI = 120
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,6 +36,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser,
         'DIR',
         'where report and figures go; default: the folder of the run, or <bag>_report',
+    )
+    parser.description = (
+        'Draw a recorded run and write its report. Of a CSV file of both wrists, such as '
+        '`synthesize --sessions` writes, it draws the whole session into DIR/session.png.'
     )
     parser.add_argument('--json', type=Path, metavar='FILE', help='write the numbers there, too')
 
@@ -56,6 +62,9 @@ def run(options: argparse.Namespace) -> int:
 
     from handover_dmp.cli.progress import progress_bar
     from handover_dmp.common.files import write_text
+
+    if options.source.suffix.lower() == '.csv':
+        return _draw_recording(options)
     from handover_dmp.report import write_report
     from handover_dmp.report.report import report_folder
     from rich.console import Console
@@ -67,4 +76,26 @@ def run(options: argparse.Namespace) -> int:
     Console().print(f'{len(report["figures"])} figures; {folder / "index.html"}', soft_wrap=True)
     if options.json is not None:
         write_text(options.json, json.dumps(report, indent=2) + '\n')
+    return 0
+
+
+def _draw_recording(options: argparse.Namespace) -> int:
+    import json
+
+    from handover_dmp.common.files import replacing, write_text
+    from handover_dmp.mocap.session import read_session
+    from handover_dmp.mocap.session_figure import draw_session
+    from rich.console import Console
+
+    session = read_session(options.source)
+    folder = options.output or options.source.with_name(f'{options.source.stem}_report')
+    folder.mkdir(parents=True, exist_ok=True)
+    picture = folder / 'session.png'
+    with replacing(picture) as temporary:
+        draw_session(session).savefig(temporary, dpi=DPI)
+    Console().print(f'{len(session.exchanges)} exchanges; {picture}', soft_wrap=True)
+    if options.json is not None:
+        exchanges = [part._asdict() for part in session.exchanges]
+        found = {'figure': str(picture), 'exchanges': exchanges}
+        write_text(options.json, json.dumps(found, indent=2) + '\n')
     return 0

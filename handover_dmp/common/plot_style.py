@@ -19,6 +19,7 @@ from __future__ import annotations
 from typing import Any
 
 EXCHANGE_COLOUR = '#f3d9a4'
+EXCHANGE_TINTS = {'give': '#d6e6f5', 'take': '#fbe3c8'}
 PLOT_STYLE: Any = {
     'font.size': 10,
     'font.family': 'DejaVu Sans',

@@ -20,20 +20,32 @@ from pathlib import Path
 
 from handover_dmp.common.errors import UsageError
 from handover_dmp.common.files import replacing
+from handover_dmp.common.plot_style import PLOT_STYLE
 from handover_dmp.mocap.filtering import smooth
 from handover_dmp.mocap.segmentation import SegmentedMotion
+from handover_dmp.mocap.session_figure import (
+    DEMONSTRATOR_LINE,
+    motion_curves,
+    panel_heights,
+    PARTNER_LINE,
+    session_width,
+    shade_exchanges,
+    shaded_segments,
+    wrist_panels,
+)
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
 
-_TINTS = {'give': '#9ecae1', 'take': '#fdd0a2'}
-_PARTNERS = (('P1', '#d62728'), ('P2', '#2ca02c'))
-_WIDTH_IN = (9.0, 0.5, 60.0)
+_COLOURS = (str(PARTNER_LINE['color']), str(DEMONSTRATOR_LINE['color']))
+_HEIGHT_IN = 10.0
+_WRISTS_SHARE = 2.2
 
 
 def draw_segmentation(segmented: SegmentedMotion, path: str | Path) -> None:
     """
-    Draw distance and speeds of the wrists, the thresholds, and the handovers found.
+    Draw both wrists, their distance and speeds, the thresholds, and the handovers found.
 
     Args:
         segmented: the recording and what was found in it.
@@ -45,61 +57,74 @@ def draw_segmentation(segmented: SegmentedMotion, path: str | Path) -> None:
     """
     path = Path(path)
     motion, thresholds = segmented.motion, segmented.thresholds
-    minimum, inches_a_second, maximum = _WIDTH_IN
-    duration = float(motion.times[-1] - motion.times[0])
-    width = min(max(minimum, inches_a_second * duration), maximum)
-    figure = Figure(figsize=(width, 5.6), layout='constrained')
+    with rc_context(PLOT_STYLE):
+        width = session_width(float(motion.times[-1] - motion.times[0]))
+        figure = Figure(figsize=(width, _HEIGHT_IN), layout='constrained')
+        check_picture(figure, path)
+        shaded, curves = shaded_segments(segmented.segments), motion_curves(motion)
+        heights = np.array(panel_heights(curves))
+        every = figure.subplots(
+            5, 1, sharex=True, height_ratios=[*(_WRISTS_SHARE * heights / heights.sum()), 1.0, 1.0]
+        )
+        wrist_panels(every[:3], curves, shaded)
+        distances, speeds = every[3:]
+        for first, end in motion.spans():
+            if end - first < 4:
+                continue
+            both = np.hstack([motion.partner[first:end], motion.demonstrator[first:end]])
+            times, positions, velocities = smooth(motion.times[first:end], both)
+            distance = np.linalg.norm(positions[:, 3:] - positions[:, :3], axis=1)
+            distances.plot(times, distance, color='#111111', lw=1.4)
+            for velocity, colour in zip(np.split(velocities, 2, axis=1), _COLOURS, strict=True):
+                speeds.plot(times, np.linalg.norm(velocity, axis=1), color=colour, lw=1.2)
+        for axes in (distances, speeds):
+            shade_exchanges(axes, shaded, named=False)
+            axes.set_ylim(bottom=0.0)
+        _mark_passages(segmented, distances)
+        _line(distances, thresholds.near_m, 'near')
+        _line(distances, thresholds.apart_m, 'apart')
+        _line(speeds, thresholds.moving_speed, 'moves')
+        _line(speeds, thresholds.reach_speed, 'reaches')
+        distances.set_ylabel('wrist to wrist / m')
+        speeds.set_ylabel('speed of wrist / m/s')
+        speeds.set_xlabel('time / s')
+        speeds.set_xlim(float(motion.times[0]), float(motion.times[-1]))
+        figure.align_ylabels()
+        gives = sum(found.direction == 'give' for found in segmented.segments)
+        takes = len(segmented.segments) - gives
+        figure.suptitle(
+            f'{motion.source}: {_count(gives, "give")}, {_count(takes, "take")}, '
+            f'{len(segmented.passages)} left out',
+            x=0.01,
+            ha='left',
+            fontsize=11,
+        )
+        figure.legend(*every[0].get_legend_handles_labels(), loc='outside upper right', ncols=2)
+        with replacing(path) as temporary:
+            figure.savefig(temporary, dpi=110)
+
+
+def check_picture(figure: Figure, path: Path) -> None:
+    """
+    Make sure that a figure can be saved as a file of this suffix.
+
+    Args:
+        figure: what to save.
+        path: of the picture.
+
+    Raises:
+        UsageError: matplotlib knows no picture of this suffix.
+
+    """
     if path.suffix.lstrip('.').lower() not in figure.canvas.get_supported_filetypes():
         raise UsageError(f'{path}: no kind of picture by its suffix; .png or .svg will do')
-    top, bottom = figure.subplots(2, 1, sharex=True)
-    for first, end in motion.spans():
-        if end - first < 4:
-            continue
-        both = np.hstack([motion.partner[first:end], motion.demonstrator[first:end]])
-        times, positions, velocities = smooth(motion.times[first:end], both)
-        distance = np.linalg.norm(positions[:, 3:] - positions[:, :3], axis=1)
-        top.plot(times, distance, color='black', lw=1.4)
-        for k, (name, colour) in enumerate(_PARTNERS):
-            speed = np.linalg.norm(velocities[:, 3 * k: 3 * k + 3], axis=1)  # fmt: skip
-            bottom.plot(times, speed, color=colour, lw=1.2, label=name if first == 0 else None)
-    _mark_handovers(segmented, top, bottom)
-    _line(top, thresholds.near_m, 'near')
-    _line(top, thresholds.apart_m, 'apart')
-    _line(bottom, thresholds.moving_speed, 'moves')
-    _line(bottom, thresholds.reach_speed, 'reaches')
-    top.set_ylabel('wrist to wrist / m')
-    bottom.set_ylabel('speed of wrist / m/s')
-    bottom.set_xlabel('time / s')
-    bottom.set_xlim(float(motion.times[0]), float(motion.times[-1]))
-    for axes in (top, bottom):
-        axes.set_ylim(bottom=0.0)
-        axes.grid(alpha=0.25)
-        axes.spines[['top', 'right']].set_visible(False)
-    gives = sum(found.direction == 'give' for found in segmented.segments)
-    takes = len(segmented.segments) - gives
-    left_out = len(segmented.passages)
-    top.set_title(
-        f'{motion.source}: {_count(gives, "give")}, {_count(takes, "take")}, {left_out} left out',
-        fontsize=11,
-    )
-    bottom.legend(loc='lower right', bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, fontsize=9)
-    with replacing(path) as temporary:
-        figure.savefig(temporary, dpi=110)
 
 
-def _mark_handovers(segmented: SegmentedMotion, top: Axes, bottom: Axes) -> None:
-    for start_s, exchange_s, direction, *_ in segmented.segments:
-        for axes in (top, bottom):
-            axes.axvspan(start_s, exchange_s, color=_TINTS[direction], alpha=0.7, lw=0)
-            axes.axvline(exchange_s, color='black', lw=0.8)
-        middle = 0.5 * (start_s + exchange_s)
-        top.text(
-            middle, 0.04, direction, transform=top.get_xaxis_transform(), ha='center', fontsize=9
-        )
+def _mark_passages(segmented: SegmentedMotion, axes: Axes) -> None:
     for at_s, reason in segmented.passages:
-        top.axvline(at_s, color='gray', lw=1.0, ls=':')
-        top.text(
-            at_s, 0.97, reason, transform=top.get_xaxis_transform(), fontsize=8, color='gray',
+        axes.axvline(at_s, color='gray', lw=1.0, ls=':')
+        axes.text(
+            at_s, 0.97, reason, transform=axes.get_xaxis_transform(), fontsize=8, color='gray',
             rotation=90, va='top', ha='right',
         )  # fmt: skip
 

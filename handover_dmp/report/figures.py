@@ -25,6 +25,8 @@ from typing import Any
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.files import replacing
 from handover_dmp.common.plot_style import EXCHANGE_COLOUR, PLOT_STYLE
+from handover_dmp.mocap.session_figure import draw_wrists, ShadedExchange, WristCurve
+from handover_dmp.mocap.trial import DIRECTIONS
 from handover_dmp.report.metrics import FEEDBACK_WEIGHT, FUSED, goal_at, seen_hands, tracker_errors
 from handover_dmp.report.motion import bell_of, resample, velocity
 from handover_dmp.report.recorded_run import RunRecord
@@ -106,6 +108,16 @@ def write_figures(run: RunRecord, folder: Path) -> list[Picture]:
     drawings: list[tuple[Picture, Callable[[RunRecord], Figure | None]]] = [
         (
             Picture(
+                'session',
+                'The whole session: X, Y and Z of the hand of the partner (red), of the wrist of '
+                'the robot (blue), and of the person whose place the robot takes (green, dashed). '
+                'Give and take are shaded from the reach to the parting; the dotted line is where '
+                'the exchange began.',
+            ),
+            draw_session_of_run,
+        ),
+        (
+            Picture(
                 'positions',
                 'Position over time: hand of the partner (red), wrist of the robot (blue), and '
                 'the wrist of the person whose place the robot takes (green, dashed). '
@@ -170,6 +182,43 @@ def write_figures(run: RunRecord, folder: Path) -> list[Picture]:
                     figure.savefig(temporary, dpi=DPI)
                 drawn.append(picture)
     return drawn
+
+
+def draw_session_of_run(run: RunRecord) -> Figure | None:
+    """Draw X, Y and Z over a whole session, as Fig. 3 of the paper; None of a single handover."""
+    exchanges = exchanges_of(run)
+    if len(exchanges) < 2:
+        return None
+    curves = [
+        WristCurve(name, times, positions, style) for times, positions, style, name in _tracks(run)
+    ]
+    return draw_wrists(curves, exchanges, '')
+
+
+def exchanges_of(run: RunRecord) -> list[ShadedExchange]:
+    """
+    Find the exchanges of a session.
+
+    Args:
+        run: the session.
+
+    Returns:
+        Those that came to pass, a give and a take in turn.
+
+    """
+    found: list[ShadedExchange] = []
+    reach_s: float | None = None
+    met_s: float | None = None
+    for time_s, state in run.states:
+        if state == 'exchange':
+            met_s = time_s
+        elif met_s is not None and reach_s is not None:
+            direction = DIRECTIONS[len(found) % len(DIRECTIONS)]
+            found.append(ShadedExchange(reach_s, met_s, time_s, direction))
+            reach_s = met_s = None
+        if state == 'reaching':
+            reach_s = time_s
+    return found
 
 
 def draw_positions(run: RunRecord) -> Figure:

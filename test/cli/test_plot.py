@@ -20,6 +20,8 @@ from pathlib import Path
 from types import ModuleType
 
 from handover_dmp.cli.main import main
+from handover_dmp.mocap.session import write_sessions
+from handover_dmp.mocap.synthetic_session import synthesize_sessions
 import pytest
 
 
@@ -54,3 +56,19 @@ def test_what_cannot_be_drawn(tmp_path: Path, capsys: pytest.CaptureFixture) -> 
         assert fault in error
         assert len(error.strip().splitlines()) == 1
     assert not (tmp_path / 'report').exists()
+
+
+def test_a_recorded_session_is_drawn(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    write_sessions(synthesize_sessions(0, 1, configurations=['under_car']), tmp_path)
+    numbers = tmp_path / 'numbers.json'
+    words = ['plot', str(tmp_path / 'under_car_1.csv'), '--json', str(numbers)]
+    assert main(words) == 0
+    picture = tmp_path / 'under_car_1_report' / 'session.png'
+    assert picture.read_bytes().startswith(b'\x89PNG')
+    assert f'2 exchanges; {picture}' in capsys.readouterr().out
+    told = json.loads(numbers.read_text())
+    assert [part['direction'] for part in told['exchanges']] == ['give', 'take']
+    (tmp_path / 'broken.csv').write_text('t\n')
+    assert main(['plot', str(tmp_path / 'broken.csv')]) == 1
+    assert capsys.readouterr().err.count('\n') == 1
+    assert not (tmp_path / 'broken_report').exists()

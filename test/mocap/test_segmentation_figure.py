@@ -19,6 +19,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from handover_dmp.common.errors import UsageError
+from handover_dmp.common.plot_style import EXCHANGE_TINTS
 from handover_dmp.mocap import synthesize
 from handover_dmp.mocap.segmentation import segment, Segmentation
 from handover_dmp.mocap.segmentation_figure import draw_segmentation
@@ -30,8 +31,7 @@ import pytest
 
 def stripes(picture, colour):
     """Count the bands of a colour along one row of pixels."""
-    blended = 0.7 * np.array(to_rgb(colour)) + 0.3
-    near = (np.abs(picture[..., :3] - blended) < 0.02).all(axis=2)
+    near = (np.abs(picture[..., :3] - to_rgb(colour)) < 0.02).all(axis=2)
     upper = slice(int(0.1 * len(near)), int(0.4 * len(near)))
     columns = np.flatnonzero(near[upper].mean(axis=0) > 0.5)
     # A line of the grid does not make two of one.
@@ -44,8 +44,8 @@ def test_every_handover_is_shaded(play_session, tmp_path):
     draw_segmentation(segment(motion, Segmentation(giver='p2_then_p1')), tmp_path / 'cut.png')
     picture = imread(tmp_path / 'cut.png')
     assert picture.shape[1] > 900
-    assert stripes(picture, '#9ecae1') == 2
-    assert stripes(picture, '#fdd0a2') == 2
+    assert stripes(picture, EXCHANGE_TINTS['give']) == 2
+    assert stripes(picture, EXCHANGE_TINTS['take']) == 2
 
 
 def test_what_is_left_out_and_gaps_do_not_stop_it(play_session, tmp_path):

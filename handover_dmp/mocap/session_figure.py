@@ -1,0 +1,256 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The picture of a session, as Fig. 3 of the paper: X, Y and Z of both wrists, give and take shaded.
+
+All three panels have one scale, so that a way is as long in each of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from handover_dmp.common.arrays import Array
+from handover_dmp.common.plot_style import EXCHANGE_TINTS, PLOT_STYLE
+from handover_dmp.mocap.segmentation import Segment
+from handover_dmp.mocap.session import RecordedSession
+from handover_dmp.mocap.wrists import WristMotion
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+import numpy as np
+
+AXES = 'XYZ'
+PARTNER_LINE: Mapping[str, Any] = {'color': '#c8372d', 'linewidth': 1.8}
+DEMONSTRATOR_LINE: Mapping[str, Any] = {
+    'color': '#2f9e5b',
+    'linewidth': 1.8,
+    'linestyle': (0, (5, 2)),
+}
+MIN_SPAN_M = 0.4
+"""Of a panel; with less, its ticks would stand on each other."""
+MARGIN = 0.08
+"""Above and below the curves of a panel, in parts of what they span."""
+_HEIGHT_IN = 6.4
+_WIDTH_IN = (9.0, 0.5, 60.0)
+
+
+class WristCurve(NamedTuple):
+    """
+    A wrist of the picture.
+
+    Attributes:
+        name: in the legend.
+        times: (n,) s; NaN in the positions where it was not seen.
+        positions: (n, 3) m.
+        style: of the line.
+
+    """
+
+    name: str
+    times: Array
+    positions: Array
+    style: Mapping[str, Any]
+
+
+class ShadedExchange(NamedTuple):
+    """
+    An exchange of the picture.
+
+    Attributes:
+        start_s: when the reach starts, s.
+        exchange_s: when the hands have met, s.
+        end_s: when they part again, s.
+        direction: `give` or `take`.
+
+    """
+
+    start_s: float
+    exchange_s: float
+    end_s: float
+    direction: str
+
+
+def draw_session(session: RecordedSession) -> Figure:
+    """
+    Draw a recorded session.
+
+    Args:
+        session: both wrists, and when the exchanges are.
+
+    Returns:
+        The figure.
+
+    """
+    return draw_wrists(
+        motion_curves(session.motion), shaded_segments(session.exchanges), session.motion.source
+    )
+
+
+def motion_curves(motion: WristMotion) -> list[WristCurve]:
+    """
+    Draw both wrists of a recording, interrupted where one was not seen.
+
+    Args:
+        motion: the recording.
+
+    Returns:
+        The curves of P1 and P2.
+
+    """
+    ends = [end for _, end in motion.spans()[:-1]]
+    times = np.insert(motion.times, ends, motion.times[ends])
+    people = (
+        ('mechanic (P1)', motion.partner, PARTNER_LINE),
+        ('assistant (P2)', motion.demonstrator, DEMONSTRATOR_LINE),
+    )
+    return [
+        WristCurve(name, times, np.insert(positions, ends, np.nan, axis=0), style)
+        for name, positions, style in people
+    ]
+
+
+def shaded_segments(segments: Sequence[Segment]) -> list[ShadedExchange]:
+    """
+    Shade the exchanges of a recording, from the reach to the parting.
+
+    Args:
+        segments: the exchanges.
+
+    Returns:
+        What to shade.
+
+    """
+    return [
+        ShadedExchange(
+            part.start_s, part.exchange_s, part.parting_s or part.exchange_s, part.direction
+        )
+        for part in segments
+    ]
+
+
+def draw_wrists(
+    curves: Sequence[WristCurve], exchanges: Sequence[ShadedExchange], title: str
+) -> Figure:
+    """
+    Draw X, Y and Z of wrists over time, the exchanges shaded.
+
+    Args:
+        curves: the wrists.
+        exchanges: from when to when they reach for each other.
+        title: of the figure.
+
+    Returns:
+        The figure.
+
+    """
+    with rc_context(PLOT_STYLE):
+        begin_s = min(float(curve.times[0]) for curve in curves)
+        end_s = max(float(curve.times[-1]) for curve in curves)
+        size = session_width(end_s - begin_s), _HEIGHT_IN
+        figure = Figure(figsize=size, layout='constrained')
+        panels = figure.subplots(3, 1, sharex=True, height_ratios=panel_heights(curves))
+        wrist_panels(panels, curves, exchanges)
+        figure.align_ylabels()
+        panels[-1].set_xlabel('time / s')
+        panels[-1].set_xlim(begin_s, end_s)
+        figure.suptitle(title, x=0.01, ha='left', fontsize=11)
+        figure.legend(
+            *panels[0].get_legend_handles_labels(), loc='outside upper right', ncols=len(curves)
+        )
+    return figure
+
+
+def session_width(duration_s: float) -> float:
+    """
+    Tell how wide a figure over time is to be.
+
+    Args:
+        duration_s: shown, s.
+
+    Returns:
+        Inches.
+
+    """
+    minimum, inches_a_second, maximum = _WIDTH_IN
+    return min(max(minimum, inches_a_second * duration_s), maximum)
+
+
+def wrist_panels(
+    panels: Sequence[Axes], curves: Sequence[WristCurve], exchanges: Sequence[ShadedExchange]
+) -> None:
+    """
+    Draw into three panels, whose heights are as `panel_heights` has them.
+
+    Args:
+        panels: for X, Y and Z.
+        curves: the wrists.
+        exchanges: from when to when they reach for each other.
+
+    """
+    for axis, panel in enumerate(panels):
+        for curve in curves:
+            panel.plot(curve.times, curve.positions[:, axis], label=curve.name, **curve.style)
+        panel.set_ylim(*_range_of(curves, axis))
+        panel.set_ylabel(f'{AXES[axis]} / m')
+        shade_exchanges(panel, exchanges, named=axis == 0)
+
+
+def panel_heights(curves: Sequence[WristCurve]) -> list[float]:
+    """
+    Tell how high the panels of X, Y and Z are to be, that all have one scale.
+
+    Args:
+        curves: the wrists.
+
+    Returns:
+        What each spans, m.
+
+    """
+    ranges = [_range_of(curves, axis) for axis in range(3)]
+    return [high - low for low, high in ranges]
+
+
+def shade_exchanges(axes: Axes, exchanges: Sequence[ShadedExchange], *, named: bool) -> None:
+    """
+    Shade the exchanges, with a line where the hands have met.
+
+    Args:
+        axes: over time.
+        exchanges: what to shade.
+        named: whether to write `give` and `take` above.
+
+    """
+    for start_s, exchange_s, end_s, direction in exchanges:
+        axes.axvspan(start_s, end_s, color=EXCHANGE_TINTS[direction], lw=0, zorder=0.5)
+        axes.axvline(exchange_s, color='#39424d', lw=0.9, ls=(0, (2, 2)), zorder=1.5)
+        if named:
+            axes.annotate(
+                direction,
+                (0.5 * (start_s + end_s), 1.0),
+                xycoords=axes.get_xaxis_transform(),
+                xytext=(0, 4),
+                textcoords='offset points',
+                ha='center',
+            )
+
+
+def _range_of(curves: Sequence[WristCurve], axis: int) -> tuple[float, float]:
+    values = np.concatenate([curve.positions[:, axis] for curve in curves])
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    span = max((1.0 + 2.0 * MARGIN) * (high - low), MIN_SPAN_M)
+    middle = 0.5 * (low + high)
+    return middle - 0.5 * span, middle + 0.5 * span
