@@ -17,10 +17,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field, fields
+from dataclasses import dataclass, field, fields
 from functools import cache
 from typing import Any
 
+from handover_dmp.common.errors import HandoverError
 from handover_dmp.common.resources import share_path
 import yaml
 
@@ -52,19 +53,115 @@ def node_names() -> tuple[str, ...]:
     return tuple(name.removeprefix(ANYWHERE) for name in tree if name != '/**')
 
 
-def setting(node: str, name: str) -> Any:
+@dataclass(frozen=True)
+class Setting:
+    """
+    What stands beside the default of a number or word that a user may change.
+
+    Attributes:
+        name: of the node's parameter, nested ones joined by dots.
+        description: what it sets, with its unit.
+        low: least value, of numbers.
+        high: greatest value, of numbers.
+        choices: the words it may be, of strings.
+        read_only: whether it is fixed once the node runs.
+
+    """
+
+    name: str
+    description: str
+    low: float | None = None
+    high: float | None = None
+    choices: tuple[str, ...] = ()
+    read_only: bool = False
+
+    def fault(self, value: Any) -> str:
+        """
+        Tell what is wrong with a value.
+
+        Args:
+            value: as given.
+
+        Returns:
+            What is wrong, after the name; empty if nothing is.
+
+        """
+        if self.choices and value not in self.choices:
+            return f'is {_shown(value)}, not one of {", ".join(self.choices)}'
+        if self.low is None or self.high is None:
+            return ''
+        try:
+            number = float(value)
+        except (TypeError, ValueError, OverflowError):
+            return f'is not a number: {_shown(value)}'
+        if not self.low <= number <= self.high:
+            return f'is {number:g}; it must be from {self.low:g} to {self.high:g}'
+        return ''
+
+
+def setting(
+    node: str,
+    name: str,
+    description: str,
+    low: float | None = None,
+    high: float | None = None,
+    *,
+    choices: tuple[str, ...] = (),
+    read_only: bool = False,
+) -> Any:
     """
     Make a dataclass field whose default is a parameter of `config/handover.yaml`.
+
+    This and that file are where the parameter stands; what the node declares, the options of the
+    command and docs/parameters.md are made of them.
 
     Args:
         node: name of the node.
         name: name of its parameter, nested ones joined by dots.
+        description: what it sets, with its unit.
+        low: least value, of numbers.
+        high: greatest value, of numbers.
+        choices: the words it may be, of strings.
+        read_only: whether it is fixed once the node runs.
 
     Returns:
         The dataclass field.
 
     """
-    return field(default_factory=lambda: defaults(node)[name], metadata={'parameter': name})
+    what = Setting(name, description, low, high, choices, read_only)
+    return field(default_factory=lambda: defaults(node)[name], metadata={'setting': what})
+
+
+def settings_of(kind: type[Any]) -> dict[str, Setting]:
+    """
+    List what a dataclass has of fields made by `setting`.
+
+    Args:
+        kind: the dataclass.
+
+    Returns:
+        Field name to setting.
+
+    """
+    return {one.name: one.metadata['setting'] for one in fields(kind) if 'setting' in one.metadata}
+
+
+def check_settings(owner: Any, error: type[HandoverError], prefix: str = '') -> None:
+    """
+    Refuse values that are out of range, or no choice.
+
+    Args:
+        owner: a dataclass with fields made by `setting`.
+        error: what to raise.
+        prefix: before the name of the field.
+
+    Raises:
+        HandoverError: as asked for, naming the field and its range.
+
+    """
+    for name, what in settings_of(type(owner)).items():
+        if fault := what.fault(getattr(owner, name)):
+            raise error(f'{prefix}{name} {fault}')
 
 
 def parameters_of(kind: type[Any], values: Mapping[str, Any]) -> dict[str, Any]:
@@ -79,8 +176,13 @@ def parameters_of(kind: type[Any], values: Mapping[str, Any]) -> dict[str, Any]:
         Field name to value, for those that are given.
 
     """
-    names = {one.name: str(one.metadata.get('parameter')) for one in fields(kind)}
+    names = {name: what.name for name, what in settings_of(kind).items()}
     return {field: values[name] for field, name in names.items() if name in values}
+
+
+def _shown(value: object) -> str:
+    """Quote a text; whatever else a file holds may be too large to be shown."""
+    return repr(value)[:40] if isinstance(value, str) else f'of type {type(value).__name__}'
 
 
 def _flatten(tree: dict[str, Any], prefix: str = '') -> list[tuple[str, Any]]:

@@ -17,12 +17,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite, log, sqrt
+from math import log, sqrt
 
 from handover_dmp.common.errors import DataError
-from handover_dmp.common.settings import setting
-
-FORMULATIONS = ('stiff', 'printed')
+from handover_dmp.common.settings import check_settings, setting, settings_of
 
 
 @dataclass(frozen=True)
@@ -30,45 +28,44 @@ class DmpParameters:
     """
     Parameters of the canonical system (4), the goal weight (7) and the transformation system (8).
 
-    Attributes:
-        stiffness: K of (8), above 0.
-        damping: D of (8); 0 stands for critical damping, 2√K.
-        goal_velocity_gain: K_v of (8), s; negative stands for Dτ, with which the motion does not
-            lag behind a goal of constant velocity.
-        phase_at_end: s(τ), between 0 and 1; it sets α of (4).
-        mu: centre of the goal weight (7), in units of τ.
-        sigma: width of the goal weight (7), in units of τ.
-        formulation: `stiff` puts K_s = K in front of the learnt shape, the only form that becomes
-            (1a) when w_g = 1 − s; `printed` puts K_s = 1, as (5a), (8) and (9) are printed.
-
     Raises:
         DataError: a parameter is outside of its range.
 
     """
 
-    stiffness: float = setting('dmp', 'stiffness')
-    damping: float = setting('dmp', 'damping')
-    goal_velocity_gain: float = setting('dmp', 'goal_velocity_gain')
-    phase_at_end: float = setting('dmp', 'phase_at_end')
-    mu: float = setting('dmp', 'mu')
-    sigma: float = setting('dmp', 'sigma')
-    formulation: str = setting('dmp', 'formulation')
+    stiffness: float = setting('dmp', 'stiffness', 'K of (8), above 0', 0.001, 1000000.0)
+    damping: float = setting(
+        'dmp', 'damping', 'D of (8); 0 stands for critical damping, 2√K', 0.0, 100000.0
+    )
+    goal_velocity_gain: float = setting(
+        'dmp',
+        'goal_velocity_gain',
+        'K_v of (8), s; negative stands for Dτ, with which the motion does not lag behind a goal '
+        'of constant velocity',
+        -1000000.0,
+        1000000.0,
+    )
+    phase_at_end: float = setting(
+        'dmp', 'phase_at_end', 's(τ), between 0 and 1; it sets α of (4)', 1e-09, 0.99
+    )
+    mu: float = setting('dmp', 'mu', 'centre of the goal weight (7), in units of τ', -10.0, 10.0)
+    sigma: float = setting(
+        'dmp', 'sigma', 'width of the goal weight (7), in units of τ', 0.0001, 10.0
+    )
+    formulation: str = setting(
+        'dmp',
+        'formulation',
+        'stiff puts K_s = K in front of the learnt shape, the only form that becomes (1a) when '
+        'w_g = 1 − s; printed puts K_s = 1, as (5a), (8) and (9) are printed',
+        choices=('stiff', 'printed'),
+    )
 
     def __post_init__(self) -> None:
         """Turn the numbers into plain floats and check their ranges."""
-        for name, (low, high) in RANGES.items():
-            try:
-                value = float(getattr(self, name))
-            except (TypeError, ValueError, OverflowError) as error:
-                given = _shown(getattr(self, name))
-                raise DataError(f'{name} is not a number: {given}') from error
-            if not (isfinite(value) and low <= value <= high):
-                raise DataError(f'{name} is {value:g}; it must be from {low:g} to {high:g}')
-            object.__setattr__(self, name, value)
-        if self.formulation not in FORMULATIONS:
-            raise DataError(
-                f'formulation is {_shown(self.formulation)}; known: {", ".join(FORMULATIONS)}'
-            )
+        check_settings(self, DataError)
+        for name, what in settings_of(type(self)).items():
+            if what.low is not None:
+                object.__setattr__(self, name, float(getattr(self, name)))
 
     @property
     def alpha(self) -> float:
@@ -99,19 +96,3 @@ class DmpParameters:
         if self.goal_velocity_gain >= 0.0:
             return self.goal_velocity_gain
         return self.effective_damping * duration_s
-
-
-RANGES = {
-    'stiffness': (1e-3, 1e6),
-    'damping': (0.0, 1e5),
-    'goal_velocity_gain': (-1e6, 1e6),
-    'phase_at_end': (1e-9, 0.99),
-    'mu': (-10.0, 10.0),
-    'sigma': (1e-4, 10.0),
-}
-"""Least and greatest value of each number."""
-
-
-def _shown(value: object) -> str:
-    """Quote a text; whatever else a file holds may be too large to be shown."""
-    return repr(value)[:40] if isinstance(value, str) else f'of type {type(value).__name__}'

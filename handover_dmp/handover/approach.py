@@ -78,27 +78,41 @@ MIN_SINE_SQUARED = 1e-6
 
 @dataclass(frozen=True)
 class ApproachOptions:
-    """
-    How the wrist comes to a hand that is not where it was in the demonstration.
+    """How the wrist comes to a hand that is not where it was in the demonstration."""
 
-    Attributes:
-        enabled: whether any of this is done; without, the movement goes by (7) and (8) alone.
-        near_m: ρ, distance left at which the goal takes over, m.
-        shape_beyond_m: β, how far beyond the goal the learnt shape has to lead for that, m.
-        astray: ε, by how much farther from the goal than at the start the wrist may get, beyond
-            what was learnt, before the goal takes over; in parts of that distance.
-        beyond_m: m, how far beyond the goal the wrist may get, m.
-        braking_share: part of the acceleration limit that braking may need; the rest is for what
-            the hand does.
-
-    """
-
-    enabled: bool = setting('dmp', 'approach.enabled')
-    near_m: float = setting('dmp', 'approach.near_m')
-    shape_beyond_m: float = setting('dmp', 'approach.shape_beyond_m')
-    astray: float = setting('dmp', 'approach.astray')
-    beyond_m: float = setting('dmp', 'approach.beyond_m')
-    braking_share: float = setting('dmp', 'approach.braking_share')
+    enabled: bool = setting(
+        'dmp',
+        'approach.enabled',
+        'whether any of this is done; without, the movement goes by (7) and (8) alone',
+    )
+    near_m: float = setting(
+        'dmp', 'approach.near_m', 'ρ, distance left at which the goal takes over, m', 0.001, 1.0
+    )
+    shape_beyond_m: float = setting(
+        'dmp',
+        'approach.shape_beyond_m',
+        'β, how far beyond the goal the learnt shape has to lead for that, m',
+        0.001,
+        10.0,
+    )
+    astray: float = setting(
+        'dmp',
+        'approach.astray',
+        'ε, by how much farther from the goal than at the start the wrist may get, beyond what '
+        'was learnt, before the goal takes over; in parts of that distance',
+        0.01,
+        10.0,
+    )
+    beyond_m: float = setting(
+        'dmp', 'approach.beyond_m', 'm, how far beyond the goal the wrist may get, m', 0.0, 1.0
+    )
+    braking_share: float = setting(
+        'dmp',
+        'approach.braking_share',
+        'part of the acceleration limit that braking may need; the rest is for what the hand does',
+        0.05,
+        1.0,
+    )
 
 
 @lru_cache(maxsize=8)

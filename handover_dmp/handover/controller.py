@@ -39,6 +39,7 @@ from handover_dmp.tracking import GoalEstimator, HandEstimate, TrackerReport
 from handover_dmp.tracking.partner_model import (
     check_partner_model,
     Expectation,
+    PARTNER_MODEL,
     PartnerModel,
     PartnerOptions,
 )
@@ -83,19 +84,7 @@ class HandoverOptions:
     The rules of a handover.
 
     Attributes:
-        start: what starts it besides `start()`: `signal` (the partner's signal), `motion` (the
-            hand moves) or `service` (nothing else).
-        motion_threshold: speed of the hand that counts as its start to move, m/s.
-        hand_timeout_s: age of the hand, by arrival, beyond which the wrist brakes, s.
-        stamp_tolerance_s: by how much the stamps of the hand may differ from the time, s.
-        exchange_distance_m: wrist to goal, below which the exchange may begin, m.
-        exchange_speed: speed of the wrist relative to the goal for the same, m/s.
-        exchange_hold_s: how long the exchange lasts, s.
-        acceleration_limit: bound on the acceleration of the wrist command, m/s².
-        tracking_error_limit_m: how far the command may run ahead of the measured wrist, m.
-        phase_stopping: whether an arm that cannot keep up slows the phase.
         approach: how it comes to a hand that is not where the movement expects it.
-        partner_model: `auto`, to expect of the hand what the model knows of it, or `off`.
         partner: constants of that.
 
     Raises:
@@ -103,18 +92,75 @@ class HandoverOptions:
 
     """
 
-    start: str = setting('dmp', 'start')
-    motion_threshold: float = setting('dmp', 'motion_threshold')
-    hand_timeout_s: float = setting('dmp', 'hand_timeout_s')
-    stamp_tolerance_s: float = setting('dmp', 'stamp_tolerance_s')
-    exchange_distance_m: float = setting('dmp', 'exchange_distance_m')
-    exchange_speed: float = setting('dmp', 'exchange_speed')
-    exchange_hold_s: float = setting('dmp', 'exchange_hold_s')
-    acceleration_limit: float = setting('dmp', 'acceleration_limit')
-    tracking_error_limit_m: float = setting('dmp', 'tracking_error_limit_m')
-    phase_stopping: bool = setting('dmp', 'phase_stopping')
+    start: str = setting(
+        'dmp',
+        'start',
+        "what starts it besides start(): signal (the partner's signal), motion (the hand moves) "
+        'or service (nothing else)',
+        choices=('signal', 'motion', 'service'),
+    )
+    motion_threshold: float = setting(
+        'dmp',
+        'motion_threshold',
+        'speed of the hand that counts as its start to move, m/s',
+        0.0,
+        5.0,
+    )
+    hand_timeout_s: float = setting(
+        'dmp',
+        'hand_timeout_s',
+        'age of the hand, by arrival, beyond which the wrist brakes, s',
+        0.01,
+        5.0,
+    )
+    stamp_tolerance_s: float = setting(
+        'dmp',
+        'stamp_tolerance_s',
+        'by how much the stamps of the hand may differ from the time, s',
+        0.01,
+        60.0,
+    )
+    exchange_distance_m: float = setting(
+        'dmp',
+        'exchange_distance_m',
+        'wrist to goal, below which the exchange may begin, m',
+        0.001,
+        1.0,
+    )
+    exchange_speed: float = setting(
+        'dmp',
+        'exchange_speed',
+        'speed of the wrist relative to the goal, below which it may begin, m/s',
+        0.001,
+        5.0,
+    )
+    exchange_hold_s: float = setting(
+        'dmp', 'exchange_hold_s', 'how long the exchange lasts, s', 0.0, 60.0
+    )
+    acceleration_limit: float = setting(
+        'dmp',
+        'acceleration_limit',
+        'bound on the acceleration of the wrist command, m/s²',
+        0.1,
+        1000.0,
+    )
+    tracking_error_limit_m: float = setting(
+        'dmp',
+        'tracking_error_limit_m',
+        'how far the command may run ahead of the measured wrist, m',
+        0.001,
+        10.0,
+    )
+    phase_stopping: bool = setting(
+        'dmp', 'phase_stopping', 'whether an arm that cannot keep up slows the phase'
+    )
     approach: ApproachOptions = field(default_factory=ApproachOptions)
-    partner_model: str = setting('dmp', 'partner_model')
+    partner_model: str = setting(
+        'dmp',
+        'partner_model',
+        'auto, to expect of the hand what the model knows of it, or off',
+        choices=PARTNER_MODEL,
+    )
     partner: PartnerOptions = field(default_factory=PartnerOptions)
 
     def __post_init__(self) -> None:

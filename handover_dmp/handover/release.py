@@ -49,23 +49,38 @@ class ReleaseOptions:
     """
     When the giver opens.
 
-    Attributes:
-        share: of the weight that the taker must carry, 0 to 1.
-        pull_n: force towards the taker that opens, too, N.
-        contact_n: force of the taker below which nobody has touched the object, N.
-        window_s: of the median; a bump of less than half of it is not felt, s.
-        tare_s: how long the force at rest is measured before anything is judged, s.
-
     Raises:
         UsageError: a number that is not positive.
 
     """
 
-    share: float = setting('dmp', 'release.share')
-    pull_n: float = setting('dmp', 'release.pull_n')
-    contact_n: float = setting('dmp', 'release.contact_n')
-    window_s: float = setting('dmp', 'release.window_s')
-    tare_s: float = setting('dmp', 'release.tare_s')
+    share: float = setting(
+        'dmp', 'release.share', 'of the weight that the taker must carry, 0 to 1', 0.01, 2.0
+    )
+    pull_n: float = setting(
+        'dmp', 'release.pull_n', 'force towards the taker that opens, too, N', 0.1, 1000.0
+    )
+    contact_n: float = setting(
+        'dmp',
+        'release.contact_n',
+        'force of the taker below which nobody has touched the object, N',
+        0.01,
+        100.0,
+    )
+    window_s: float = setting(
+        'dmp',
+        'release.window_s',
+        'of the median; a bump of less than half of it is not felt, s',
+        0.005,
+        2.0,
+    )
+    tare_s: float = setting(
+        'dmp',
+        'release.tare_s',
+        'how long the force at rest is measured before anything is judged, s',
+        0.01,
+        10.0,
+    )
 
     def __post_init__(self) -> None:
         """Check the numbers."""

@@ -16,12 +16,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
-from handover_dmp.common.settings import defaults, setting
+from handover_dmp.common.settings import defaults
 from handover_dmp.dmp import DecoupledDmp, load_model
 from handover_dmp.handover.approach import rollout_towards
 from handover_dmp.handover.teaching import hand_goal, learn_from_trials
@@ -55,7 +55,6 @@ class Scenario:
         q_start: (n,), rad, with the wrist where P2's was at the start.
         taught_by: what the movement was learnt from.
         seed: of all that is drawn at random.
-        partner_model: `auto`, to expect of the hand what the movement knows of it, or `off`.
 
     """
 
@@ -64,7 +63,7 @@ class Scenario:
     robot: RobotModel
     q_start: Array
     seed: int
-    partner_model: str = setting('dmp', 'partner_model')
+    partner_model: str = field(default_factory=lambda: defaults('dmp')['partner_model'])
 
 
 def example_trials(

@@ -98,14 +98,6 @@ class SessionOptions:
     The rules of a session, beside those of its handovers.
 
     Attributes:
-        take_start: what starts the take: `signal` (the partner's) or `motion` (the hand comes
-            towards the robot).
-        take_approach_m: by how much the hand comes nearer to the wrist in one go for that, m.
-        pick_up: whether the object has to be picked up first; else the gripper holds it already.
-        pick_up_position: of the wrist, m, where that is done.
-        grip_s: how long the gripper takes to close, s.
-        released_s: how long the wrist stands still once the object is released, s.
-        wait_timeout_s: the session is over without a take after a wait of so long, s; 0: never.
         withdrawal: how the wrist goes home.
 
     Raises:
@@ -113,13 +105,45 @@ class SessionOptions:
 
     """
 
-    take_start: str = setting('dmp', 'session.take_start')
-    take_approach_m: float = setting('dmp', 'session.take_approach_m')
-    pick_up: bool = setting('dmp', 'session.pick_up')
-    pick_up_position: Vector = setting('dmp', 'session.pick_up_position')
-    grip_s: float = setting('dmp', 'session.grip_s')
-    released_s: float = setting('dmp', 'session.released_s')
-    wait_timeout_s: float = setting('dmp', 'session.wait_timeout_s')
+    take_start: str = setting(
+        'dmp',
+        'session.take_start',
+        "what starts the take: signal (the partner's) or motion (the hand comes towards the "
+        'robot)',
+        choices=('signal', 'motion'),
+    )
+    take_approach_m: float = setting(
+        'dmp',
+        'session.take_approach_m',
+        'by how much the hand comes nearer to the wrist in one go for that, m',
+        0.0,
+        5.0,
+    )
+    pick_up: bool = setting(
+        'dmp',
+        'session.pick_up',
+        'whether the object has to be picked up first; else the gripper holds it already',
+    )
+    pick_up_position: Vector = setting(
+        'dmp', 'session.pick_up_position', 'of the wrist, m, where that is done'
+    )
+    grip_s: float = setting(
+        'dmp', 'session.grip_s', 'how long the gripper takes to close, s', 0.0, 60.0
+    )
+    released_s: float = setting(
+        'dmp',
+        'session.released_s',
+        'how long the wrist stands still once the object is released, s',
+        0.0,
+        60.0,
+    )
+    wait_timeout_s: float = setting(
+        'dmp',
+        'session.wait_timeout_s',
+        'the session is over without a take after a wait of so long, s; 0: never',
+        0.0,
+        86400.0,
+    )
     withdrawal: WithdrawalOptions = field(default_factory=WithdrawalOptions)
 
     def __post_init__(self) -> None:

@@ -64,20 +64,26 @@ MIN_SPEED = 1e-9
 
 @dataclass(frozen=True)
 class WithdrawalOptions:
-    """
-    How the wrist goes home.
+    """How the wrist goes home."""
 
-    Attributes:
-        speed: of the wrist at most, m/s.
-        near_m: distance to the hand's place of the exchange within which it is slow, m; at twice
-            that distance it may be as fast as it likes.
-        near_speed: of the wrist there, and where the hand is lost, m/s.
-
-    """
-
-    speed: float = setting('dmp', 'session.withdrawal_speed')
-    near_m: float = setting('dmp', 'session.near_m')
-    near_speed: float = setting('dmp', 'session.near_speed')
+    speed: float = setting(
+        'dmp', 'session.withdrawal_speed', 'of the wrist at most, m/s', 0.01, 2.0
+    )
+    near_m: float = setting(
+        'dmp',
+        'session.near_m',
+        "distance to the hand's place of the exchange within which it is slow, m; at twice that "
+        'distance it may be as fast as it likes',
+        0.001,
+        2.0,
+    )
+    near_speed: float = setting(
+        'dmp',
+        'session.near_speed',
+        'of the wrist there, and where the hand is lost, m/s',
+        0.001,
+        2.0,
+    )
 
     def speed_at(self, distance_m: float) -> float:
         """

@@ -23,7 +23,7 @@ from time import sleep
 from handover_dmp.common.errors import HandoverError
 from handover_dmp.common.settings import parameters_of
 from handover_dmp.nodes.node import HandoverNode
-from handover_dmp.nodes.parameters import Parameter, Values
+from handover_dmp.nodes.parameters import Values
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.nodes.spin import told_to_end
 from handover_dmp.robot.descriptions import Description, read_description
@@ -32,14 +32,6 @@ from handover_dmp.robot.velocity_driver import ArmOptions
 from handover_dmp.topics import ROBOT_DESCRIPTION
 
 TOPIC = re.compile(r'(/[A-Za-z_]\w*)+')
-RESUMING = (
-    Parameter(
-        'resume_required', 'whether it must be told to move again after that', read_only=True
-    ),
-    Parameter(
-        'resume_within_s', 'unless commands are back within so long, s', 0.0, 60.0, read_only=True
-    ),
-)
 LOOK_S = 0.05
 SAY_EVERY = 100
 """Looks in vain after which the log says again what is waited for."""
@@ -119,7 +111,7 @@ def arm_options(values: Values) -> ArmOptions:
     Say when an arm stops by itself, as the parameters of a node have it.
 
     Args:
-        values: of `command_timeout_s` and of the parameters `RESUMING`.
+        values: those of the dataclass among them.
 
     Returns:
         The options.

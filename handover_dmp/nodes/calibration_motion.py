@@ -36,7 +36,7 @@ from handover_dmp.nodes.conversions import (
 )
 from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.node import HandoverNode
-from handover_dmp.nodes.parameters import ARM, DRIVER, Parameter
+from handover_dmp.nodes.parameters import ARM, DRIVER, Parameter, parameters_from
 from handover_dmp.nodes.spin import run
 from handover_dmp.robot.calibration_motion import (
     MotionFollower,
@@ -77,20 +77,7 @@ class CalibrationMotionNode(HandoverNode):
         ),
         Parameter(TRACKER + 'enabled', 'whether to play the tracker, too', read_only=True),
         Parameter(TRACKER + 'frame', 'of its poses', read_only=True),
-        Parameter(TRACKER + 'position', 'of that frame in the room, m', read_only=True),
-        Parameter(
-            TRACKER + 'quaternion', 'from its axes to those of the room, x, y, z, w',
-            read_only=True,
-        ),
-        Parameter(
-            TRACKER + 'delay_s', 'how much too late its poses are stamped, s', 0.0, 10.0,
-            read_only=True,
-        ),
-        Parameter(
-            TRACKER + 'noise_m', 'standard deviation on each axis, m', 0.0, 1.0, read_only=True
-        ),
-        Parameter(TRACKER + 'marker', "in the wrist's axes, m", read_only=True),
-        Parameter(TRACKER + 'seed', 'of the noise', 0, 2**31 - 1, read_only=True),
+        *parameters_from(TrackerPlace),
     )  # fmt: skip
 
     def __init__(self) -> None:

@@ -30,7 +30,7 @@ from geometry_msgs.msg import PoseStamped
 from handover_dmp.common.quaternions import Quaternion
 from handover_dmp.common.settings import parameters_of
 from handover_dmp.dmp import DecoupledDmp
-from handover_dmp.dmp.parameters import RANGES
+from handover_dmp.dmp.parameters import DmpParameters
 from handover_dmp.handover.approach import ApproachOptions
 from handover_dmp.handover.controller import (
     HandoverController,
@@ -42,12 +42,12 @@ from handover_dmp.handover.controller import (
 )
 from handover_dmp.handover.lockstep import AFTERWARDS_S
 from handover_dmp.handover.rehearsal import rehearse
+from handover_dmp.handover.release import ReleaseOptions
 from handover_dmp.handover.scenario import example_model, read_model
 from handover_dmp.handover.session import (
     SessionController,
     SessionModels,
     SessionOptions,
-    TAKE_STARTS,
 )
 from handover_dmp.handover.withdrawal import WithdrawalOptions
 from handover_dmp.nodes.conversions import (
@@ -69,7 +69,13 @@ from handover_dmp.nodes.hand_input import HandInputs, HandPose
 from handover_dmp.nodes.lockstep import Lockstep
 from handover_dmp.nodes.markers import Markers
 from handover_dmp.nodes.node import Dated, HandoverNode, MISSED_S
-from handover_dmp.nodes.parameters import declare, on_change, Parameter, Values
+from handover_dmp.nodes.parameters import (
+    declare,
+    on_change,
+    Parameter,
+    parameters_from,
+    Values,
+)
 from handover_dmp.nodes.spin import run
 from handover_dmp.nodes.tracker_parameters import goal_estimator, HAND, ONE_TRACKER
 from handover_dmp.topics import (
@@ -84,13 +90,7 @@ from handover_dmp.topics import (
     TWIST_COMMAND,
     WRIST_POSE,
 )
-from handover_dmp.tracking.partner_model import (
-    PARTNER_MODEL,
-    PartnerOptions,
-)
-from handover_dmp.tracking.partner_model import (
-    RANGES as PARTNER_RANGES,
-)
+from handover_dmp.tracking.partner_model import PartnerOptions
 import numpy as np
 from std_msgs.msg import Float64MultiArray, Header, String
 
@@ -104,84 +104,10 @@ MAX_SIGNAL_AGE_S = 5.0
 """Of a signal that is followed when it arrives; a busy machine discovers within less, s."""
 SIGNALS_REMEMBERED = 16
 OVER = (HandoverState.DONE, HandoverState.ABORTED)
-PRIMITIVE = (
-    Parameter('stiffness', 'K of (8)', *RANGES['stiffness']),
-    Parameter('damping', 'D of (8); 0: critical, 2 sqrt(K)', *RANGES['damping']),
-    Parameter(
-        'goal_velocity_gain', 'K_v of (8), s; negative: D tau', *RANGES['goal_velocity_gain']
-    ),
-    Parameter(
-        'mu',
-        'centre of the goal weight (7), in units of tau; without the partner model',
-        *RANGES['mu'],
-    ),
-    Parameter(
-        'sigma',
-        'width of the goal weight (7), in units of tau; without the partner model',
-        *RANGES['sigma'],
-    ),
-    Parameter('formulation', 'K_s of (8)', choices=('stiff', 'printed')),
+PRIMITIVE = parameters_from(
+    DmpParameters,
+    names=('stiffness', 'damping', 'goal_velocity_gain', 'mu', 'sigma', 'formulation'),
 )
-HANDOVER = (
-    Parameter('start', 'what starts a handover', choices=('signal', 'motion', 'service')),
-    Parameter('motion_threshold', 'speed of a hand that starts to move, m/s', 0.0, 5.0),
-    Parameter('hand_timeout_s', 'age of the hand beyond which the wrist brakes, s', 0.01, 5.0),
-    Parameter('stamp_tolerance_s', 'by how much stamps of the hand may be off, s', 0.01, 60.0),
-    Parameter('exchange_distance_m', 'wrist to goal where the exchange begins, m', 0.001, 1.0),
-    Parameter('exchange_speed', 'relative to the hand, for the same, m/s', 0.001, 5.0),
-    Parameter('exchange_hold_s', 'how long the exchange lasts, s', 0.0, 60.0),
-    Parameter('acceleration_limit', 'of the wrist command, m/s2', 0.1, 1000.0),
-    Parameter('tracking_error_limit_m', 'how far the command may run ahead, m', 0.001, 10.0),
-    Parameter('phase_stopping', 'whether an arm that cannot keep up slows the phase'),
-)
-APPROACH = (
-    Parameter('approach.enabled', 'whether the wrist never passes a hand that is nearer'),
-    Parameter('approach.near_m', 'distance left where the goal takes over, m', 0.001, 1.0),
-    Parameter('approach.shape_beyond_m', 'if the shape leads so far beyond it, m', 0.001, 10.0),
-    Parameter(
-        'approach.astray',
-        'or if the wrist gets farther from it than at its start, part',
-        0.01,
-        10.0,
-    ),
-    Parameter('approach.beyond_m', 'how far beyond the goal the wrist may get, m', 0.0, 1.0),
-    Parameter('approach.braking_share', 'of the acceleration limit, to brake', 0.05, 1.0),
-)
-RELEASE = (
-    Parameter('release.share', 'of the weight: the giver opens if the taker has more', 0.01, 2.0),
-    Parameter('release.pull_n', 'or if the taker pulls more, N', 0.1, 1000.0),
-    Parameter('release.contact_n', 'in both cases after more than this, N', 0.01, 100.0),
-    Parameter('release.window_s', 'of the median of the force, s', 0.005, 2.0),
-    Parameter('release.tare_s', 'how long the force at rest is measured before, s', 0.01, 10.0),
-)
-PARTNER = (
-    Parameter(
-        'partner_model',
-        'what to expect of the hand; auto: where the model knows how the partner moves',
-        choices=PARTNER_MODEL,
-    ),
-    *(
-        Parameter(f'partner.{name}', description, *PARTNER_RANGES[name])
-        for name, description in (
-            ('mu', 'centre of the goal weight (7) with the partner model, in units of tau'),
-            ('sigma', 'width of the same, in units of tau'),
-            ('lead_deviation', "of the partner's lead at the start, in units of tau"),
-            ('lead_drift', 'by how much the lead changes over one tau, in units of tau'),
-            ('reach_deviation_m', "of the length of the hand's way, standard deviation, m"),
-            ('noise_m', 'by how much a hand strays from its mean path, m'),
-            ('noise_time_s', 'for how long it strays alike, s'),
-            ('trust_within_m', 'from where it is expected; farther: as without the model, m'),
-            ('trust_width_m', 'over which trust grows from 0 to 1, m'),
-            ('release', 'where the expectation gives way to the hand, in units of tau'),
-            ('release_width', 'how gradually, in units of tau'),
-            ('following', "share of the partner's lead that the phase goes along with"),
-            ('following_time_s', 'within which it does, s'),
-            ('max_phase_rate', 'how fast the phase may run'),
-        )
-    ),
-)
-
-
 SESSION_FIXED = (
     Parameter(
         'session.enabled',
@@ -195,30 +121,10 @@ SESSION_FIXED = (
     ),
     *OF_GRIPPER,
 )
-SESSION = (
-    Parameter(
-        'session.take_start',
-        'what starts the take: a signal, or the hand comes towards the robot',
-        choices=TAKE_STARTS,
-    ),
-    Parameter(
-        'session.take_approach_m', 'by how much it comes nearer in one go, for that, m', 0.0, 5.0
-    ),
-    Parameter('session.pick_up', 'whether to pick the object up; else it is held already'),
-    Parameter('session.pick_up_position', 'of the wrist, for that, m'),
-    Parameter('session.grip_s', 'how long the gripper takes to close, s', 0.0, 60.0),
-    Parameter('session.released_s', 'how long the wrist stands after a release, s', 0.0, 60.0),
-    Parameter(
-        'session.wait_timeout_s',
-        'the longest wait for the take; the session is over without one then, s; 0: any',
-        0.0,
-        86400.0,
-    ),
-    Parameter('session.withdrawal_speed', 'of the wrist on its way home, m/s', 0.01, 2.0),
-    Parameter('session.near_m', 'within this of where the hand is met it is slow, m', 0.001, 2.0),
-    Parameter('session.near_speed', 'so slow, and where the hand is lost, m/s', 0.001, 2.0),
+CHANGEABLE = parameters_from(
+    HandoverOptions, ApproachOptions, PartnerOptions, SessionOptions, WithdrawalOptions
 )
-CHANGEABLE = HANDOVER + APPROACH + PARTNER + SESSION
+RELEASE = parameters_from(ReleaseOptions)
 
 
 class Dmp(HandoverNode):
@@ -241,12 +147,9 @@ class Dmp(HandoverNode):
             read_only=True,
         ),
         *HAND,
-        *HANDOVER,
-        *APPROACH,
+        *CHANGEABLE,
         *RELEASE,
-        *PARTNER,
         *SESSION_FIXED,
-        *SESSION,
     )
     OF_EACH_TRACKER = ONE_TRACKER
 
@@ -645,12 +548,10 @@ class Dmp(HandoverNode):
 
 
 def _options(values: Values) -> HandoverOptions:
-    rules = {parameter.name: values[parameter.name] for parameter in HANDOVER}
     return HandoverOptions(
-        **rules,
-        approach=ApproachOptions(**_nested(values, 'approach.')),
-        partner_model=values['partner_model'],
-        partner=PartnerOptions(**_nested(values, 'partner.')),
+        **parameters_of(HandoverOptions, values),
+        approach=ApproachOptions(**parameters_of(ApproachOptions, values)),
+        partner=PartnerOptions(**parameters_of(PartnerOptions, values)),
     )
 
 
@@ -659,11 +560,6 @@ def _session_options(values: Values) -> SessionOptions:
     return SessionOptions(
         **own, withdrawal=WithdrawalOptions(**parameters_of(WithdrawalOptions, values))
     )
-
-
-def _nested(values: Values, prefix: str) -> Values:
-    names = (parameter.name for parameter in APPROACH + PARTNER)
-    return {name.removeprefix(prefix): values[name] for name in names if name.startswith(prefix)}
 
 
 def _movement(model: DecoupledDmp, options: HandoverOptions, values: Values) -> DecoupledDmp:

@@ -23,7 +23,7 @@ from geometry_msgs.msg import PoseStamped, Vector3, WrenchStamped
 from handover_dmp.common.settings import parameters_of
 from handover_dmp.nodes.conversions import nanoseconds, pose_message, position_of
 from handover_dmp.nodes.node import HandoverNode
-from handover_dmp.nodes.parameters import Parameter, Values
+from handover_dmp.nodes.parameters import parameters_from, Values
 from handover_dmp.simulation.arm import SimulatedArm
 from handover_dmp.simulation.carried_object import CarriedObjectOptions, Holder
 from handover_dmp.simulation.partner_grip import PartnerGripOptions
@@ -39,28 +39,7 @@ import numpy as np
 from numpy.typing import NDArray
 from std_msgs.msg import Bool, String
 
-OBJECT = (
-    Parameter('object.mass_kg', 'of what is handed over; 0: nothing', 0.0, 50.0, read_only=True),
-    Parameter('object.size', 'of a box, for its inertia, m', read_only=True),
-    Parameter('object.position', 'of its middle from the wrist at the start, m', read_only=True),
-    Parameter(
-        'object.holder',
-        'who has it at the start',
-        choices=(Holder.ROBOT.value, Holder.PARTNER.value),
-        read_only=True,
-    ),
-    Parameter('object.reach_m', 'of the gripper, to its middle, m', 0.001, 5.0, read_only=True),
-    Parameter('object.noise_n', 'of the sensor in the wrist, N', 0.0, 10.0, read_only=True),
-    Parameter('partner.reach_m', 'of the hand, to its middle, m', 0.001, 5.0, read_only=True),
-    Parameter(
-        'partner.speed', 'of both, up to which it is taken, m/s', 0.001, 5.0, read_only=True
-    ),
-    Parameter('partner.reaction_s', 'before the hand acts, s', 0.001, 5.0, read_only=True),
-    Parameter('partner.grip_s', 'in which the hand takes the load, s', 0.001, 5.0, read_only=True),
-    Parameter('partner.stiffness', 'of the arm behind it, N/m', 1.0, 1e4, read_only=True),
-    Parameter('partner.share', 'that the robot must have taken first', 0.01, 1.0, read_only=True),
-    Parameter('partner.slip_m', 'where the object has slipped out, m', 0.001, 1.0, read_only=True),
-)
+OBJECT = parameters_from(CarriedObjectOptions, PartnerGripOptions)
 TRUTH_LOST_S = 0.2
 """A hand whose truth was not told for longer is where its tracker sees it, s."""
 

@@ -28,7 +28,7 @@ from typing import Any
 from handover_dmp.common.errors import DataError, HandoverError, UsageError
 from handover_dmp.common.plain_yaml import load_plain
 from handover_dmp.common.ros_parameters import sections, unknown_parameter
-from handover_dmp.common.settings import ANYWHERE, defaults, node_names
+from handover_dmp.common.settings import ANYWHERE, defaults, node_names, Setting, settings_of
 from handover_dmp.dmp.parameter_file import DURATION_SCALE
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -50,26 +50,8 @@ OFF = 'off'
 
 
 @dataclass(frozen=True)
-class Parameter:
-    """
-    One parameter of a node; its default stands in `config/handover.yaml`.
-
-    Attributes:
-        name: nested ones joined by dots.
-        description: what it sets, with its unit.
-        low: least value, of numbers.
-        high: greatest value, of numbers.
-        choices: the words it may be, of strings.
-        read_only: whether it is fixed once the node runs.
-
-    """
-
-    name: str
-    description: str
-    low: float | None = None
-    high: float | None = None
-    choices: tuple[str, ...] = ()
-    read_only: bool = False
+class Parameter(Setting):
+    """One parameter of a node; its default stands in `config/handover.yaml`."""
 
     def descriptor(self, default: Any) -> ParameterDescriptor:
         """
@@ -112,6 +94,24 @@ class Parameter:
 
         """
         return OFF if value is False and OFF in self.choices else value
+
+
+def parameters_from(*kinds: type[Any], names: Collection[str] = ()) -> tuple[Parameter, ...]:
+    """
+    Take parameters from where they stand.
+
+    Args:
+        kinds: dataclasses with fields made by `setting`.
+        names: which of them; all if left out.
+
+    Returns:
+        The parameters, each once.
+
+    """
+    found = {
+        what.name: Parameter(**vars(what)) for kind in kinds for what in settings_of(kind).values()
+    }
+    return tuple(one for name, one in found.items() if not names or name in names)
 
 
 COMMON = (

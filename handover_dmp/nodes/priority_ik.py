@@ -24,6 +24,7 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TwistStamped
+from handover_dmp.common.settings import parameters_of
 from handover_dmp.nodes.arm import limits_told, load_arm
 from handover_dmp.nodes.conversions import (
     NANOSECONDS,
@@ -45,13 +46,14 @@ from handover_dmp.nodes.parameters import (
     DRIVER,
     on_change,
     Parameter,
+    parameters_from,
     Values,
 )
 from handover_dmp.nodes.spin import run
 from handover_dmp.nodes.tracker_parameters import goal_estimator, HAND, ONE_TRACKER
-from handover_dmp.robot.orientation_task import ORIENTATIONS
 from handover_dmp.robot.partner import Partner
 from handover_dmp.robot.priority_ik import PriorityIk
+from handover_dmp.robot.task_stack import TASKS
 from handover_dmp.robot.tasks import WristTarget
 from handover_dmp.robot.wrist_controller import WristController, WristControllerOptions
 from handover_dmp.topics import (
@@ -72,34 +74,8 @@ MAX_DELIVERY_S = 1.0
 """Longest wait, at the end, for the driver to have the last command, s."""
 OVERDUE = 1.5
 """Periods without a step after which the watchdog makes one."""
-TIMEOUTS = (
-    Parameter('joint_state_timeout_s', 'older: the arm brakes without looking, s', 0.005, 10.0),
-    Parameter('command_timeout_s', 'older: the arm brakes, s', 0.005, 10.0),
-    Parameter('hand_timeout_s', 'older: the hand may be anywhere, s', 0.005, 10.0),
-    Parameter('hold_distance_m', 'to a target that stands, where the wrist rests, m', 0.0, 0.1),
-)
-TASKS = (
-    Parameter('position_gain', 'of the wrist, 1/s', 0.0, 200.0),
-    Parameter('feedback_deceleration', 'towards a far target, m/s2', 0.01, 100.0),
-    Parameter('orientation', 'task of the wrist', choices=ORIENTATIONS),
-    Parameter('orientation_gain', 'of the wrist, 1/s', 0.0, 200.0),
-    Parameter('orientation_speed', 'that the gain may ask for, rad/s', 0.0, 20.0),
-    Parameter('posture_gain', 'towards the home posture, 1/s', 0.0, 50.0),
-    Parameter('limit_margin', 'before a position limit, rad', 0.0, 3.0),
-    Parameter('elbow_distance', 'kept from the partner if possible, m', 0.0, 2.0),
-    Parameter('elbow_gain', 'for that, 1/s', 0.0, 50.0),
-    Parameter('braking_share', 'of the acceleration limit', 0.01, 1.0),
-    Parameter('singularity_activation', 'singular value that limits outward speed, m', 0.0, 2.0),
-    Parameter('singularity_min', 'singular value at the end of reach, m', 0.0, 2.0),
-    Parameter('singularity_rate', 'towards it, 1/s', 0.0, 50.0),
-    Parameter('separation', 'whether the wrist is slowed near the hand'),
-    Parameter('separation_distance', 'to the hand, m', 0.0, 5.0),
-    Parameter('separation_speed', 'within it, relative to the hand, m/s', 0.0, 5.0),
-    Parameter('separation_deceleration', 'on the way there, m/s2', 0.01, 100.0),
-    Parameter('self_collision', 'whether the links are kept apart'),
-    Parameter('collision_distance', 'that is always kept, m', 0.0, 1.0),
-    Parameter('collision_deceleration', 'of links towards each other, m/s2', 0.01, 100.0),
-)
+TIMEOUTS = parameters_from(WristControllerOptions)
+TASK_PARAMETERS = parameters_from(*TASKS)
 
 
 class PriorityIkNode(HandoverNode):
@@ -111,7 +87,7 @@ class PriorityIkNode(HandoverNode):
         *DRIVER,
         *HAND,
         *TIMEOUTS,
-        *TASKS,
+        *TASK_PARAMETERS,
         Parameter(
             'rate_hz',
             'of the wrist commands, and of the watchdog in their place, Hz',
@@ -133,7 +109,7 @@ class PriorityIkNode(HandoverNode):
             _timeouts(self.values),
             joint_prefix=self.values['joint_prefix'],
         )
-        on_change(self, TIMEOUTS + TASKS, self._prepare)
+        on_change(self, TIMEOUTS + TASK_PARAMETERS, self._prepare)
         self._period_s = 1.0 / self.values['rate_hz']
         self._periods = Periods(self._period_s)
         self._hand = goal_estimator(self.values)
@@ -408,11 +384,11 @@ class PriorityIkNode(HandoverNode):
 
 
 def _timeouts(values: Values) -> WristControllerOptions:
-    return WristControllerOptions(**{p.name: values[p.name] for p in TIMEOUTS})
+    return WristControllerOptions(**parameters_of(WristControllerOptions, values))
 
 
 def _tasks(values: Values) -> Values:
-    return {p.name: values[p.name] for p in TASKS}
+    return {p.name: values[p.name] for p in TASK_PARAMETERS}
 
 
 def main() -> int:

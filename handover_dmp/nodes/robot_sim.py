@@ -23,18 +23,25 @@ import sys
 from time import monotonic, sleep
 
 from handover_dmp.common.errors import UsageError
-from handover_dmp.nodes.arm import arm_options, limits_told, load_arm, RESUMING
+from handover_dmp.nodes.arm import arm_options, limits_told, load_arm
 from handover_dmp.nodes.conversions import NANOSECONDS, period_of, stamp
 from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.lockstep import ASK_AGAIN_S, HEAD_START_S, Pace
 from handover_dmp.nodes.node import HandoverNode, MISSED_S
 from handover_dmp.nodes.object_topics import carried_object, OBJECT, ObjectTopics
-from handover_dmp.nodes.parameters import ARM, declare, on_change, Parameter, Values
+from handover_dmp.nodes.parameters import (
+    ARM,
+    declare,
+    on_change,
+    Parameter,
+    parameters_from,
+    Values,
+)
 from handover_dmp.nodes.spin import run
 from handover_dmp.nodes.transforms import TransformPublisher
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.published_description import published_description
-from handover_dmp.robot.velocity_driver import ArmState
+from handover_dmp.robot.velocity_driver import ArmOptions, ArmState
 from handover_dmp.simulation.arm import SimulatedArm
 from handover_dmp.topics import CLOCK, JOINT_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
 from rosgraph_msgs.msg import Clock
@@ -70,11 +77,7 @@ class RobotSim(HandoverNode):
         *ARM,
         *CHANGEABLE,
         Parameter('rate_hz', 'of the joint states, Hz', 10.0, 1000.0, read_only=True),
-        Parameter(
-            'command_timeout_s', 'the arm brakes without a command for so long, s', 0.001, 10.0,
-            read_only=True,
-        ),
-        *RESUMING,
+        *parameters_from(ArmOptions),
         Parameter('paused', 'whether time stands still at the start', read_only=True),
         *OBJECT,
     )  # fmt: skip

@@ -27,49 +27,35 @@ import re
 from typing import Any
 
 from handover_dmp.common.errors import UsageError
-from handover_dmp.common.settings import defaults
-from handover_dmp.nodes.parameters import declare, Parameter, TRACKER, Values
+from handover_dmp.common.settings import defaults, parameters_of
+from handover_dmp.nodes.parameters import declare, Parameter, parameters_from, TRACKER, Values
 from handover_dmp.tracking import GoalEstimator, HandFilter, Tracker
-from handover_dmp.tracking.tracker import BIASES
 from rclpy.node import Node
 
-HAND_FILTER = 'hand_filter.'
 SENSOR = 'sensor.'
 TRACKERS = Parameter('trackers', 'names of those that see the hand', read_only=True)
 TOPIC = Parameter(TRACKER + 'topic', 'of its poses', read_only=True)
 
 
-def _tracker(
-    name: str, description: str, low: float | None = None, high: float | None = None
-) -> Parameter:
-    return Parameter(TRACKER + name, description, low, high, read_only=True)
-
-
-def _filter(
-    name: str, description: str, low: float | None = None, high: float | None = None
-) -> Parameter:
-    return Parameter(HAND_FILTER + name, description, low, high, read_only=True)
-
-
 ONE_TRACKER = (
     TOPIC,
-    _tracker('type', 'of the messages about the hand; empty: what they have'),
-    _tracker('body', 'name or number of the hand, where there are several'),
-    _tracker('frame', "of the tracker's poses, if that is another"),
-    _tracker('position', 'of that frame in ours, m'),
-    _tracker('quaternion', 'from its axes to ours, x, y, z, w'),
-    _tracker('rate_hz', 'how often its poses come, Hz', 0.1, 10_000.0),
-    _tracker(
-        'latency_s', 'from measurement to arrival; in lockstep it is waited for, s', 0.0, 5.0
+    Parameter(
+        TRACKER + 'type', 'of the messages about the hand; empty: what they have', read_only=True
     ),
-    _tracker('noise_m', 'of a pose, standard deviation on each axis, m', 1e-9, 1.0),
-    _tracker('use_covariance', 'that of the messages in its place, where they have one'),
-    _tracker('weight', 'of a pose beside what its noise tells', 1e-6, 1e6),
-    _tracker('delay_s', 'how much too late poses are stamped, s', -10.0, 10.0),
-    Parameter(TRACKER + 'bias', 'by which its poses are off', choices=BIASES, read_only=True),
-    _tracker('bias_m', 'it, if fixed; where to begin, if learnt, m'),
-    _tracker('bias_deviation_m', 'how far off from that a learnt one may be, m', 1e-6, 10.0),
-    _tracker('bias_drift', 'how fast a learnt one may change, m/sqrt(s)', 0.0, 1.0),
+    Parameter(
+        TRACKER + 'body', 'name or number of the hand, where there are several', read_only=True
+    ),
+    Parameter(TRACKER + 'frame', "of the tracker's poses, if that is another", read_only=True),
+    Parameter(TRACKER + 'position', 'of that frame in ours, m', read_only=True),
+    Parameter(TRACKER + 'quaternion', 'from its axes to ours, x, y, z, w', read_only=True),
+    Parameter(
+        TRACKER + 'latency_s',
+        'from measurement to arrival; in lockstep it is waited for, s',
+        0.0,
+        5.0,
+        read_only=True,
+    ),
+    *parameters_from(Tracker),
 )
 
 HAND = (
@@ -81,17 +67,7 @@ HAND = (
         choices=('header', 'arrival'),
         read_only=True,
     ),
-    _filter('acceleration_noise', 'of the hand, m/s2/sqrt(Hz)', 1e-6, 1e3),
-    _filter('outlier_distance_m', 'from what is expected, m', 1e-6, 100.0),
-    _filter('hand_acceleration', 'widens that with time, m/s2', 0.0, 1e3),
-    _filter('hand_speed', 'within which a hand that is back is believed at once, m/s', 1e-3, 1e3),
-    _filter('reacquire_poses', 'that agree, before one further off is believed', 1, 1_000_000),
-    _filter('frozen_s', 'a pose unchanged to the last bit for longer is frozen, s', 1e-3, 1e6),
-    _filter('refuse_frozen', 'whether that is no pose; a replay at rest may be frozen'),
-    _filter('max_deviation_m', 'of a covariance, beyond which there is no pose, m', 1e-6, 1e3),
-    _filter('lost_s', 'without a pose, all is forgotten, s', 1e-3, 60.0),
-    _filter('late_limit_s', 'age up to which late poses are used, s', 0.0, 10.0),
-    _filter('prediction_limit_s', 'how far ahead the hand moves on, s', 0.0, 10.0),
+    *parameters_from(HandFilter),
 )
 
 
@@ -189,12 +165,7 @@ def goal_estimator(values: Values) -> GoalEstimator:
         The estimator; it knows of no hand yet.
 
     """
-    named = {
-        name.removeprefix(HAND_FILTER): value
-        for name, value in values.items()
-        if name.startswith(HAND_FILTER)
-    }
-    return GoalEstimator(HandFilter(**named), trackers(values))
+    return GoalEstimator(HandFilter(**parameters_of(HandFilter, values)), trackers(values))
 
 
 def plain(value: Any) -> Any:

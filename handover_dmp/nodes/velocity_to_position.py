@@ -21,14 +21,14 @@ import sys
 from time import sleep
 
 from handover_dmp.common.errors import UsageError
-from handover_dmp.nodes.arm import arm_options, limits_told, load_arm, RESUMING
+from handover_dmp.nodes.arm import arm_options, limits_told, load_arm
 from handover_dmp.nodes.conversions import to_joint_command
 from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.node import HandoverNode
-from handover_dmp.nodes.parameters import ARM, DRIVER, Parameter
+from handover_dmp.nodes.parameters import ARM, DRIVER, Parameter, parameters_from
 from handover_dmp.nodes.spin import run
 from handover_dmp.robot.position_commander import PositionCommander, PositionCommanderOptions
-from handover_dmp.robot.velocity_driver import CommandOutcome
+from handover_dmp.robot.velocity_driver import ArmOptions, CommandOutcome
 from handover_dmp.topics import JOINT_COMMAND, JOINT_POSITIONS, JOINT_STATES
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
@@ -45,19 +45,8 @@ class VelocityToPosition(HandoverNode):
         *ARM,
         *DRIVER,
         Parameter('rate_hz', 'of the joint positions, Hz', 10.0, 1000.0, read_only=True),
-        Parameter(
-            'command_timeout_s', 'the arm brakes without a command for so long, s', 0.005, 10.0,
-            read_only=True,
-        ),
-        *RESUMING,
-        Parameter(
-            'joint_state_timeout_s', 'older: the arm brakes, s', 0.005, 10.0, read_only=True
-        ),
-        Parameter(
-            'lead_limit_rad', 'of the positions before the measured ones: beyond, the arm stops',
-            0.001, 1.0, read_only=True,
-        ),
-    )  # fmt: skip
+        *parameters_from(ArmOptions, PositionCommanderOptions),
+    )
 
     def __init__(self) -> None:
         """Load the arm, connect the topics, wait for joint states and commands."""

@@ -27,24 +27,38 @@ import numpy as np
 
 
 @dataclass(eq=False)
-class SelfCollisionLimit:
+class _Clearance:
+    """What keeps links off something: they close in no faster than they can brake."""
+
+    model: RobotModel
+    collision_distance: float = setting(
+        'priority_ik', 'collision_distance', 'distance that is always kept, m', 0.0, 1.0
+    )
+    collision_deceleration: float = setting(
+        'priority_ik',
+        'collision_deceleration',
+        'with which a link slows on its way to another one or to the forearm, m/s²',
+        0.01,
+        100.0,
+    )
+
+    def __post_init__(self) -> None:
+        self._closing_speed = closing_speed(self.collision_distance, self.collision_deceleration)
+
+
+@dataclass(eq=False)
+class SelfCollisionLimit(_Clearance):
     """
-    Keep the links apart from each other: they close in no faster than they can brake.
+    Keep the links apart from each other.
 
     Attributes:
         model: the arm.
-        collision_distance: m that is always kept.
-        collision_deceleration: m/s², with which two links slow on their way to each other.
 
     """
 
-    model: RobotModel
-    collision_distance: float = setting('priority_ik', 'collision_distance')
-    collision_deceleration: float = setting('priority_ik', 'collision_deceleration')
-
     def __post_init__(self) -> None:
+        super().__post_init__()
         self._bodies = CollisionModel.of(self.model)
-        self._closing_speed = closing_speed(self.collision_distance, self.collision_deceleration)
 
     def half_spaces(self, period: IkInput) -> list[HalfSpace]:
         """Bound every pair of links that could be too fast, see `tasks.Limit`."""
@@ -55,25 +69,22 @@ class SelfCollisionLimit:
 
 
 @dataclass(eq=False)
-class ForearmLimit:
+class ForearmLimit(_Clearance):
     """
     Keep the links off the partner's forearm, where its elbow is known.
 
     Attributes:
         model: the arm.
-        collision_distance: m that is always kept.
-        collision_activation: m to the forearm below which a link is bounded.
-        collision_deceleration: m/s², with which a link slows on its way to it.
 
     """
 
-    model: RobotModel
-    collision_distance: float = setting('priority_ik', 'collision_distance')
-    collision_activation: float = setting('priority_ik', 'collision_activation')
-    collision_deceleration: float = setting('priority_ik', 'collision_deceleration')
-
-    def __post_init__(self) -> None:
-        self._closing_speed = closing_speed(self.collision_distance, self.collision_deceleration)
+    collision_activation: float = setting(
+        'priority_ik',
+        'collision_activation',
+        'distance to the forearm below which a link is bounded, m',
+        0.0,
+        5.0,
+    )
 
     def half_spaces(self, period: IkInput) -> list[HalfSpace]:
         """Bound every link near the forearm, see `tasks.Limit`."""

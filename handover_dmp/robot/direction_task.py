@@ -41,20 +41,37 @@ class DirectionTask:
 
     Attributes:
         model: the arm.
-        position_gain: wrist speed for its position error, 1/s.
-        feedback_deceleration: m/s²; the error is worked off no faster than can be slowed by this.
-        singularity_activation: smallest singular value below which outward speed is limited, m.
-        singularity_min: smallest singular value at which the arm rests at the end of its reach, m.
-        singularity_rate: how fast it gets there, 1/s.
 
     """
 
     model: RobotModel
-    position_gain: float = setting('priority_ik', 'position_gain')
-    feedback_deceleration: float = setting('priority_ik', 'feedback_deceleration')
-    singularity_activation: float = setting('priority_ik', 'singularity_activation')
-    singularity_min: float = setting('priority_ik', 'singularity_min')
-    singularity_rate: float = setting('priority_ik', 'singularity_rate')
+    position_gain: float = setting(
+        'priority_ik', 'position_gain', 'wrist speed for its position error, 1/s', 0.0, 200.0
+    )
+    feedback_deceleration: float = setting(
+        'priority_ik',
+        'feedback_deceleration',
+        'm/s²; the error is worked off no faster than can be slowed by this',
+        0.01,
+        100.0,
+    )
+    singularity_activation: float = setting(
+        'priority_ik',
+        'singularity_activation',
+        'smallest singular value below which outward speed is limited, m',
+        0.0,
+        2.0,
+    )
+    singularity_min: float = setting(
+        'priority_ik',
+        'singularity_min',
+        'smallest singular value at which the arm rests at the end of its reach, m',
+        0.0,
+        2.0,
+    )
+    singularity_rate: float = setting(
+        'priority_ik', 'singularity_rate', 'how fast it gets there, 1/s', 0.0, 50.0
+    )
     name = 'position'
 
     def __post_init__(self) -> None:

@@ -40,10 +40,6 @@ class OrientationTask:
 
     Attributes:
         model: the arm.
-        orientation: `none`, `full` (the target's rotation), `level` (what is up in the home
-            configuration stays up) or `point` (the wrist's z axis points at the partner's hand).
-        orientation_gain: angular speed for the orientation error, 1/s.
-        orientation_speed: what that gain may ask for, rad/s.
 
     Raises:
         UsageError: there is no such orientation.
@@ -51,9 +47,23 @@ class OrientationTask:
     """
 
     model: RobotModel
-    orientation: str = setting('priority_ik', 'orientation')
-    orientation_gain: float = setting('priority_ik', 'orientation_gain')
-    orientation_speed: float = setting('priority_ik', 'orientation_speed')
+    orientation: str = setting(
+        'priority_ik',
+        'orientation',
+        "none, full (the target's rotation), level (what is up in the home configuration stays "
+        "up) or point (the wrist's z axis points at the partner's hand)",
+        choices=ORIENTATIONS,
+    )
+    orientation_gain: float = setting(
+        'priority_ik',
+        'orientation_gain',
+        'angular speed for the orientation error, 1/s',
+        0.0,
+        200.0,
+    )
+    orientation_speed: float = setting(
+        'priority_ik', 'orientation_speed', 'what that gain may ask for, rad/s', 0.0, 20.0
+    )
     name = 'orientation'
 
     def __post_init__(self) -> None:

@@ -47,18 +47,25 @@ STEPS = 5
 
 @dataclass(frozen=True)
 class PositionCommanderOptions:
-    """
-    When the arm stops by itself.
+    """When the arm stops by itself."""
 
-    Attributes:
-        joint_state_timeout_s: age of the joint states beyond which the arm brakes, s.
-        lead_limit_rad: how far a position may be ahead of the measured one, rad; an arm that does
-            not follow, since its brakes are on for example, is not to leap after them later.
-
-    """
-
-    joint_state_timeout_s: float = setting('velocity_to_position', 'joint_state_timeout_s')
-    lead_limit_rad: float = setting('velocity_to_position', 'lead_limit_rad')
+    joint_state_timeout_s: float = setting(
+        'velocity_to_position',
+        'joint_state_timeout_s',
+        'age of the joint states beyond which the arm brakes, s',
+        0.005,
+        10.0,
+        read_only=True,
+    )
+    lead_limit_rad: float = setting(
+        'velocity_to_position',
+        'lead_limit_rad',
+        'how far a position may be ahead of the measured one, rad; an arm that does not follow, '
+        'since its brakes are on for example, is not to leap after them later',
+        0.001,
+        1.0,
+        read_only=True,
+    )
 
 
 class PositionCommand(NamedTuple):

@@ -39,14 +39,24 @@ class Posture:
 
     Attributes:
         model: the arm.
-        posture_gain: joint speed for the distance to the home configuration, 1/s.
-        limit_margin: rad before a position limit from where the joint is pushed away.
 
     """
 
     model: RobotModel
-    posture_gain: float = setting('priority_ik', 'posture_gain')
-    limit_margin: float = setting('priority_ik', 'limit_margin')
+    posture_gain: float = setting(
+        'priority_ik',
+        'posture_gain',
+        'joint speed for the distance to the home configuration, 1/s',
+        0.0,
+        50.0,
+    )
+    limit_margin: float = setting(
+        'priority_ik',
+        'limit_margin',
+        'rad before a position limit from where the joint is pushed away',
+        0.0,
+        3.0,
+    )
 
     def __post_init__(self) -> None:
         limits = self.model.limits
@@ -81,14 +91,24 @@ class ElbowClearance:
 
     Attributes:
         model: the arm.
-        elbow_distance: m to the partner within which the elbow is moved away.
-        elbow_gain: elbow speed for what is missing of that distance, 1/s.
 
     """
 
     model: RobotModel
-    elbow_distance: float = setting('priority_ik', 'elbow_distance')
-    elbow_gain: float = setting('priority_ik', 'elbow_gain')
+    elbow_distance: float = setting(
+        'priority_ik',
+        'elbow_distance',
+        'm to the partner within which the elbow is moved away',
+        0.0,
+        2.0,
+    )
+    elbow_gain: float = setting(
+        'priority_ik',
+        'elbow_gain',
+        'elbow speed for what is missing of that distance, 1/s',
+        0.0,
+        50.0,
+    )
 
     def __post_init__(self) -> None:
         self._elbow = _elbow(self.model)

@@ -40,16 +40,27 @@ class SeparationLimit:
 
     Attributes:
         model: the arm.
-        separation_distance: m to the hand within which `separation_speed` holds.
-        separation_speed: m/s relative to the hand.
-        separation_deceleration: m/s², with which the wrist slows on its way there.
 
     """
 
     model: RobotModel
-    separation_distance: float = setting('priority_ik', 'separation_distance')
-    separation_speed: float = setting('priority_ik', 'separation_speed')
-    separation_deceleration: float = setting('priority_ik', 'separation_deceleration')
+    separation_distance: float = setting(
+        'priority_ik',
+        'separation_distance',
+        'm to the hand within which separation_speed holds',
+        0.0,
+        5.0,
+    )
+    separation_speed: float = setting(
+        'priority_ik', 'separation_speed', 'm/s relative to the hand', 0.0, 5.0
+    )
+    separation_deceleration: float = setting(
+        'priority_ik',
+        'separation_deceleration',
+        'm/s², with which the wrist slows on its way there',
+        0.01,
+        100.0,
+    )
 
     def half_spaces(self, period: IkInput) -> list[HalfSpace]:
         """Bound the wrist's speed, see `tasks.Limit`."""

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from handover_dmp.common.errors import UsageError
-from handover_dmp.common.settings import defaults, parameters_of
+from handover_dmp.common.settings import defaults, parameters_of, setting
 from handover_dmp.robot.collision_limits import ForearmLimit, SelfCollisionLimit
 from handover_dmp.robot.direction_task import DirectionTask
 from handover_dmp.robot.model import RobotModel
@@ -36,6 +36,37 @@ SWITCHES: dict[str, Any] = {
     'forearm_collision': ForearmLimit,
 }
 """The parameters that say whether a limit is there at all."""
+
+
+@dataclass(frozen=True)
+class StackOptions:
+    """What belongs to no single task or limit."""
+
+    separation: bool = setting(
+        'priority_ik', 'separation', 'whether the wrist is slowed near the hand (ISO/TS 15066)'
+    )
+    self_collision: bool = setting(
+        'priority_ik', 'self_collision', 'whether the links are kept apart'
+    )
+    braking_share: float = setting(
+        'priority_ik',
+        'braking_share',
+        'β, part of the acceleration limit with which a joint brakes before its limit',
+        0.01,
+        1.0,
+    )
+
+
+TASKS = (
+    StackOptions,
+    DirectionTask,
+    OrientationTask,
+    Posture,
+    ElbowClearance,
+    SeparationLimit,
+    SelfCollisionLimit,
+)
+"""Whose fields are the parameters of the inverse kinematics that a node has."""
 
 
 @dataclass(frozen=True, eq=False)

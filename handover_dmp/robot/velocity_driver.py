@@ -41,20 +41,31 @@ END_STOP_MARGIN_RAD = 1e-5
 
 @dataclass(frozen=True)
 class ArmOptions:
-    """
-    When the arm stops by itself.
+    """When the arm stops by itself."""
 
-    Attributes:
-        command_timeout_s: simulated time without a good command after which it brakes, s.
-        resume_required: whether it then stays stopped, if it was in motion, until `resume`.
-        resume_within_s: silence, s, up to which it goes on all the same when commands are back, as
-            after a moment in which the machine had no time for who sends them.
-
-    """
-
-    command_timeout_s: float = setting('robot_sim', 'command_timeout_s')
-    resume_required: bool = setting('robot_sim', 'resume_required')
-    resume_within_s: float = setting('robot_sim', 'resume_within_s')
+    command_timeout_s: float = setting(
+        'robot_sim',
+        'command_timeout_s',
+        'simulated time without a good command after which it brakes, s',
+        0.001,
+        10.0,
+        read_only=True,
+    )
+    resume_required: bool = setting(
+        'robot_sim',
+        'resume_required',
+        'whether it then stays stopped, if it was in motion, until resume',
+        read_only=True,
+    )
+    resume_within_s: float = setting(
+        'robot_sim',
+        'resume_within_s',
+        'silence, s, up to which it goes on all the same when commands are back, as after a '
+        'moment in which the machine had no time for who sends them',
+        0.0,
+        60.0,
+        read_only=True,
+    )
 
 
 class CommandOutcome(str, Enum):

@@ -47,21 +47,36 @@ HELD_ROTATION = 1e-3
 
 @dataclass(frozen=True)
 class WristControllerOptions:
-    """
-    When inputs are too old.
+    """When inputs are too old."""
 
-    Attributes:
-        joint_state_timeout_s: age, by arrival, beyond which the arm brakes without looking, s.
-        command_timeout_s: the same for the wrist command, beyond which the arm brakes, s.
-        hand_timeout_s: the same for the hand, beyond which it is taken to be anywhere, s.
-        hold_distance_m: a wrist this near to a target that stands is there, m.
-
-    """
-
-    joint_state_timeout_s: float = setting('priority_ik', 'joint_state_timeout_s')
-    command_timeout_s: float = setting('priority_ik', 'command_timeout_s')
-    hand_timeout_s: float = setting('priority_ik', 'hand_timeout_s')
-    hold_distance_m: float = setting('priority_ik', 'hold_distance_m')
+    joint_state_timeout_s: float = setting(
+        'priority_ik',
+        'joint_state_timeout_s',
+        'age, by arrival, beyond which the arm brakes without looking, s',
+        0.005,
+        10.0,
+    )
+    command_timeout_s: float = setting(
+        'priority_ik',
+        'command_timeout_s',
+        'the same for the wrist command, beyond which the arm brakes, s',
+        0.005,
+        10.0,
+    )
+    hand_timeout_s: float = setting(
+        'priority_ik',
+        'hand_timeout_s',
+        'the same for the hand, beyond which it is taken to be anywhere, s',
+        0.005,
+        10.0,
+    )
+    hold_distance_m: float = setting(
+        'priority_ik',
+        'hold_distance_m',
+        'a wrist this near to a target that stands is there, m',
+        0.0,
+        0.1,
+    )
 
 
 class JointCommand(NamedTuple):

@@ -97,13 +97,6 @@ class CarriedObjectOptions:
     What is handed over.
 
     Attributes:
-        mass_kg: 0: nothing.
-        size: (3,), of a box, for its inertia, m.
-        position: (3,), of its middle from the wrist that holds it at the start, m; the partner's
-            has it on the other side.
-        holder: who has it at the start, `robot` or `partner`.
-        reach_m: from the wrist to its middle, for the gripper to close on it, m.
-        noise_n: standard deviation of the sensor in the wrist on each axis, N.
         partner: how the partner takes and gives it.
 
     Raises:
@@ -111,12 +104,47 @@ class CarriedObjectOptions:
 
     """
 
-    mass_kg: float = setting('robot_sim', 'object.mass_kg')
-    size: Sequence[float] = setting('robot_sim', 'object.size')
-    position: Sequence[float] = setting('robot_sim', 'object.position')
-    holder: str = setting('robot_sim', 'object.holder')
-    reach_m: float = setting('robot_sim', 'object.reach_m')
-    noise_n: float = setting('robot_sim', 'object.noise_n')
+    mass_kg: float = setting(
+        'robot_sim',
+        'object.mass_kg',
+        'of what is handed over, kg; 0: nothing',
+        0.0,
+        50.0,
+        read_only=True,
+    )
+    size: Sequence[float] = setting(
+        'robot_sim', 'object.size', '(3,), of a box, for its inertia, m', read_only=True
+    )
+    position: Sequence[float] = setting(
+        'robot_sim',
+        'object.position',
+        "(3,), of its middle from the wrist that holds it at the start, m; the partner's has it "
+        'on the other side',
+        read_only=True,
+    )
+    holder: str = setting(
+        'robot_sim',
+        'object.holder',
+        'who has it at the start, robot or partner',
+        choices=('robot', 'partner'),
+        read_only=True,
+    )
+    reach_m: float = setting(
+        'robot_sim',
+        'object.reach_m',
+        'from the wrist to its middle, for the gripper to close on it, m',
+        0.001,
+        5.0,
+        read_only=True,
+    )
+    noise_n: float = setting(
+        'robot_sim',
+        'object.noise_n',
+        'standard deviation of the sensor in the wrist on each axis, N',
+        0.0,
+        10.0,
+        read_only=True,
+    )
     partner: PartnerGripOptions = field(default_factory=PartnerGripOptions)
 
     def __post_init__(self) -> None:

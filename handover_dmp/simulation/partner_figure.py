@@ -80,21 +80,23 @@ FIT: Mapping[str, tuple[float, float, float]] = {
 
 @dataclass(frozen=True)
 class PartnerFigureOptions:
-    """
-    How the figure stands.
+    """How the figure stands."""
 
-    Attributes:
-        hand_below_shoulder_m: height of the shoulder over the hand at the exchange where the
-            height of the floor is not known, m.
-        reach_at_exchange_m: horizontal distance that the arm would rather have from shoulder to
-            wrist at the exchange, m.
-        update_rate_hz: how often a running simulation moves the figure, Hz.
-
-    """
-
-    hand_below_shoulder_m: float = setting('robot_sim', 'human.hand_below_shoulder_m')
-    reach_at_exchange_m: float = setting('robot_sim', 'human.reach_at_exchange_m')
-    update_rate_hz: float = setting('robot_sim', 'human.update_rate_hz')
+    hand_below_shoulder_m: float = setting(
+        'robot_sim',
+        'human.hand_below_shoulder_m',
+        'height of the shoulder over the hand at the exchange where the height of the floor is '
+        'not known, m',
+    )
+    reach_at_exchange_m: float = setting(
+        'robot_sim',
+        'human.reach_at_exchange_m',
+        'horizontal distance that the arm would rather have from shoulder to wrist at the '
+        'exchange, m',
+    )
+    update_rate_hz: float = setting(
+        'robot_sim', 'human.update_rate_hz', 'how often a running simulation moves the figure, Hz'
+    )
 
 
 @dataclass(frozen=True)

@@ -44,27 +44,67 @@ class PartnerGripOptions:
     """
     How the partner takes and gives.
 
-    Attributes:
-        reach_m: from the hand (the wrist) to the middle of an object that it can take, m.
-        speed: of hand and object relative to each other, up to which it takes, m/s.
-        reaction_s: how long both must be so, and how long it takes to feel the other, s.
-        grip_s: within which grip and share of the weight grow or fade, s.
-        stiffness: of the arm behind the hand, N/m.
-        share: of the weight that the robot must have taken before the hand opens.
-        slip_m: so far from where it was gripped, the object has slipped out of the hand, m.
-
     Raises:
         UsageError: a number that is not positive.
 
     """
 
-    reach_m: float = setting('robot_sim', 'partner.reach_m')
-    speed: float = setting('robot_sim', 'partner.speed')
-    reaction_s: float = setting('robot_sim', 'partner.reaction_s')
-    grip_s: float = setting('robot_sim', 'partner.grip_s')
-    stiffness: float = setting('robot_sim', 'partner.stiffness')
-    share: float = setting('robot_sim', 'partner.share')
-    slip_m: float = setting('robot_sim', 'partner.slip_m')
+    reach_m: float = setting(
+        'robot_sim',
+        'partner.reach_m',
+        'from the hand (the wrist) to the middle of an object that it can take, m',
+        0.001,
+        5.0,
+        read_only=True,
+    )
+    speed: float = setting(
+        'robot_sim',
+        'partner.speed',
+        'of hand and object relative to each other, up to which it takes, m/s',
+        0.001,
+        5.0,
+        read_only=True,
+    )
+    reaction_s: float = setting(
+        'robot_sim',
+        'partner.reaction_s',
+        'how long both must be so, and how long it takes to feel the other, s',
+        0.001,
+        5.0,
+        read_only=True,
+    )
+    grip_s: float = setting(
+        'robot_sim',
+        'partner.grip_s',
+        'within which grip and share of the weight grow or fade, s',
+        0.001,
+        5.0,
+        read_only=True,
+    )
+    stiffness: float = setting(
+        'robot_sim',
+        'partner.stiffness',
+        'of the arm behind the hand, N/m',
+        1.0,
+        10000.0,
+        read_only=True,
+    )
+    share: float = setting(
+        'robot_sim',
+        'partner.share',
+        'of the weight that the robot must have taken before the hand opens',
+        0.01,
+        1.0,
+        read_only=True,
+    )
+    slip_m: float = setting(
+        'robot_sim',
+        'partner.slip_m',
+        'so far from where it was gripped, the object has slipped out of the hand, m',
+        0.001,
+        1.0,
+        read_only=True,
+    )
 
     def __post_init__(self) -> None:
         """Check the numbers."""

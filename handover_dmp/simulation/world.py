@@ -45,14 +45,14 @@ class WorldOptions:
     How the world is stepped.
 
     Attributes:
-        time_step_s: of the physics, s.
-        tracking_gain: k of the motors' velocity q̇_ref + k(q_ref − q), 1/s.
         gravity: along z, m/s².
 
     """
 
-    time_step_s: float = setting('robot_sim', 'time_step_s')
-    tracking_gain: float = setting('robot_sim', 'tracking_gain')
+    time_step_s: float = setting('robot_sim', 'time_step_s', 'of the physics, s')
+    tracking_gain: float = setting(
+        'robot_sim', 'tracking_gain', "k of the motors' velocity q̇_ref + k(q_ref − q), 1/s"
+    )
     gravity: float = -9.81
 
 

@@ -43,7 +43,7 @@ from typing import NamedTuple
 
 from handover_dmp.common.arrays import Array, Vector
 from handover_dmp.common.errors import DataError
-from handover_dmp.common.settings import setting
+from handover_dmp.common.settings import check_settings, setting
 from handover_dmp.dmp import DecoupledDmp, DmpState, relearn
 from handover_dmp.dmp.state import Rollout
 import numpy as np
@@ -64,70 +64,95 @@ MIN_WAY_M = 1e-6
 
 @dataclass(frozen=True)
 class PartnerOptions:
-    """
-    Constants of the partner model; distances and times of people, not of the robot.
+    """Constants of the partner model; distances and times of people, not of the robot."""
 
-    Attributes:
-        mu: centre of the goal weight (7) with this model, in units of τ.
-        sigma: width of the same, in units of τ; wider than without, since the expected meeting
-            point is calm enough to be looked at early.
-        lead_deviation: of the lead e before anything was seen, standard deviation, units of τ.
-        lead_drift: by how much e may change over one τ, standard deviation, units of τ.
-        reach_deviation_m: of the length of the hand's way, standard deviation, m.
-        noise_m: by how much a hand strays from its mean path, standard deviation, m,
-        noise_time_s: and for how long it goes on to stray alike, s.
-        trust_within_m: a hand that is farther from where it is expected is not trusted, m.
-        trust_width_m: over which trust grows from 0 to 1, m.
-        release: phase-time φ_q at which the expectation gives way to the hand, units of τ.
-        release_width: σ_q of the same, units of τ.
-        following: share c of the partner's lead that the phase goes along with.
-        following_time_s: T, within which it does, s.
-        max_phase_rate: r_max.
-
-    """
-
-    mu: float = setting('dmp', 'partner.mu')
-    sigma: float = setting('dmp', 'partner.sigma')
-    lead_deviation: float = setting('dmp', 'partner.lead_deviation')
-    lead_drift: float = setting('dmp', 'partner.lead_drift')
-    reach_deviation_m: float = setting('dmp', 'partner.reach_deviation_m')
-    noise_m: float = setting('dmp', 'partner.noise_m')
-    noise_time_s: float = setting('dmp', 'partner.noise_time_s')
-    trust_within_m: float = setting('dmp', 'partner.trust_within_m')
-    trust_width_m: float = setting('dmp', 'partner.trust_width_m')
-    release: float = setting('dmp', 'partner.release')
-    release_width: float = setting('dmp', 'partner.release_width')
-    following: float = setting('dmp', 'partner.following')
-    following_time_s: float = setting('dmp', 'partner.following_time_s')
-    max_phase_rate: float = setting('dmp', 'partner.max_phase_rate')
+    mu: float = setting(
+        'dmp',
+        'partner.mu',
+        'centre of the goal weight (7) with this model, in units of τ',
+        0.0,
+        2.0,
+    )
+    sigma: float = setting(
+        'dmp',
+        'partner.sigma',
+        'width of the goal weight (7) with this model, in units of τ; wider than without, since '
+        'the expected meeting point is calm enough to be looked at early',
+        0.0001,
+        2.0,
+    )
+    lead_deviation: float = setting(
+        'dmp',
+        'partner.lead_deviation',
+        'of the lead e before anything was seen, standard deviation, units of τ',
+        0.0,
+        1.0,
+    )
+    lead_drift: float = setting(
+        'dmp',
+        'partner.lead_drift',
+        'by how much e may change over one τ, standard deviation, units of τ',
+        0.0,
+        10.0,
+    )
+    reach_deviation_m: float = setting(
+        'dmp',
+        'partner.reach_deviation_m',
+        "of the length of the hand's way, standard deviation, m",
+        0.0,
+        1.0,
+    )
+    noise_m: float = setting(
+        'dmp',
+        'partner.noise_m',
+        'by how much a hand strays from its mean path, standard deviation, m',
+        0.0001,
+        1.0,
+    )
+    noise_time_s: float = setting(
+        'dmp', 'partner.noise_time_s', 'for how long a hand goes on to stray alike, s', 0.001, 10.0
+    )
+    trust_within_m: float = setting(
+        'dmp',
+        'partner.trust_within_m',
+        'a hand that is farther from where it is expected is not trusted, m',
+        0.0,
+        10.0,
+    )
+    trust_width_m: float = setting(
+        'dmp', 'partner.trust_width_m', 'over which trust grows from 0 to 1, m', 0.001, 10.0
+    )
+    release: float = setting(
+        'dmp',
+        'partner.release',
+        'phase-time φ_q at which the expectation gives way to the hand, units of τ',
+        0.0,
+        1.0,
+    )
+    release_width: float = setting(
+        'dmp', 'partner.release_width', 'σ_q, how gradually it does, units of τ', 0.001, 1.0
+    )
+    following: float = setting(
+        'dmp',
+        'partner.following',
+        "share c of the partner's lead that the phase goes along with",
+        0.0,
+        0.9,
+    )
+    following_time_s: float = setting(
+        'dmp',
+        'partner.following_time_s',
+        'T, within which the phase goes along with that, s',
+        0.001,
+        10.0,
+    )
+    max_phase_rate: float = setting(
+        'dmp', 'partner.max_phase_rate', 'r_max, how fast the phase may run', 1.0, 3.0
+    )
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        for name, (low, high) in RANGES.items():
-            value = float(getattr(self, name))
-            if not low <= value <= high:
-                raise DataError(
-                    f'partner.{name} is {value:g}; it must be from {low:g} to {high:g}'
-                )
-
-
-RANGES = {
-    'mu': (0.0, 2.0),
-    'sigma': (1e-4, 2.0),
-    'lead_deviation': (0.0, 1.0),
-    'lead_drift': (0.0, 10.0),
-    'reach_deviation_m': (0.0, 1.0),
-    'noise_m': (1e-4, 1.0),
-    'noise_time_s': (1e-3, 10.0),
-    'trust_within_m': (0.0, 10.0),
-    'trust_width_m': (1e-3, 10.0),
-    'release': (0.0, 1.0),
-    'release_width': (1e-3, 1.0),
-    'following': (0.0, 0.9),
-    'following_time_s': (1e-3, 10.0),
-    'max_phase_rate': (1.0, 3.0),
-}
-"""Least and greatest value of each number; with `following` below 1 no hand stops the phase."""
+        check_settings(self, DataError, 'partner.')
 
 
 def check_partner_model(word: str) -> None:

@@ -30,25 +30,42 @@ NODE = 'calibration_motion'
 
 @dataclass(frozen=True)
 class TrackerPlace:
-    """
-    What is to be found out about the tracker.
+    """What is to be found out about the tracker."""
 
-    Attributes:
-        position: (3,) m, of its frame in the room.
-        quaternion: x, y, z, w, from its axes to those of the room.
-        delay_s: how much later than the truth it stamps its poses, s.
-        noise_m: standard deviation on each axis, m.
-        marker: (3,) m, where the marker is in the axes of the body.
-        seed: of the noise.
-
-    """
-
-    position: Sequence[float] = setting(NODE, 'simulated_tracker.position')
-    quaternion: Sequence[float] = setting(NODE, 'simulated_tracker.quaternion')
-    delay_s: float = setting(NODE, 'simulated_tracker.delay_s')
-    noise_m: float = setting(NODE, 'simulated_tracker.noise_m')
-    marker: Sequence[float] = setting(NODE, 'simulated_tracker.marker')
-    seed: int = setting(NODE, 'simulated_tracker.seed')
+    position: Sequence[float] = setting(
+        NODE, 'simulated_tracker.position', '(3,) m, of its frame in the room', read_only=True
+    )
+    quaternion: Sequence[float] = setting(
+        NODE,
+        'simulated_tracker.quaternion',
+        'x, y, z, w, from its axes to those of the room',
+        read_only=True,
+    )
+    delay_s: float = setting(
+        NODE,
+        'simulated_tracker.delay_s',
+        'how much later than the truth it stamps its poses, s',
+        0.0,
+        10.0,
+        read_only=True,
+    )
+    noise_m: float = setting(
+        NODE,
+        'simulated_tracker.noise_m',
+        'standard deviation on each axis, m',
+        0.0,
+        1.0,
+        read_only=True,
+    )
+    marker: Sequence[float] = setting(
+        NODE,
+        'simulated_tracker.marker',
+        '(3,) m, where the marker is in the axes of the body',
+        read_only=True,
+    )
+    seed: int = setting(
+        NODE, 'simulated_tracker.seed', 'of the noise', 0, 2147483647, read_only=True
+    )
 
 
 class SimulatedTracker:

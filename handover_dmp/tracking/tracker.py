@@ -16,13 +16,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 import math
 
 from handover_dmp.common.errors import UsageError
-from handover_dmp.common.settings import setting
+from handover_dmp.common.settings import check_settings, setting
 
-BIASES = ('none', 'fixed', 'learnt')
 PATIENCE_PERIODS = 2.2
 """Of a tracker, without a pose: one that is lost does not stop the arm."""
 
@@ -34,17 +33,6 @@ class Tracker:
 
     Attributes:
         name: of it, for what is said of it.
-        noise_m: standard deviation of a pose on each axis, m.
-        weight: how much a pose counts beside what its noise tells; 2: as much as two of them.
-        use_covariance: whether the covariance of a message, where it has one, takes the place of
-            `noise_m`.
-        delay_s: how much later than the truth its poses are stamped, s; negative: earlier.
-        bias: whether its poses are off by a constant: `none`, `fixed` (by `bias_m`) or `learnt`
-            (found while another tracker sees the hand, from `bias_m` on).
-        bias_m: (3,), m, its poses minus the truth.
-        bias_deviation_m: how far off from that a learnt bias may be, standard deviation, m.
-        bias_drift: how fast a learnt bias may change, m/√s.
-        rate_hz: how often its poses come, Hz, so that it is known when one is missing.
 
     Raises:
         UsageError: a value is out of range.
@@ -52,29 +40,74 @@ class Tracker:
     """
 
     name: str = 'tracker'
-    noise_m: float = setting('dmp', 'tracker.noise_m')
-    weight: float = setting('dmp', 'tracker.weight')
-    use_covariance: bool = setting('dmp', 'tracker.use_covariance')
-    delay_s: float = setting('dmp', 'tracker.delay_s')
-    bias: str = setting('dmp', 'tracker.bias')
-    bias_m: tuple[float, ...] = setting('dmp', 'tracker.bias_m')
-    bias_deviation_m: float = setting('dmp', 'tracker.bias_deviation_m')
-    bias_drift: float = setting('dmp', 'tracker.bias_drift')
-    rate_hz: float = setting('dmp', 'tracker.rate_hz')
+    noise_m: float = setting(
+        'dmp',
+        'tracker.noise_m',
+        'standard deviation of a pose on each axis, m',
+        1e-09,
+        1.0,
+        read_only=True,
+    )
+    weight: float = setting(
+        'dmp',
+        'tracker.weight',
+        'how much a pose counts beside what its noise tells; 2: as much as two of them',
+        1e-06,
+        1000000.0,
+        read_only=True,
+    )
+    use_covariance: bool = setting(
+        'dmp',
+        'tracker.use_covariance',
+        'whether the covariance of a message, where it has one, takes the place of noise_m',
+        read_only=True,
+    )
+    delay_s: float = setting(
+        'dmp',
+        'tracker.delay_s',
+        'how much later than the truth its poses are stamped, s; negative: earlier',
+        -10.0,
+        10.0,
+        read_only=True,
+    )
+    bias: str = setting(
+        'dmp',
+        'tracker.bias',
+        'whether its poses are off by a constant: none, fixed (by bias_m) or learnt (found while '
+        'another tracker sees the hand, from bias_m on)',
+        choices=('none', 'fixed', 'learnt'),
+        read_only=True,
+    )
+    bias_m: tuple[float, ...] = setting(
+        'dmp', 'tracker.bias_m', '(3,), m, its poses minus the truth', read_only=True
+    )
+    bias_deviation_m: float = setting(
+        'dmp',
+        'tracker.bias_deviation_m',
+        'how far off from that a learnt bias may be, standard deviation, m',
+        1e-06,
+        10.0,
+        read_only=True,
+    )
+    bias_drift: float = setting(
+        'dmp',
+        'tracker.bias_drift',
+        'how fast a learnt bias may change, m/√s',
+        0.0,
+        1.0,
+        read_only=True,
+    )
+    rate_hz: float = setting(
+        'dmp',
+        'tracker.rate_hz',
+        'how often its poses come, Hz, so that it is known when one is missing',
+        0.1,
+        10000.0,
+        read_only=True,
+    )
 
     def __post_init__(self) -> None:
-        for item in fields(self):
-            value, name = getattr(self, item.name), f'{self.name}.{item.name}'
-            if item.name in ('name', 'use_covariance', 'bias', 'bias_m'):
-                continue
-            if not (isinstance(value, int | float) and math.isfinite(value)):
-                raise UsageError(f'{name}: {value!r} is no finite number')
-            if item.name == 'bias_drift' and value < 0.0:
-                raise UsageError(f'{name}: {value} is not 0 or more')
-            if item.name not in ('delay_s', 'bias_drift') and value <= 0.0:
-                raise UsageError(f'{name}: {value} is not more than 0')
-        if self.bias not in BIASES:
-            raise UsageError(f'{self.name}.bias is {self.bias!r}, not one of {", ".join(BIASES)}')
+        check_settings(self, UsageError, f'{self.name}.')
         if len(self.bias_m) != 3 or not all(map(math.isfinite, self.bias_m)):
             raise UsageError(f'{self.name}.bias_m: {list(self.bias_m)} is not three numbers')
 

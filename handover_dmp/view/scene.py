@@ -71,22 +71,21 @@ SHADOW_BLUR_M = 0.035
 
 @dataclass(frozen=True)
 class SceneOptions:
-    """
-    What the pictures look like.
+    """What the pictures look like."""
 
-    Attributes:
-        samples: renders each pixel this many times in width and in height.
-        elevation_deg: of the camera over the horizon, deg.
-        object_length_m: shortest and longest of the rod that changes hands, m; between these it
-            spans the gap between the partners at the exchange.
-        object_radius_m: of the same, m.
-
-    """
-
-    samples: int = setting('robot_sim', 'scene.samples')
-    elevation_deg: float = setting('robot_sim', 'scene.elevation_deg')
-    object_length_m: tuple[float, float] = setting('robot_sim', 'scene.object_length_m')
-    object_radius_m: float = setting('robot_sim', 'scene.object_radius_m')
+    samples: int = setting(
+        'robot_sim', 'scene.samples', 'renders each pixel this many times in width and in height'
+    )
+    elevation_deg: float = setting(
+        'robot_sim', 'scene.elevation_deg', 'of the camera over the horizon, deg'
+    )
+    object_length_m: tuple[float, float] = setting(
+        'robot_sim',
+        'scene.object_length_m',
+        'shortest and longest of the rod that changes hands, m; between these it spans the gap '
+        'between the partners at the exchange',
+    )
+    object_radius_m: float = setting('robot_sim', 'scene.object_radius_m', 'of the same, m')
 
 
 @dataclass(frozen=True)

@@ -23,11 +23,11 @@ from math import erf, log, sqrt
 import tracemalloc
 
 from handover_dmp.common.errors import DataError
+from handover_dmp.common.settings import settings_of
 from handover_dmp.dmp import DecoupledDmp, DmpParameters, learn, relearn
 from handover_dmp.tracking.partner_model import (
     PartnerModel,
     PartnerOptions,
-    RANGES,
     rollout_expecting,
     with_goal_weight_of,
 )
@@ -453,9 +453,11 @@ def test_a_model_without_the_path_is_refused() -> None:
         PartnerModel(person().with_partner_path(None))
 
 
-@pytest.mark.parametrize('name', RANGES)
+@pytest.mark.parametrize('name', settings_of(PartnerOptions))
 def test_constants_out_of_range_are_refused_by_name(name: str) -> None:
-    low, high = RANGES[name]
+    what = settings_of(PartnerOptions)[name]
+    assert what.low is not None and what.high is not None
+    low, high = what.low, what.high
     for value in (low - 1.0, high + 1.0, float('nan')):
         with pytest.raises(DataError, match=f'partner.{name} is'):
             replace(PartnerOptions(), **{name: value})
