@@ -50,6 +50,8 @@ HELPERS = {
     'object_topics': 'robot_sim', 'gripper': 'dmp',
     'transforms': '`robot_sim`, or `recorder` into the bag',
 }  # fmt: skip
+# Their peers are other timers, and not other libraries.
+OF_TIMERS = ('period error', 'hand pose to joint velocity')
 BEGIN, END = '<!-- generated: {} -->', '<!-- end -->'
 
 
@@ -104,13 +106,13 @@ def machine_line(figures: Path) -> str:
 
 
 def benchmark_table(results: Sequence[Measurement]) -> str:
-    """Choose what has a target and a peer or a floor, without the notes."""
+    """Choose what has a target and other libraries beside it, without the notes."""
+    beside = [r for r in results if r.peers and r.target and not r.name.startswith(OF_TIMERS)]
     rows = [
-        (what, here, target, floor, peers.replace('\n', ', '))
-        for what, here, target, floor, peers, _ in map(cells, results)
-        if target and (floor or peers)
+        (what, here, floor, peers.replace('\n', ', '))
+        for what, here, _, floor, peers, _ in map(cells, beside)
     ]
-    return table(('what', 'here', 'to reach', 'floor', 'others'), rows)
+    return table(('what', 'here', 'floor', 'others'), rows)
 
 
 def filled(text: str, parts: dict[str, str]) -> str:
