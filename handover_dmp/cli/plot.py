@@ -80,9 +80,11 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _draw_recording(options: argparse.Namespace) -> int:
+    from dataclasses import asdict
     import json
 
     from handover_dmp.common.files import replacing, write_text
+    from handover_dmp.mocap.fluency import people_fluency
     from handover_dmp.mocap.session import read_session
     from handover_dmp.mocap.session_figure import draw_session
     from rich.console import Console
@@ -96,6 +98,10 @@ def _draw_recording(options: argparse.Namespace) -> int:
     Console().print(f'{len(session.exchanges)} exchanges; {picture}', soft_wrap=True)
     if options.json is not None:
         exchanges = [part._asdict() for part in session.exchanges]
-        found = {'figure': str(picture), 'exchanges': exchanges}
+        found = {
+            'figure': str(picture),
+            'exchanges': exchanges,
+            'fluency': asdict(people_fluency(session)),
+        }
         write_text(options.json, json.dumps(found, indent=2) + '\n')
     return 0

@@ -265,7 +265,21 @@ def fluency(person_speed: Array, robot_speed: Array) -> Fluency:
         Shares of the time.
 
     """
-    person, robot = person_speed > ACTIVE_SPEED, robot_speed > ACTIVE_SPEED
+    return fluency_of(person_speed > ACTIVE_SPEED, robot_speed > ACTIVE_SPEED)
+
+
+def fluency_of(person: NDArray[np.bool_], robot: NDArray[np.bool_]) -> Fluency:
+    """
+    Find the shares of the time in which the one, the other, both were active.
+
+    Args:
+        person: (n,) whether the person was active, evenly spaced in time.
+        robot: (n,) whether the robot was, at the same times.
+
+    Returns:
+        Shares of the time.
+
+    """
     return Fluency(
         person_idle=float((~person).mean()),
         robot_idle=float((~robot).mean()),

@@ -57,7 +57,8 @@ from numpy.random import RandomState
 
 _SESSION = 2
 """In a stream's name, where a give has 0 and a take 1."""
-_STROKE_M = np.array([0.020, 0.030, 0.020])
+_STROKE_M = np.array([0.025, 0.050, 0.030])
+_STROKE_SPREAD = 0.3
 _PACE_SPREAD = 0.08
 _PICK_UP_SHARE = 0.70
 _WAY_BACK_SHARE = 0.90
@@ -133,7 +134,7 @@ class _Way:
 
     def work(self, random: RandomState, until_s: float) -> None:
         """Make strokes of some centimetres, as with a ratchet, as long as there is time."""
-        size = _STROKE_M + 0.5 * spread(random, _STROKE_M)
+        size = _STROKE_M + spread(random, _STROKE_SPREAD * _STROKE_M)
         onset_s = self.free_s + random.uniform(0.10, 0.30)
         while True:
             duration_s = random.uniform(0.50, 0.80)

@@ -68,6 +68,7 @@ def test_a_recorded_session_is_drawn(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert f'2 exchanges; {picture}' in capsys.readouterr().out
     told = json.loads(numbers.read_text())
     assert [part['direction'] for part in told['exchanges']] == ['give', 'take']
+    assert len(told['fluency']['waits']) == 2
     (tmp_path / 'broken.csv').write_text('t\n')
     assert main(['plot', str(tmp_path / 'broken.csv')]) == 1
     assert capsys.readouterr().err.count('\n') == 1

@@ -33,7 +33,7 @@ import numpy as np
 import pytest
 
 # Of all files of the default sessions, in the order of their names.
-DIGEST = '5a0e3e21c7f269dea5874fb5d7df7d01d888a9bf029c2ce6d111c1ffce49cfee'
+DIGEST = '8de0cd8410d7ee75adc516082dc9d2a888d484152d5e780487f3d350cb4299de'
 
 
 @pytest.fixture(scope='module')

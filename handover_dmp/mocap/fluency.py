@@ -1,0 +1,156 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Who was active when in a session, and who waited for whom (Hoffman 2019).
+
+A person's hand sways while it rests, and stops for a moment while it works; so one is active from
+where the speed rises above 0.05 m/s to where it falls below, if it exceeds 0.15 m/s in between,
+and pauses of less than 0.3 s are none. docs/method.md has the formulas.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from handover_dmp.common.arrays import Array
+from handover_dmp.mocap.filtering import smooth
+from handover_dmp.mocap.measures import ACTIVE_SPEED, Fluency, fluency_of
+from handover_dmp.mocap.session import RecordedSession
+import numpy as np
+from numpy.typing import NDArray
+
+Activity = NDArray[np.bool_]
+
+CERTAIN_SPEED = 0.15
+"""m/s; who never gets faster than this has only swayed."""
+MAX_PAUSE_S = 0.3
+"""A rest that is shorter belongs to the activity about it."""
+
+
+@dataclass(frozen=True)
+class ExchangeWait:
+    """
+    How long the two waited with their hands at the exchange before it began.
+
+    Attributes:
+        person_s: from where the person's reach had ended, s; 0 where it still moved.
+        robot_s: the same of the robot.
+
+    """
+
+    person_s: float
+    robot_s: float
+
+
+@dataclass(frozen=True)
+class SessionFluency:
+    """
+    How fluent a session was.
+
+    Attributes:
+        whole: shares of the time of the session.
+        duration_s: of the session, s.
+        waits: at each exchange, in order.
+
+    """
+
+    whole: Fluency
+    duration_s: float
+    waits: tuple[ExchangeWait, ...]
+
+
+def session_fluency(
+    person_speed: Array, robot_speed: Array, rate_hz: float, exchanges_s: Sequence[float] = ()
+) -> SessionFluency:
+    """
+    Measure how fluent a session was.
+
+    Source: Hoffman, Evaluating fluency in human-robot collaboration, IEEE Trans. Human-Machine
+    Systems 49(3), 2019.
+
+    Args:
+        person_speed: (n,) m/s, evenly spaced in time, low-passed.
+        robot_speed: (n,) m/s, at the same times: of the robot, or of the person in its place.
+        rate_hz: samples a second.
+        exchanges_s: when each exchange began, s from the first sample.
+
+    Returns:
+        The measures.
+
+    """
+    person, robot = (activity(speed, rate_hz) for speed in (person_speed, robot_speed))
+    waits = [
+        ExchangeWait(*(_rest_before(active, time_s, rate_hz) for active in (person, robot)))
+        for time_s in exchanges_s
+    ]
+    return SessionFluency(fluency_of(person, robot), len(person) / rate_hz, tuple(waits))
+
+
+def people_fluency(session: RecordedSession) -> SessionFluency:
+    """
+    Measure how fluent two people were, as what a robot is held against.
+
+    Args:
+        session: the recording, without gaps; P1 counts as the person, P2 as the robot.
+
+    Returns:
+        The measures, from the start of the first reach on, as a robot begins there.
+
+    """
+    motion = session.motion
+    both = np.hstack([motion.partner, motion.demonstrator])
+    times, _, velocities = smooth(motion.times, both)
+    begin_s = session.exchanges[0].start_s
+    shown = times >= begin_s
+    first, second = (np.linalg.norm(part, axis=1) for part in np.split(velocities, 2, axis=1))
+    rate_hz = float((len(times) - 1) / (times[-1] - times[0]))
+    meetings = [part.exchange_s - float(times[shown][0]) for part in session.exchanges]
+    return session_fluency(first[shown], second[shown], rate_hz, meetings)
+
+
+def activity(speed: Array, rate_hz: float) -> Activity:
+    """
+    Tell when somebody was active.
+
+    Args:
+        speed: (n,) m/s, evenly spaced in time.
+        rate_hz: samples a second.
+
+    Returns:
+        (n,), whether.
+
+    """
+    active = np.zeros(len(speed), dtype=bool)
+    for begin, end in _stretches(speed > ACTIVE_SPEED):
+        active[begin:end] = speed[begin:end].max() > CERTAIN_SPEED
+    for begin, end in _stretches(~active):
+        inside = begin > 0 and end < len(active)
+        if inside and (end - begin) / rate_hz < MAX_PAUSE_S:
+            active[begin:end] = True
+    return active
+
+
+def _stretches(true: Activity) -> list[tuple[int, int]]:
+    """Return where each stretch of what is true begins, and where it is over."""
+    edges = np.flatnonzero(np.diff(true.astype(np.int8), prepend=0, append=0))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def _rest_before(active: Activity, time_s: float, rate_hz: float) -> float:
+    """Return for how long somebody had been at rest at a time, s; 0 where active."""
+    row = min(max(round(time_s * rate_hz), 0), len(active) - 1)
+    moved = np.flatnonzero(active[: row + 1])
+    return (row - (int(moved[-1]) if len(moved) else 0)) / rate_hz
