@@ -158,6 +158,33 @@ class CarriedObjectOptions:
         if self.holder not in (Holder.ROBOT.value, Holder.PARTNER.value):
             raise UsageError(f'object.holder is {self.holder!r}: robot or partner')
 
+    @classmethod
+    def between(cls, goal_offset: Sequence[float] | Array, mass_kg: float) -> CarriedObjectOptions:
+        """
+        Put an object in the robot's gripper so that its middle is between the wrists that meet.
+
+        Args:
+            goal_offset: (3,), from the partner's wrist to the robot's at the exchange, m.
+            mass_kg: kg.
+
+        Returns:
+            What is handed over, all else as in `config/`.
+
+        Raises:
+            UsageError: a mass that is none.
+
+        """
+        x, y, z = (-0.5 * float(part) for part in goal_offset)
+        return cls(mass_kg=mass_kg, position=(x, y, z))
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """What `robot_sim` has to be told of the object: name to value."""
+        return {
+            'object.mass_kg': float(self.mass_kg),
+            'object.position': list(map(float, self.position)),
+        }
+
     @property
     def inertia(self) -> Array:
         """Return that of the box about its axes, (3,), kg m²."""

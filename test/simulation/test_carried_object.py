@@ -267,6 +267,22 @@ def test_the_same_hands_give_the_same_object_to_the_bit() -> None:
     assert np.array_equal(once(), once())
 
 
+def test_an_object_between_two_wrists_is_within_the_reach_of_both() -> None:
+    # the wrists of people who hand over a baton of 0.8 kg are 0.41 m apart
+    offset = np.array([-0.36, 0.18, 0.06])
+    options = CarriedObjectOptions.between(offset, 0.8)
+    assert options.parameters == {
+        'object.mass_kg': 0.8,
+        'object.position': pytest.approx([0.18, -0.09, -0.03]),
+    }
+    with SimulatedArm(MODEL, carried=options) as arm:
+        assert advance(arm, 0.6, WRIST - offset)[-1] is Holder.BOTH
+        arm.set_gripper(False)
+        assert advance(arm, 0.1, WRIST - offset)[-1] is Holder.PARTNER
+        arm.set_gripper(True)
+        assert advance(arm, 1.0, WRIST - offset)[-1] is Holder.ROBOT
+
+
 def test_the_sensor_has_noise_of_its_own() -> None:
     with SimulatedArm(MODEL, carried=held(noise_n=0.1)) as arm:
         felt = []
