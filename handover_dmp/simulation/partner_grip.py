@@ -35,6 +35,12 @@ FORGOTTEN_S = 0.02
 """A hand that is told of no more stands still after so long, s."""
 SMOOTHING_S = 0.03
 """Time constant of the speed of a hand whose speed is not told, s."""
+JUMP_M = 0.1
+"""A hand that is told to be farther off than this has not got there yet, m;"""
+GLIDE_SPEED = 1.0
+"""it goes there this fast, m/s,"""
+ARRIVED_M = 0.01
+"""and is there within this, m."""
 AWAY = 1.5
 """So many reaches off, a hand that has let go may take the object again."""
 
@@ -145,6 +151,7 @@ class PartnerGrip:
         self.strength = self.lift = 0.0
         self._hand: Array | None = None
         self._told = np.zeros(3)
+        self._is_gliding = False
         self._velocity = np.zeros(3)
         self._anchor = np.zeros(3)
         self._age_s = 0.0
@@ -185,9 +192,14 @@ class PartnerGrip:
             velocity: (3,), m/s; None: found from the positions.
 
         """
-        if velocity is None:
-            velocity = self._speed_to(position)
-        self._hand = self._told = position
+        off_m = 0.0 if self._hand is None else float(np.linalg.norm(position - self._hand))
+        jumps = off_m > (ARRIVED_M if self._is_gliding else JUMP_M)
+        if jumps:
+            velocity = np.zeros(3)
+        else:
+            velocity = self._speed_to(position) if velocity is None else velocity
+            self._hand = position
+        self._is_gliding, self._told = jumps, position
         self._velocity, self._age_s = velocity, 0.0
 
     def _speed_to(self, position: Array) -> Array:
@@ -217,7 +229,12 @@ class PartnerGrip:
         """
         if self._hand is None:
             return np.zeros(3)
-        if self._age_s < FORGOTTEN_S:
+        if self._is_gliding:
+            way = self._told - self._hand
+            speed = min(GLIDE_SPEED, float(np.linalg.norm(way)) / dt_s)
+            self._velocity = way * (speed / max(float(np.linalg.norm(way)), 1e-9))
+            self._hand = self._hand + self._velocity * dt_s
+        elif self._age_s < FORGOTTEN_S:
             self._hand = self._hand + self._velocity * dt_s
         else:
             self._velocity = np.zeros(3)

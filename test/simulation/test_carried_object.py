@@ -155,8 +155,8 @@ def test_the_load_passes_over_and_comes_back() -> None:
         assert -arm.wrench.force[2] == pytest.approx(weight_n, abs=1e-3)
         # the hand that has let go does not take again what it has just given
         assert set(advance(arm, 0.6, BESIDE)) == {Holder.ROBOT}
-        advance(arm, 0.1, BESIDE + [0.5, 0.0, 0.0])
-        assert in_turn(advance(arm, 0.6, BESIDE)) == [Holder.ROBOT, Holder.BOTH]
+        advance(arm, 0.5, BESIDE + [0.5, 0.0, 0.0])
+        assert in_turn(advance(arm, 1.2, BESIDE)) == [Holder.ROBOT, Holder.BOTH]
 
 
 def test_what_nobody_holds_falls_and_lies() -> None:
@@ -204,6 +204,19 @@ def test_a_hand_takes_only_what_is_near_and_slow() -> None:
         passing = advance(arm, 1.0, lambda t: BESIDE + [0.0, 0.6 * (t - 0.5), 0.0])
         assert set(passing) == {Holder.ROBOT}
         assert set(advance(arm, 0.5, np.full(3, np.nan))) == {Holder.ROBOT}
+
+
+@pytest.mark.parametrize('mass_kg', [0.1, 0.8, 3.0])
+def test_a_hand_that_is_told_to_jump_goes_there_with_the_object(mass_kg: float) -> None:
+    with SimulatedArm(MODEL, carried=held(mass_kg)) as arm:
+        advance(arm, 0.6, BESIDE)
+        arm.set_gripper(False)
+        elsewhere = BESIDE + [0.4, -0.3, 0.2]
+        assert set(advance(arm, 0.2, elsewhere)) == {Holder.PARTNER}
+        assert 0.1 < float(np.linalg.norm(arm.object_pose[0] - WRIST - [0.1, 0.0, 0.02])) < 0.3
+        assert set(advance(arm, 1.5, elsewhere)) == {Holder.PARTNER}
+        gone = arm.object_pose[0] - WRIST - [0.1, 0.0, 0.02]
+        assert gone == pytest.approx([0.4, -0.3, 0.2], abs=0.002)
 
 
 def test_what_the_partner_has_at_the_start_is_in_the_hand() -> None:
