@@ -24,10 +24,11 @@ import re
 
 from handover_dmp.cli.main import main
 from handover_dmp.common.resources import share_path
-from handover_dmp.handover.lockstep import Handover
+from handover_dmp.handover.lockstep import Handover, simulate
 from handover_dmp.handover.scenario import make_scenario
 from handover_dmp.recording import read_bag
 from handover_dmp.report import load_run, measure
+from handover_dmp.robot.descriptions import ArmChoice
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.runs.bag import write_run_bag
 from handover_dmp.runs.folder import run_info
@@ -55,8 +56,9 @@ def changed_arm(tmp_path: Path) -> Write:
 def test_an_arm_with_a_joint_that_turns_for_ever(changed_arm: Write, tmp_path: Path) -> None:
     arm = changed_arm(r'("joint_7" type=)"revolute"(.*?)lower=\S+ upper=\S+', r'\1"continuous"\2')
     run = tmp_path / 'run'
-    assert main(['simulate', '--robot', str(arm), '-o', str(run)]) == 0
-    limits = json.loads((run / 'report.json').read_text())['limits']
+    scenario = make_scenario(arm=ArmChoice(str(arm)))
+    write_run_bag(run / 'bag', scenario, simulate(scenario), run_info(scenario, 1.0))
+    limits = measure(load_run(run))['limits']
     assert limits['met'] is True
     assert 0.0 < limits['position']['share'] <= 1.0
     assert limits['position']['joint'] != 'joint_7'

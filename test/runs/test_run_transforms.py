@@ -18,8 +18,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from handover_dmp.cli.main import main
+from handover_dmp.handover.lockstep import simulate
+from handover_dmp.handover.scenario import make_scenario
 from handover_dmp.recording import message_definition
+from handover_dmp.robot.descriptions import ArmChoice
+from handover_dmp.runs.bag import write_run_bag
+from handover_dmp.runs.folder import run_info
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -47,12 +51,12 @@ def in_room(carried: dict[str, tuple[str, pin.SE3]], frame: str) -> pin.SE3:
 def test_the_arm_of_a_bag_stands_where_it_stood_and_moves_as_it_moved(
     tmp_path: Path, robot: str
 ) -> None:
-    run = tmp_path / 'run'
-    assert main(['simulate', '--robot', robot, '-o', str(run)]) == 0
+    scenario = make_scenario(arm=ArmChoice(robot))
+    write_run_bag(tmp_path / 'bag', scenario, simulate(scenario), run_info(scenario, 1.0))
     described, states, wrists, moved = '', {}, {}, {}
     fixed: dict[str, tuple[str, pin.SE3]] = {}
     store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
-    with highlevel.AnyReader([run / 'bag'], default_typestore=store) as bag:
+    with highlevel.AnyReader([tmp_path / 'bag'], default_typestore=store) as bag:
         kinds = {c.topic: c.msgtype for c in bag.connections}
         latched = {
             c.topic: c.ext.offered_qos_profiles[0].durability.name.lower()
