@@ -83,17 +83,25 @@ def kth_folder() -> Path:
 
 
 @pytest.fixture(scope='session')
-def kth_full() -> Any:
-    """Give the reach of a recorded handover with orientations; skips where it is absent."""
+def kth_full_table() -> Any:
+    """Give a handover recorded whole, by column; skips where it is absent."""
     # not above: one thread is told before NumPy is there
-    from handover_dmp.mocap import HandoverTrial
     import numpy as np
 
     file = DATA / 'kth_full' / 'handover_1.csv'
     if not file.is_file():
         pytest.skip('recordings of people not available')
-    table = np.genfromtxt(file, delimiter=',', names=True)
-    reach = table[(table['t'] >= 1.7) & (table['t'] <= 3.3)]
+    return np.genfromtxt(file, delimiter=',', names=True)
+
+
+@pytest.fixture(scope='session')
+def kth_full(kth_full_table: Any) -> Any:
+    """Give the reach of a recorded handover with orientations; skips where it is absent."""
+    from handover_dmp.mocap import HandoverTrial
+    import numpy as np
+
+    times = kth_full_table['t']
+    reach = kth_full_table[(times >= 1.7) & (times <= 3.3)]
 
     def columns(who: str, axes: tuple[str, ...]) -> Any:
         return np.column_stack([reach[f'{who}_hand_{axis}'] for axis in axes])

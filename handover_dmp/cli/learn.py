@@ -147,6 +147,7 @@ def run(options: argparse.Namespace) -> int:
         'reproduction_error_mm': [
             1e3 * reproduction_error(model, trial, options.low_pass) for trial in trials
         ],
+        'way_back_s': None if model.way_back is None else model.way_back.duration_s,
     }
     if options.json:
         import json
@@ -154,11 +155,12 @@ def run(options: argparse.Namespace) -> int:
         write_text(options.json, json.dumps(outcome, indent=1) + '\n')
     used = '/'.join(str(count) for count in outcome['used_basis_functions'])
     worst = max(outcome['reproduction_error_mm'])
+    way_back = f'; way back of {model.way_back.duration_s:.3f} s' if model.way_back else ''
     Console(highlight=False).print(
         f'{options.output}: {model.source}; τ = {model.duration_s:.3f} s, {used} of '
         f'{model.basis.size} basis functions, at most {worst:.2f} mm off '
         f'{"the demonstration" if len(trials) == 1 else "a demonstration"}'
-        f'{"" if model.turn is None else "; with orientation"}',
+        f'{"" if model.turn is None else "; with orientation"}{way_back}',
         soft_wrap=True,
         markup=False,
     )

@@ -120,6 +120,7 @@ def test_sessions_are_made_cut_and_are_what_went_in(tmp_path, capsys):
     assert '2 trials nothing written' in capsys.readouterr().out
     model = tmp_path / 'model.json'
     assert main(['learn', str(cut / 'under_car_give_1.csv'), '-o', str(model)]) == 0
+    assert '; way back of 1.' in capsys.readouterr().out.replace('\n', ' ')
     learnt = load_model(model)
     # from where the reach ends to where P2 rests
     assert np.linalg.norm(learnt.way_back.start - learnt.goal) < 0.02
