@@ -217,7 +217,9 @@ def test_priority_ik_ends_with_an_arm_at_rest(tmp_path: Path) -> None:
     arm = RobotModel.load('lwr4')
     place, rotation = arm.wrist_pose(arm.home)
     turn = quaternion_of(rotation)
-    process = start('priority_ik', tmp_path)
+    # where a busy machine keeps this test from driving for a moment, the arm is not to brake
+    patient = [f'{name}_timeout_s:=0.5' for name in ('joint_state', 'command')]
+    process = start('priority_ik', tmp_path, '-p', patient[0], '-p', patient[1])
     rclpy.init(args=[])
     node = rclpy.create_node('arm_and_commander', use_global_arguments=False)
     executor = SingleThreadedExecutor()
@@ -241,7 +243,7 @@ def test_priority_ik_ends_with_an_arm_at_rest(tmp_path: Path) -> None:
     node.create_timer(0.005, drive)
     try:
         end_s = time.monotonic() + 60.0
-        # a busy machine may brake it now and then; the gripper is no reason to stop the arm
+        # the gripper is no reason to stop the arm
         while len(commands) < 100 or np.abs(commands[-1]).max() <= 0.1:
             executor.spin_once(timeout_sec=0.1)
             assert time.monotonic() < end_s, process.poll()
