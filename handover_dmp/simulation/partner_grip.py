@@ -248,7 +248,9 @@ class PartnerGrip:
             return np.zeros(3)
         drawn = self._hand + self._anchor - position
         if float(np.linalg.norm(drawn)) > self.options.slip_m:
+            # what has slipped out of the hand, it takes again where it can
             self._open()
+            self._is_sated = False
             self.strength = self.lift = 0.0
             return np.zeros(3)
         spring = self.options.stiffness * drawn + self._damping * (self._velocity - velocity)

@@ -206,6 +206,14 @@ def test_a_hand_takes_only_what_is_near_and_slow() -> None:
         assert set(advance(arm, 0.5, np.full(3, np.nan))) == {Holder.ROBOT}
 
 
+def test_what_slips_out_of_the_hand_is_taken_again() -> None:
+    with SimulatedArm(MODEL, carried=held()) as arm:
+        advance(arm, 0.5, BESIDE)
+        torn = advance(arm, 0.3, lambda t: BESIDE + [0.3 * t, 0.0, 0.0])
+        assert in_turn(torn) == [Holder.BOTH, Holder.ROBOT]
+        assert advance(arm, 0.6, BESIDE)[-1] is Holder.BOTH
+
+
 @pytest.mark.parametrize('mass_kg', [0.1, 0.8, 3.0])
 def test_a_hand_that_is_told_to_jump_goes_there_with_the_object(mass_kg: float) -> None:
     with SimulatedArm(MODEL, carried=held(mass_kg)) as arm:
