@@ -27,9 +27,11 @@ from handover_dmp.common.files import replacing
 from handover_dmp.common.plot_style import EXCHANGE_COLOUR, PLOT_STYLE
 from handover_dmp.mocap.session_figure import draw_wrists, ShadedExchange, WristCurve
 from handover_dmp.mocap.trial import DIRECTIONS
+from handover_dmp.report.legs import legs_of
 from handover_dmp.report.metrics import FEEDBACK_WEIGHT, FUSED, goal_at, seen_hands, tracker_errors
 from handover_dmp.report.motion import bell_of, resample, velocity
 from handover_dmp.report.recorded_run import RunRecord
+from handover_dmp.report.session import is_session
 from handover_dmp.topics import (
     HAND_POSE,
     JOINT_STATES,
@@ -460,21 +462,27 @@ def _panels(
     _margins(figure, left=0.85, right=0.15, top=0.4 if columns == 1 else 0.65, bottom=0.55)
     axes = list(grid.ravel())
     yield figure, axes
-    span = run.exchange_span_s
+    spans = _exchange_spans(run)
     for ax in axes:
         ax.set_xlim(*_shown_span(run))
-        if span is not None:
+        for span in spans:
             ax.axvspan(*span, color=EXCHANGE_COLOUR, alpha=0.55, linewidth=0, zorder=0)
     for ax in grid[-1]:
         ax.set_xlabel('time, s')
     lines = axes[0].get_legend_handles_labels()[0]
-    if span is not None:
+    if spans:
         lines = [*lines, Patch(color=EXCHANGE_COLOUR, alpha=0.55, label='exchange')]
     figure.legend(
         handles=lines, loc='upper left', ncols=len(lines) or 1, borderaxespad=0.3,
         bbox_to_anchor=(0.85 / WIDTH - 0.01, 1.0), columnspacing=1.2, handlelength=1.8,
     )  # fmt: skip
     figure.align_ylabels(axes)
+
+
+def _exchange_spans(run: RunRecord) -> list[tuple[float, float]]:
+    """Give begin and end of the exchange, of a session those of both, s."""
+    of_one = [leg.run for leg in legs_of(run)] if is_session(run) else [run]
+    return [one.exchange_span_s for one in of_one if one.exchange_span_s is not None]
 
 
 def _margins(

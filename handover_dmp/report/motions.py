@@ -55,9 +55,9 @@ def compare_motions(run: RunRecord) -> dict[str, Any]:
         return found
     even = np.arange(begin_s, end_s, 1.0 / RATE_HZ)
     tracks = {
-        'robot': _smoothed(run.wrist_times, run.wrist_positions),
-        'person': _smoothed(run.demonstrator_times, run.demonstrator_positions),
-        'partner': _smoothed(run.hand_times, run.hand_positions),
+        'robot': low_passed_track(run.wrist_times, run.wrist_positions),
+        'person': low_passed_track(run.demonstrator_times, run.demonstrator_positions),
+        'partner': low_passed_track(run.hand_times, run.hand_positions),
     }
     positions, speeds = {}, {}
     for name, track in tracks.items():
@@ -91,8 +91,18 @@ def compare_motions(run: RunRecord) -> dict[str, Any]:
     return found
 
 
-def _smoothed(times: Array, positions: Array) -> tuple[Array, Array, Array] | None:
-    """Give times, low-passed positions and velocities, where there is enough to low-pass."""
+def low_passed_track(times: Array, positions: Array) -> tuple[Array, Array, Array] | None:
+    """
+    Low-pass a track at 6 Hz, where there is enough of it.
+
+    Args:
+        times: (n,) s.
+        positions: (n, 3) m.
+
+    Returns:
+        Times, low-passed positions and velocities, evenly spaced; None where it is too short.
+
+    """
     kept = np.flatnonzero(np.diff(times, prepend=-np.inf) > 0.0)
     if len(kept) < MIN_SAMPLES:
         return None

@@ -34,6 +34,8 @@ from handover_dmp.topics import (
     CLOCK,
     DEMONSTRATOR_POSE,
     DIAGNOSTICS,
+    FRAME,
+    GRIPPER_COMMAND,
     HAND_FUSED,
     HAND_POSE,
     HAND_TRUTH,
@@ -43,6 +45,8 @@ from handover_dmp.topics import (
     JOINT_COMMAND,
     JOINT_STATES,
     names_of_values,
+    OBJECT_HOLDER,
+    OBJECT_POSE,
     PHASE,
     POSE_COMMAND,
     ROBOT_DESCRIPTION,
@@ -51,6 +55,7 @@ from handover_dmp.topics import (
     TOPICS,
     TWIST_COMMAND,
     WRIST_POSE,
+    WRIST_WRENCH,
 )
 import numpy as np
 from numpy.typing import NDArray
@@ -154,6 +159,12 @@ class RunRecord:
         ik_times: (k,) s.
         ik: name to (k,), the values of `/wrist/ik_status`.
         states: time in s and name of every state of the handover, in order.
+        gripper: time in s of every command of the gripper, and whether it was to close.
+        holders: time in s, and who had the object from then on, where one was simulated.
+        wrench_times: (q,) s, and
+        wrench_forces: (q, 3) N, what acted on the wrist, in frame `world`, if it was told so.
+        object_times: (r,) s, and
+        object_positions: (r, 3) m, where the object was.
         diagnostics: what the nodes said of themselves.
         arrivals: topic to (m,) s, when its messages were recorded, in order.
         stamps: topic to (m,) s, the times that they carry, in order.
@@ -193,6 +204,12 @@ class RunRecord:
     ik_times: Array
     ik: dict[str, Array]
     states: tuple[tuple[float, str], ...]
+    gripper: tuple[tuple[float, bool], ...]
+    holders: tuple[tuple[float, str], ...]
+    wrench_times: Array
+    wrench_forces: Array
+    object_times: Array
+    object_positions: Array
     diagnostics: tuple[NodeStatus, ...]
     arrivals: dict[str, Array]
     stamps: dict[str, Array]
@@ -333,6 +350,10 @@ def _collect(path: Path, namespace: str, trackers: Sequence[Topic]) -> _Samples:
         ),
         JOINT_COMMAND.name: lambda message: list(message.data),
         STATE.name: lambda message: str(message.data),
+        GRIPPER_COMMAND.name: lambda message: bool(message.data),
+        OBJECT_HOLDER.name: lambda message: str(message.data),
+        OBJECT_POSE.name: _position,
+        WRIST_WRENCH.name: _force,
         PHASE.name: lambda message: list(message.data),
         IK_STATUS.name: lambda message: list(message.data),
         DIAGNOSTICS.name: lambda message: list(message.status),
@@ -411,6 +432,8 @@ def _assemble(
     wrist_times, wrist = track(WRIST_POSE.name, 3)
     command_times, command = track(POSE_COMMAND.name, 3)
     twist_times, twist = track(TWIST_COMMAND.name, 3)
+    wrench_times, wrench = track(WRIST_WRENCH.name, 3)
+    object_times, object_positions = track(OBJECT_POSE.name, 3)
     phase_labels = samples.labels.get(PHASE.name, ())
     ik_labels = samples.labels.get(IK_STATUS.name, ())
     phase_times, phase = track(PHASE.name, len(phase_labels) or 1)
@@ -453,16 +476,25 @@ def _assemble(
         phase={label: phase[:, column] for column, label in enumerate(phase_labels)},
         ik_times=ik_times,
         ik={label: ik[:, column] for column, label in enumerate(ik_labels)},
-        states=tuple(
-            (float(time_s), state)
-            for time_s, state in zip(
-                arrivals.get(STATE.name, none), samples.values[STATE.name], strict=True
-            )
-        ),
+        states=_told(samples, arrivals, STATE),
+        gripper=_told(samples, arrivals, GRIPPER_COMMAND),
+        holders=_told(samples, arrivals, OBJECT_HOLDER),
+        wrench_times=wrench_times,
+        wrench_forces=wrench,
+        object_times=object_times,
+        object_positions=object_positions,
         diagnostics=tuple(_diagnostics(samples, stamps)),
         arrivals=arrivals,
         stamps=stamps,
     )
+
+
+def _told(
+    samples: _Samples, arrivals: dict[str, Array], topic: Topic
+) -> tuple[tuple[float, Any], ...]:
+    """Return what was said on a topic without stamps, and when, s."""
+    times = arrivals.get(topic.name, np.zeros(0)).tolist()
+    return tuple(zip(times, samples.values[topic.name], strict=True))
 
 
 def _seconds(times_ns: dict[str, NDArray[np.int64]], start_ns: int) -> dict[str, Array]:
@@ -603,6 +635,10 @@ def _nanoseconds(stamp: Any) -> int:
 
 def _xyz(vector: Any) -> tuple[float, float, float]:
     return (vector.x, vector.y, vector.z)
+
+
+def _force(message: Any) -> tuple[float, float, float]:
+    return _xyz(message.wrench.force) if message.header.frame_id == FRAME else (np.nan,) * 3
 
 
 def _seen(message: Any) -> tuple[float, float, float]:

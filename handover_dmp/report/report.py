@@ -30,6 +30,8 @@ from handover_dmp.report.motion_tables import motion_tables
 from handover_dmp.report.motions import compare_motions
 from handover_dmp.report.page import as_html, as_markdown, Page, Section, Table
 from handover_dmp.report.recorded_run import load_run, RecordedLimits, RunRecord
+from handover_dmp.report.session import is_session, session_facts
+from handover_dmp.report.session_tables import session_outcome, session_sections
 
 MUCH_NEARER, MUCH_FARTHER = 0.5, 1.5
 """Parts of the learnt distance beyond which a hand is not where the demonstration had it."""
@@ -37,6 +39,13 @@ SCENES = {
     'scene_start': 'The scene when the arm begins to move',
     'scene_middle': 'half way',
     'scene_exchange': 'and at the exchange.',
+    'scene_end': 'and at the end.',
+}
+SCENES_OF_SESSIONS = {
+    'scene_start': 'Before the reach',
+    'scene_give': 'as the object is given',
+    'scene_use': 'while it is used',
+    'scene_take': 'as it is taken back',
     'scene_end': 'and at the end.',
 }
 
@@ -67,11 +76,13 @@ def write_report(
     bag = bag_information(source)
     try:
         pictures = write_figures(run, folder / 'figures')
-        scenes = [name for name in SCENES if (folder / 'figures' / f'{name}.png').is_file()]
+        names = SCENES_OF_SESSIONS if is_session(run) else SCENES
+        scenes = [name for name in names if (folder / 'figures' / f'{name}.png').is_file()]
         report: Numbers = _plain(
             {
                 **measure(run),
                 'motions': compare_motions(run),
+                **({'session': session_facts(run)} if is_session(run) else {}),
                 'run': run.info,
                 'bag': {
                     'source': str(source),
@@ -107,18 +118,29 @@ def report_folder(source: Path) -> Path:
 def _page(run: RunRecord, report: Numbers, pictures: list[Picture], scenes: list[str]) -> Page:
     about = report['run']
     title = ' '.join(str(about[key]) for key in ('exchange', 'configuration') if key in about)
-    outcome = {True: 'The object changed hands.', False: 'The object did not change hands.'}
-    sections = [Section('In numbers', tables=(_summary(report),))]
-    if report['motions']['robot'] is not None:
-        sections.append(
-            Section(
-                'Robot beside person',
-                text='From the start of the reach to the exchange, all low-passed at 6 Hz.',
-                tables=motion_tables(report['motions']),
+    outcomes = {True: 'The object changed hands.', False: 'The object did not change hands.'}
+    outcome, good = outcomes[run.handed_over], run.handed_over
+    captions_of = SCENES
+    if 'session' in report:
+        facts = report['session']
+        outcome, captions_of = session_outcome(facts, good), SCENES_OF_SESSIONS
+        good = good and not facts['dropped'] and not facts['released_early']
+        sections = session_sections(facts)
+        compared = [(f'Robot beside person: {leg["direction"]}', leg) for leg in facts['legs']]
+    else:
+        sections = [Section('In numbers', tables=(_summary(report),))]
+        compared = [('Robot beside person', report)]
+    for heading, measured in compared:
+        if measured['motions']['robot'] is not None:
+            sections.append(
+                Section(
+                    heading,
+                    text='From the start of the reach to the exchange, all low-passed at 6 Hz.',
+                    tables=motion_tables(measured['motions']),
+                )
             )
-        )
     if scenes:
-        captions = ', '.join(SCENES[name] for name in scenes)
+        captions = ', '.join(captions_of[name] for name in scenes)
         images = tuple(f'figures/{name}.png' for name in scenes)
         sections.append(Section('Scene', text=captions, images=images))
     sections.append(
@@ -143,8 +165,9 @@ def _page(run: RunRecord, report: Numbers, pictures: list[Picture], scenes: list
         sections.append(Section('Again', text='The same once more:', code=str(about['command'])))
     sections.append(Section('Regularity', text=_clock(run), tables=_timing(report)))
     sections.append(Section('What was recorded', text=_bag_text(report), tables=(_bag(report),)))
-    return Page(f'Handover: {title}' if title else 'Handover', outcome[run.handed_over],
-                run.handed_over, tuple(sections))  # fmt: skip
+    what = 'Session' if 'session' in report else 'Handover'
+    title = title.removeprefix('session ')
+    return Page(f'{what}: {title}' if title else what, outcome, good, tuple(sections))
 
 
 def _summary(report: Numbers) -> Table:

@@ -181,6 +181,7 @@ class Scene(Closing):
         wrist_path: Array | None = None,
         direction: str = 'give',
         exchange_time_s: float | None = None,
+        back_time_s: float | None = None,
         floor_height_m: float | None = None,
         stance: Stance = UPRIGHT,
         surroundings: Surroundings | None = None,
@@ -197,6 +198,7 @@ class Scene(Closing):
             wrist_path: (n, 3), m, of the robot's wrist; None: where `joint_positions` put it.
             direction: `give` (the robot has the object first) or `take` (the partner has it).
             exchange_time_s: when the object changes hands; None: never.
+            back_time_s: when it changes them again, in a session; None: never.
             floor_height_m: z of the floor; None: chosen to suit the human figure.
             stance: how the person is.
             surroundings: what is around the person; None: nothing.
@@ -214,6 +216,7 @@ class Scene(Closing):
         self.model = model
         self.times = np.asarray(times, dtype=float)
         self.exchange_time_s = np.inf if exchange_time_s is None else exchange_time_s
+        self.back_time_s = np.inf if back_time_s is None else back_time_s
         self._robot_gives = direction == 'give'
         self._joints = np.asarray(joint_positions, dtype=float)
         self._hand_path = np.asarray(hand_path, dtype=float)
@@ -223,7 +226,8 @@ class Scene(Closing):
             if wrist_path is None
             else np.asarray(wrist_path, dtype=float)
         )
-        met = int(np.searchsorted(self.times, self.exchange_time_s).clip(0, len(self.times) - 1))
+        last_s = self.exchange_time_s if back_time_s is None else back_time_s
+        met = int(np.searchsorted(self.times, last_s).clip(0, len(self.times) - 1))
         place = self._hand_path[: met + 1], self._wrist_path[met]
         self.figure = PartnerFigure(*place, floor_height_m=floor_height_m, stance=stance)
         if floor_height_m is None and model.base.position[2] < self.figure.floor_height_m:
@@ -335,23 +339,36 @@ class Scene(Closing):
 
         At the exchange it lies between the robot's flange and the palm of the hand, in the hold of
         both. Before, it moves as one with the giver; after, with the receiver. Without an
-        exchange the giver points it at the other at the end.
+        exchange the giver points it at the other at the end. Where it goes back, the one who has
+        it turns it in the meantime, so that it lies between the two once more.
         """
-        hand = self._hand_pose(self.exchange_time_s)
-        flange = self._flange_pose(self.exchange_time_s)
+        self.object_length_m = float(
+            np.clip(self._between(self.exchange_time_s)[2], *self.options.object_length_m)
+        )
+        self._grasp = self._grasp_at(self.exchange_time_s, self._robot_gives)
+        self._grasp_back = self._grasp
+        if np.isfinite(self.back_time_s):
+            self._grasp_back = self._grasp_at(self.back_time_s, not self._robot_gives)
+        self._object = self._cylinder_body(
+            self.options.object_radius_m, self.object_length_m, OBJECT_COLOUR
+        )
+
+    def _between(self, time_s: float) -> tuple[_Pose, _Pose, float, Array]:
+        """Give flange and hand at a time, and gap and direction from flange to palm."""
+        hand, flange = self._hand_pose(time_s), self._flange_pose(time_s)
         palm = hand @ _Pose(np.array([0.0, -PALM_M, 0.0]), np.eye(3))
         between = palm.position - flange.position
         gap = float(np.linalg.norm(between))
-        length = float(np.clip(gap, *self.options.object_length_m))
-        along = between / gap if gap > 1e-6 else flange.rotation[:, 2]
-        middle = flange.position + along * (
-            0.5 * length if self._robot_gives else gap - 0.5 * length
-        )
+        return flange, hand, gap, between / gap if gap > 1e-6 else flange.rotation[:, 2]
+
+    def _grasp_at(self, time_s: float, robot_gives: bool) -> _Grasp:
+        """Lay the object between the two, in the giver's hold."""
+        flange, hand, gap, along = self._between(time_s)
+        half = 0.5 * self.object_length_m
+        middle = flange.position + along * (half if robot_gives else gap - half)
         turn, _ = Rotation.align_vectors([along], [[0.0, 0.0, 1.0]])
         met_at = _Pose(middle, turn.as_matrix())
-        self._grasp = _Grasp(flange.inverse() @ met_at, hand.inverse() @ met_at)
-        self._object = self._cylinder_body(self.options.object_radius_m, length, OBJECT_COLOUR)
-        self.object_length_m = length
+        return _Grasp(flange.inverse() @ met_at, hand.inverse() @ met_at)
 
     def joint_positions(self, time_s: float) -> Array:
         """
@@ -390,11 +407,8 @@ class Scene(Closing):
         posture = self._bodies.show(
             _at(time_s, self.times, self._hand_path), _at(time_s, self.times, self._arm)
         )
-        if (time_s < self.exchange_time_s) == self._robot_gives:
-            pose = self._flange_pose(time_s) @ self._grasp.by_robot
-        else:
-            hand = _Pose(posture.hand_position, posture.hand_rotation)
-            pose = hand @ self._grasp.by_hand
+        hand = _Pose(posture.hand_position, posture.hand_rotation)
+        pose = self._object_at(time_s, self._flange_pose(time_s), hand)
         pybullet.resetBasePositionAndOrientation(
             self._object,
             pose.position,
@@ -402,6 +416,16 @@ class Scene(Closing):
             physicsClientId=self._client,
         )
         self._draw_trails(time_s)
+
+    def _object_at(self, time_s: float, flange: _Pose, hand: _Pose) -> _Pose:
+        """Put the object into the hold of the one who has it."""
+        passed = int(time_s >= self.exchange_time_s) + int(time_s >= self.back_time_s)
+        grasp = (self._grasp, self._grasp, self._grasp_back)[passed]
+        if passed == 1 and np.isfinite(self.back_time_s):
+            share = (time_s - self.exchange_time_s) / (self.back_time_s - self.exchange_time_s)
+            grasp = self._grasp.towards(self._grasp_back, _smooth_step(share))
+        by_robot = self._robot_gives if passed != 1 else not self._robot_gives
+        return flange @ grasp.by_robot if by_robot else hand @ grasp.by_hand
 
     @property
     def object_pose(self) -> tuple[Array, Array]:
@@ -650,6 +674,14 @@ class _Pose:
             self.position + self.rotation @ inner.position, self.rotation @ inner.rotation
         )
 
+    def towards(self, other: _Pose, share: float) -> _Pose:
+        """Go a share of the way to another pose, turning by the shortest way."""
+        turn = Rotation.from_matrix(other.rotation @ self.rotation.T).as_rotvec()
+        return _Pose(
+            self.position + share * (other.position - self.position),
+            Rotation.from_rotvec(share * turn).as_matrix() @ self.rotation,
+        )
+
     def inverse(self) -> _Pose:
         return _Pose(-self.rotation.T @ self.position, self.rotation.T)
 
@@ -668,6 +700,12 @@ class _Grasp:
 
     by_robot: _Pose
     by_hand: _Pose
+
+    def towards(self, other: _Grasp, share: float) -> _Grasp:
+        return _Grasp(
+            self.by_robot.towards(other.by_robot, share),
+            self.by_hand.towards(other.by_hand, share),
+        )
 
 
 class _Backdrop:
@@ -739,6 +777,12 @@ def _line(coordinate: Array, pixel: Array) -> Array:
     width = 0.006
     cover = np.clip((width + pixel / 2 - distance) / np.maximum(pixel, 1e-9), 0.0, 1.0)
     return np.asarray(cover * np.minimum(1.0, 2 * width / np.maximum(pixel, 1e-9)))
+
+
+def _smooth_step(share: float) -> float:
+    """Go from 0 to 1, at rest at both ends, by minimum jerk."""
+    u = min(1.0, max(0.0, share))
+    return u * u * u * (10.0 + u * (6.0 * u - 15.0))
 
 
 def _at(time_s: float, times: Array, values: Array) -> Array:

@@ -24,6 +24,8 @@ from pathlib import Path
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.report import load_run, RunRecord
+from handover_dmp.report.legs import legs_of
+from handover_dmp.report.session import is_session, release_of
 from handover_dmp.robot.descriptions import ArmChoice, Description, known_arms, read_description
 from handover_dmp.robot.errors import RobotDescriptionError
 from handover_dmp.robot.model import BasePlacement, RobotModel
@@ -123,18 +125,32 @@ def set_up(
     )
     wrist = np.array([model.wrist_pose(q)[0] for q in joints])
     configuration = str(record.info.get('configuration') or '')
+    first_s, back_s = _passes(record)
     with Scene(
         model,
         times,
         joints,
         hand,
         wrist_path=wrist,
-        direction=record.info.get('exchange') or 'give',
-        exchange_time_s=record.exchange_time_s if record.handed_over else None,
+        direction='give' if is_session(record) else record.info.get('exchange') or 'give',
+        exchange_time_s=first_s,
+        back_time_s=back_s,
         stance=stance_of(configuration),
         surroundings=SURROUNDINGS.get(configuration),
     ) as scene:
         yield Stage(record, model, scene, hand, wrist)
+
+
+def _passes(record: RunRecord) -> tuple[float | None, float | None]:
+    """Tell when the object went to the other, and in a session when it came back, s."""
+    if not is_session(record):
+        return (record.exchange_time_s if record.handed_over else None), None
+    passes: list[float | None] = [None, None]
+    for number, leg in enumerate(legs_of(record)[:2]):
+        release, span = release_of(record, leg), leg.run.exchange_span_s
+        if leg.run.handed_over and span is not None:
+            passes[number] = release['passed_s'] or release['gripper_s'] or span[1]
+    return passes[0], passes[1]
 
 
 def _robot(record: RunRecord, choice: ArmChoice) -> RobotModel:

@@ -207,3 +207,19 @@ def test_what_is_around_the_person_is_drawn_and_in_the_picture():
     assert np.all(np.abs(places) < 1.0)
     hub = picture[int((1 - y) / 2 * 180), int((x + 1) / 2 * 240)]
     assert hub.mean() < 140  # before the sky, which is nearly white
+
+
+def test_object_that_goes_back_is_with_the_robot_again_and_never_jumps():
+    with handover(exchange_time_s=0.6, back_time_s=1.2, options=SceneOptions(samples=1)) as scene:
+        places, to_wrist = [], []
+        for time_s in np.arange(0.0, 1.5, 0.005):
+            scene.show(time_s)
+            places.append(scene.object_pose[0])
+            wrist, _ = scene.model.wrist_pose(scene.joint_positions(time_s))
+            to_wrist.append(np.linalg.norm(places[-1] - wrist))
+    speeds = np.linalg.norm(np.diff(places, axis=0), axis=1) / 0.005
+    assert speeds.max() < 3.0  # the arm swings at up to 1.5 m/s, and the object is turned
+    # in the gripper it keeps its distance from the wrist
+    assert np.ptp(to_wrist[:120]) < 1e-6
+    assert np.ptp(to_wrist[241:]) < 1e-6
+    assert np.ptp(to_wrist[120:241]) > 0.02

@@ -1,0 +1,163 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Tables of a session: its states, its two legs side by side, and who had the object."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from handover_dmp.report.page import Section, Table
+
+LEG_ROWS: tuple[tuple[str, tuple[str, ...], float, str, int], ...] = (
+    ('from the start of the reach to the exchange', ('reach_duration_s',), 1.0, 's', 2),
+    ('from the same to its end', ('handover_duration_s',), 1.0, 's', 2),
+    ('gap between wrist and goal when the exchange began', ('exchange_gap_m',), 1e3, 'mm', 1),
+    ('at the least during it', ('exchange_gap_least_m',), 1e3, 'mm', 1),
+    ('distance of the hand, against the demonstration', ('hand_distance_share',), 100.0, '%', 0),
+    ('wrist beyond the goal, at the farthest', ('beyond_goal_max_m',), 1e3, 'mm', 1),
+    ('lag behind the moving hand', ('lag', 'time_ms'), 1.0, 'ms', 1),
+    ('lag of the wrist behind its command', ('arm_lag', 'time_ms'), 1.0, 'ms', 1),
+    ('peak speed of the wrist', ('wrist_peak_speed_m_s',), 1.0, 'm/s', 2),
+    ('peak speed of the person in its place', ('human_peak_speed_m_s',), 1.0, 'm/s', 2),
+    ('distance to the person in its place, RMS', ('to_human', 'rms_m'), 1e3, 'mm', 0),
+    ('gripper told to open or close', ('release', 'gripper_s'), 1.0, 's', 2),
+    ('the receiver alone had the object', ('release', 'passed_s'), 1.0, 's', 2),
+    ('both had it before, for', ('release', 'both_s'), 1.0, 's', 2),
+    ('share of the weight that the partner had then', ('release', 'share'), 100.0, '%', 0),
+    ('pull of the partner then', ('release', 'pull_n'), 1.0, 'N', 2),
+    ('wrist home again', ('home_s',), 1.0, 's', 2),
+)  # fmt: skip
+"""In words, where it stands in a leg of `report.json`, factor, unit, digits."""
+SHARES = (
+    ('person_idle', 'partner idle'),
+    ('robot_idle', 'the other idle'),
+    ('concurrent', 'both active'),
+    ('functional_delay', 'functional delay'),
+)
+WAITS = (('person_s', 'partner'), ('robot_s', 'the other'))
+ACTIVE = 'Parts of the time from the first reach on, and waits with the hand at the exchange.'
+RULES = {
+    'share': 'the share of the weight',
+    'pull': 'the pull',
+    'distance': 'distance and speed',
+}
+
+
+def session_outcome(facts: Mapping[str, Any], done: bool) -> str:
+    """
+    Sum a session up.
+
+    Args:
+        facts: what `session_facts` gives.
+        done: whether it went through to its end.
+
+    Returns:
+        A sentence or two.
+
+    """
+    text = (
+        'The object was given and taken back.' if done else 'The session did not come to its end.'
+    )
+    if facts['dropped']:
+        text += ' The object was dropped.'
+    if facts['released_early']:
+        text += ' It was released while nobody else had it.'
+    return text
+
+
+def session_sections(facts: Mapping[str, Any]) -> list[Section]:
+    """
+    Lay a session out.
+
+    Args:
+        facts: what `session_facts` gives.
+
+    Returns:
+        Sections of a page.
+
+    """
+    sections = [
+        Section('Give and take', tables=(_legs(facts['legs']),)),
+        Section('States', tables=(_states(facts['timeline']),)),
+    ]
+    if facts['fluency']['robot'] is not None:
+        sections.append(Section('Fluency', text=ACTIVE, tables=(_fluency(facts['fluency']),)))
+    if facts['holders']:
+        sections.append(
+            Section('The object', text=_kept(facts), tables=(_holders(facts['holders']),))
+        )
+    return sections
+
+
+def _legs(legs: Sequence[Mapping[str, Any]]) -> Table:
+    rows = []
+    for name, path, factor, unit, digits in LEG_ROWS:
+        values = [_look_up(leg, path) for leg in legs]
+        if any(value is not None for value in values):
+            cells = (
+                '–' if value is None else f'{factor * value:.{digits}f} {unit}' for value in values
+            )
+            rows.append((name, *cells))
+    rules = (RULES.get(leg['release']['rule'], '–') for leg in legs)
+    rows.append(('opened, or closed, by', *rules))
+    return Table(('', *(leg['direction'] for leg in legs)), tuple(rows))
+
+
+def _fluency(fluency: Mapping[str, Any]) -> Table:
+    """Lay out the partner with the robot beside the partner with the person in its place."""
+    who = {name: found for name, found in fluency.items() if found is not None}
+    rows = [
+        (words, *(f'{100.0 * found["whole"][key]:.0f} %' for found in who.values()))
+        for key, words in SHARES
+    ]
+    for key, words in WAITS:
+        cells = (
+            ', '.join(f'{wait[key]:.2f} s' for wait in found['waits']) for found in who.values()
+        )
+        rows.append((f'{words} waited at the exchanges', *cells))
+    heads = {'robot': 'with the robot', 'person': 'with the person in its place (P2)'}
+    return Table(('', *(heads[name] for name in who)), tuple(rows))
+
+
+def _look_up(leg: Mapping[str, Any], path: Sequence[str]) -> float | None:
+    value: Any = leg
+    for key in path:
+        value = value[key]
+    return None if value is None else float(value)
+
+
+def _states(timeline: Sequence[Mapping[str, Any]]) -> Table:
+    rows = [
+        (one['state'], f'{one["begin_s"]:.2f}', f'{one["duration_s"]:.2f}') for one in timeline
+    ]
+    return Table(('state', 'from, s', 'for, s'), tuple(rows))
+
+
+def _kept(facts: Mapping[str, Any]) -> str:
+    dropped = 'It was dropped.' if facts['dropped'] else 'It was never dropped.'
+    early = (
+        'The gripper opened while the robot alone had it.'
+        if facts['released_early']
+        else 'The gripper never opened while the robot alone had it.'
+    )
+    return f'{dropped} {early}'
+
+
+def _holders(holders: Sequence[Mapping[str, Any]]) -> Table:
+    return Table(
+        ('from, s', 'is with'),
+        tuple((f'{one["time_s"]:.2f}', str(one['holder'])) for one in holders),
+    )
