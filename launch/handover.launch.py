@@ -61,6 +61,7 @@ ARGUMENTS: dict[str, tuple[str, str, tuple[str, ...] | None]] = {
     'from': ('', 'where the handover in the bag begins, s; empty: it is found', None),
     'to': ('', 'where it ends, s', None),
     'exchange': ('give', 'direction, where neither trial nor bag is given', ('give', 'take')),
+    'object': ('rod', 'what is carried: rod, cup, knife, box, or a .yaml file with one', None),
     'use_sim_time': ('true', 'run in lockstep on /clock; false: on the wall clock', BOOLEAN),
     'start': (
         'auto',
@@ -253,6 +254,7 @@ def rviz_file(folder: Path, namespace: str) -> Path:
 def _scenario(chosen: dict[str, str]) -> Any:
     """Read the recording; else learn from one synthetic handover and take another."""
     from handover_dmp.dmp import save_model
+    from handover_dmp.handover.object_profile import object_profile
     from handover_dmp.handover.scenario import EXAMPLE, make_scenario
     from handover_dmp.handover.teaching import learn_from_trials
     from handover_dmp.mocap import condition, synthesize, write_trial
@@ -260,9 +262,10 @@ def _scenario(chosen: dict[str, str]) -> Any:
 
     if chosen['trial'] and chosen['bag']:
         raise RuntimeError('trial and bag exclude each other')
+    carried = object_profile(chosen['object'])
     arm = ArmChoice(*(chosen[key] for key in ('robot', 'wrist_frame', 'base_frame')))
     if recorded := chosen['trial'] or chosen['bag']:
-        scenario = make_scenario(Path(recorded), arm=arm, span_s=_span_s(chosen))
+        scenario = make_scenario(Path(recorded), arm=arm, span_s=_span_s(chosen), carried=carried)
         trial = scenario.trial
         print(f'handover.launch.py: replays {trial.source}: {trial.duration_s:.2f} s', flush=True)
         return scenario
@@ -274,7 +277,7 @@ def _scenario(chosen: dict[str, str]) -> Any:
         save_model(learn_from_trials([condition(trials[0])]), model)
         trial = Path(folder) / f'{"_".join(wanted)}_{trials[1].number}.csv'
         write_trial(trials[1], trial)
-        return make_scenario(trial, model=model, arm=arm)
+        return make_scenario(trial, model=model, arm=arm, carried=carried)
 
 
 def _span_s(chosen: dict[str, str]) -> tuple[float, float] | None:

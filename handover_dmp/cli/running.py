@@ -37,6 +37,13 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
         choices=['auto', 'off'],
         help='expect of the hand what the model knows of it, or not (default: as in config/)',
     )
+    parser.add_argument(
+        '--object',
+        default='rod',
+        metavar='NAME',
+        help='what is carried: rod, cup, knife, box, or a .yaml file with one like those of '
+        'config/objects.yaml (default: %(default)s)',
+    )
     parser.add_argument('--seed', type=int, default=0, help='of the synthetic data')
     parser.add_argument('--scale', type=float, default=1.0, help='factor on the recorded motion')
     parser.add_argument(
@@ -69,6 +76,7 @@ def run_and_report(
 
     """
     from handover_dmp.cli.progress import progress_bar
+    from handover_dmp.handover.object_profile import object_profile
     from handover_dmp.handover.scenario import make_scenario
     from handover_dmp.runs.folder import finish, keep_inputs, new_run_folder, run_info, save_json
     from handover_dmp.tracking.tracker_preset import read_trackers
@@ -76,6 +84,7 @@ def run_and_report(
     if not 0.01 <= options.scale <= 100.0:
         raise UsageError(f'--scale {options.scale:g} is not between 0.01 and 100')
     trackers = read_trackers(options.tracker or (), options.seed)
+    carried = object_profile(options.object)
     with progress_bar() as bar:
         task = bar.add_task('placing the arm', total=1.0)
 
@@ -89,6 +98,7 @@ def run_and_report(
             scale=options.scale,
             seed=options.seed,
             partner_model=options.partner_model,
+            carried=carried,
         )
         for remark in scenario.robot.remarks:
             bar.console.print(

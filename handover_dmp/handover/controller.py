@@ -32,9 +32,12 @@ from math import dist, hypot, inf, isfinite, nan, sqrt
 from typing import Any, NamedTuple
 
 from handover_dmp.common.arrays import Vector
+from handover_dmp.common.quaternions import Quaternion
 from handover_dmp.common.settings import setting
 from handover_dmp.dmp import DecoupledDmp, DmpParameters, DmpState, relearn
+from handover_dmp.dmp.orientation import NO_TURN
 from handover_dmp.handover.approach import ApproachOptions, bounded, step_towards
+from handover_dmp.handover.turning import WristTurning
 from handover_dmp.tracking import GoalEstimator, HandEstimate, TrackerReport
 from handover_dmp.tracking.partner_model import (
     check_partner_model,
@@ -221,6 +224,8 @@ class WristCommand(NamedTuple):
         hand_age_s: time since the last accepted pose of the hand arrived; infinite before any.
         phase_rate: how fast the phase ran; 0 where the wrist brakes or holds.
         expectation: of the hand; None without the partner model, or without a hand to follow.
+        orientation: quaternion x, y, z, w, in `world`; None where the movement has learnt none.
+        angular_velocity: rad/s.
 
     """
 
@@ -232,6 +237,8 @@ class WristCommand(NamedTuple):
     hand_age_s: float
     phase_rate: float = 0.0
     expectation: Expectation | None = None
+    orientation: Quaternion | None = None
+    angular_velocity: Vector = NO_TURN
 
     def status_values(self, time_s: float) -> dict[str, float]:
         """
@@ -285,6 +292,7 @@ class HandoverController:
 
         """
         self._partner: PartnerModel | None = None
+        self._turning = WristTurning()
         self.use(model, options or HandoverOptions())
         self._estimator = estimator or GoalEstimator()
         self._wrist: Vector | None = None
@@ -303,6 +311,7 @@ class HandoverController:
         """
         self.options = options
         self.model = movement_for(model, options)
+        self._turning.use(self.model)
         if not options.expects_of(model):
             self._partner = None
 
@@ -452,16 +461,24 @@ class HandoverController:
         self._hand_arrival_s = arrival_s
         return ''
 
-    def set_wrist(self, position: Vector) -> None:
+    def set_wrist(self, position: Vector, orientation: Quaternion | None = None) -> None:
         """
-        Take the measured position of the robot's wrist.
+        Take the measured pose of the robot's wrist.
 
         Args:
             position: (3,), m, in `world`.
+            orientation: unit quaternion x, y, z, w; needed where `turns`.
 
         """
         if all(map(isfinite, position)):
             self._wrist = position
+        if orientation is not None and all(map(isfinite, orientation)):
+            self._turning.measure(orientation)
+
+    @property
+    def turns(self) -> bool:
+        """Whether the movement has learnt how the wrist turns, so that it is commanded, too."""
+        return self._turning.is_learnt
 
     def signal(self, at_s: float) -> None:
         """
@@ -517,6 +534,8 @@ class HandoverController:
         self._signal_s = None
         self._goal_weight = float(self.model.goal_weight(self._primitive.phase))
         self._astray = -inf
+        self._turning.use(self.model)
+        self._turning.start()
         expecting = self.options.expects_of(self.model)
         self._partner = PartnerModel(self.model, self.options.partner) if expecting else None
         self.state = HandoverState.REACHING
@@ -531,6 +550,7 @@ class HandoverController:
         """Abort where the wrist is: for commands that stayed away so long that the arm stands."""
         self.abort()
         self._primitive = None
+        self._turning.forget()
 
     def step(
         self, now_s: float, dt: float, phase_rate: float = 1.0, arrival_s: float | None = None
@@ -567,6 +587,7 @@ class HandoverController:
             returns = self._returns and fresh
             move = self._go_back if returns else self._brake
             self._primitive = move(self._primitive, dt)
+            self._turning.rest(dt, back=returns)
         return self._command(self._primitive, age)
 
     def _start_if_signalled(self, now_s: float, hand: HandEstimate | None) -> None:
@@ -611,6 +632,7 @@ class HandoverController:
             self._astray,
             expected,
         )
+        self._turning.follow(dt, phase_rate, self._goal_weight)
         return bounded(primitive, ahead, goal, goal_velocity, dt, limit, options)
 
     def _anchored(self, primitive: DmpState) -> DmpState:
@@ -698,4 +720,6 @@ class HandoverController:
             hand_age_s=age,
             phase_rate=self._phase_rate,
             expectation=self._expectation,
+            orientation=self._turning.orientation,
+            angular_velocity=self._turning.angular_velocity,
         )

@@ -25,6 +25,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from handover_dmp.common.arrays import Array
+from handover_dmp.common.quaternions import from_matrices, normalized, to_matrix
 from handover_dmp.handover.controller import (
     HandoverController,
     HandoverOptions,
@@ -107,9 +108,13 @@ class Handover:
         self.period_s = 1.0 / rate_hz
         trackers = trackers or (TrackerPreset(),)
         told = [one.tracker for one in trackers]
-        rules = options or HandoverOptions(partner_model=scenario.partner_model)
+        rules = options or HandoverOptions(
+            partner_model=scenario.partner_model,
+            acceleration_limit=scenario.carried.acceleration,
+        )
         self.controller = HandoverController(scenario.model, rules, GoalEstimator(trackers=told))
-        self.wrist_controller = WristController(scenario.robot, PriorityIk(scenario.robot))
+        ik = PriorityIk(scenario.robot, orientation=scenario.orientation)
+        self.wrist_controller = WristController(scenario.robot, ik)
         self.arm = SimulatedArm(scenario.robot)
         self.arm.reset(scenario.q_start)
         replay = Replay.from_trial(trial)
@@ -157,11 +162,17 @@ class Handover:
             self._rotation = rotation
         samples = [hand.due(now_s) for hand in self.hands]
         seen = self._take(samples, now_s)
-        self.controller.set_wrist(tuple(wrist.tolist()))
+        turned = None
+        if self.controller.turns:
+            turned = normalized(from_matrices(rotation).tolist())
+        self.controller.set_wrist(tuple(wrist.tolist()), turned)
         command = self.controller.step(now_s, self.period_s, self._phase_rate)
         assert command is not None
         place, velocity = np.array(command.position), np.array(command.velocity)
         target = WristTarget(place, velocity, self._rotation, STILL)
+        if command.orientation is not None:
+            turning = np.array(command.angular_velocity)
+            target = WristTarget(place, velocity, to_matrix(command.orientation), turning)
         self.wrist_controller.set_target(target, now_s)
         estimate = self.controller.estimate(now_s)
         if seen and estimate is not None:

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -24,13 +25,16 @@ from handover_dmp.common.errors import DataError
 from handover_dmp.common.settings import defaults
 from handover_dmp.dmp import DecoupledDmp, load_model
 from handover_dmp.handover.approach import rollout_towards
+from handover_dmp.handover.object_profile import DEFAULT_OBJECT, object_profile, ObjectProfile
 from handover_dmp.handover.teaching import hand_goal, learn_from_trials
 from handover_dmp.mocap import condition, HandoverTrial, read_trial, synthesize
 from handover_dmp.mocap.session import read_session, RecordedSession
 from handover_dmp.mocap.synthetic_session import synthesize_sessions
 from handover_dmp.mocap.wrists import WristMotion
 from handover_dmp.robot.descriptions import ArmChoice
+from handover_dmp.robot.errors import UnreachableError
 from handover_dmp.robot.model import BasePlacement, RobotModel
+from handover_dmp.robot.orientation_task import orthogonal_directions
 from handover_dmp.robot.placement import choose_base_placement
 import numpy as np
 
@@ -40,6 +44,8 @@ EXAMPLE_SESSION = ('engine_bay', 3)
 MAX_REST_S = 0.5
 """A recording that is longer than its handover by more than this is cut, s."""
 MIN_SAMPLES = 5
+ROLLS = 8
+"""Rolls about the direction to the hand that are tried for a posture that points at it."""
 ROUNDING_S = 1e-6
 
 
@@ -55,6 +61,7 @@ class Scenario:
         q_start: (n,), rad, with the wrist where P2's was at the start.
         taught_by: what the movement was learnt from.
         seed: of all that is drawn at random.
+        carried: what is carried; the movement is the one that carries it.
 
     """
 
@@ -64,6 +71,12 @@ class Scenario:
     q_start: Array
     seed: int
     partner_model: str = field(default_factory=lambda: defaults('dmp')['partner_model'])
+    carried: ObjectProfile = field(default_factory=lambda: object_profile(DEFAULT_OBJECT))
+
+    @property
+    def orientation(self) -> str:
+        """Orientation task of the wrist."""
+        return self.carried.task_for(self.model)
 
 
 def example_trials(
@@ -258,6 +271,7 @@ def make_scenario(
     seed: int = 0,
     partner_model: str | None = None,
     span_s: tuple[float, float] | None = None,
+    carried: ObjectProfile | None = None,
 ) -> Scenario:
     """
     Put together what a run needs.
@@ -275,6 +289,7 @@ def make_scenario(
         seed: of the synthetic data.
         partner_model: `auto` or `off`; that of `config/` if left out.
         span_s: beginning and end of the handover in a bag, s; found if left out.
+        carried: what is carried; a rod if left out.
 
     Returns:
         The scenario.
@@ -288,7 +303,10 @@ def make_scenario(
         taught, replayed = (scaled(example, scale) for example in example_trials(seed))
     else:
         taught = replayed = scaled(recorded_trial(trial, cutoff_hz=0.0, span_s=span_s), scale)
-    learnt = learn_from_trials([taught]) if model is None else read_model(model)
+    carried = carried or object_profile(DEFAULT_OBJECT)
+    learnt = carried.movement_with(
+        learn_from_trials([taught]) if model is None else read_model(model)
+    )
     replayed = condition(replayed, cutoff_hz=defaults('hand_tracker')['cutoff_hz'])
     wrist_path = expected_path(learnt, replayed)
     choice = arm or ArmChoice('lwr4')
@@ -302,10 +320,44 @@ def make_scenario(
         trial=replayed,
         model=learnt,
         robot=robot,
-        q_start=robot.inverse(wrist_path[0]),
+        q_start=start_posture(
+            robot, wrist_path[0], carried.task_for(learnt), replayed.partner[-1]
+        ),
         seed=seed,
         partner_model=partner_model or defaults('dmp')['partner_model'],
+        carried=carried,
     )
+
+
+def start_posture(robot: RobotModel, place: Array, task: str, hand: Array) -> Array:
+    """
+    Choose how the arm stands at the start.
+
+    Args:
+        robot: the arm, placed.
+        place: (3,), m, of the wrist.
+        task: of its orientation.
+        hand: (3,), m, where the partner's hand will be: what is to point at it does so already.
+
+    Returns:
+        (n,), rad; of the postures that point, the one nearest to home.
+
+    Raises:
+        UnreachableError: there is none.
+
+    """
+    found: list[Array] = []
+    if task == 'point':
+        aim = (hand - place) / np.linalg.norm(hand - place)
+        first, second = orthogonal_directions(aim)
+        for roll in np.arange(ROLLS) * 2.0 * np.pi / ROLLS:
+            side = np.cos(roll) * first + np.sin(roll) * second
+            with suppress(UnreachableError):
+                turned = np.column_stack([side, np.cross(aim, side), aim])
+                found.append(robot.inverse(place, turned))
+    if not found:
+        return robot.inverse(place)
+    return min(found, key=lambda q: float(np.linalg.norm(q - robot.home)))
 
 
 def expected_path(model: DecoupledDmp, trial: HandoverTrial) -> Array:

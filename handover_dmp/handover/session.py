@@ -397,6 +397,7 @@ class SessionController(HandoverController):
     ) -> WristCommand:
         assert self._primitive is not None
         self._expectation = None
+        self._turning.rest(dt, back=self.state is HandoverState.WITHDRAWING)
         primitive = self._anchored(self._primitive)
         if self._way is None or self.state is HandoverState.RELEASED:
             self._phase_rate = 0.0

@@ -105,16 +105,18 @@ def pose_with_covariance(
 def twist_message(
     time: Time,
     velocity: Iterable[float],
+    angular_velocity: Iterable[float] = (0.0, 0.0, 0.0),
     *,
     frame: str = FRAME,
     into: TwistStamped | None = None,
 ) -> TwistStamped:
     """
-    Make a twist without rotation.
+    Make a twist.
 
     Args:
         time: its stamp.
         velocity: (3,), m/s.
+        angular_velocity: (3,), rad/s.
         frame: that it is told in.
         into: an older message to be filled anew.
 
@@ -126,6 +128,8 @@ def twist_message(
     message.header.stamp = time
     linear = message.twist.linear
     linear.x, linear.y, linear.z = map(float, velocity)
+    angular = message.twist.angular
+    angular.x, angular.y, angular.z = map(float, angular_velocity)
     return message
 
 

@@ -273,10 +273,13 @@ class Dmp(HandoverNode):
             self._fault(f'hand refused, {reason}')
 
     def _on_wrist(self, message: PoseStamped) -> None:
-        self._controller.set_wrist(position_of(message))
+        turned = None
+        if self._orientation is None or self._controller.turns:
+            rotation = rotation_of(message)
+            turned = None if rotation is None else quaternion_of(rotation)
+        self._controller.set_wrist(position_of(message), turned)
         self._wrist_arrival_s = self.arrival_s()
-        if self._orientation is None and (rotation := rotation_of(message)) is not None:
-            self._orientation = quaternion_of(rotation)
+        self._orientation = self._orientation or turned
         if self.lockstep:
             self._clock_of_periods.ask(nanoseconds(message.header.stamp))
 
@@ -398,9 +401,19 @@ class Dmp(HandoverNode):
             return
         time = stamp(time_ns)
         self._pose = pose_message(
-            time, command.position, self._orientation, frame=self.frame, into=self._pose
+            time,
+            command.position,
+            command.orientation or self._orientation,
+            frame=self.frame,
+            into=self._pose,
         )
-        self._twist = twist_message(time, command.velocity, frame=self.frame, into=self._twist)
+        self._twist = twist_message(
+            time,
+            command.velocity,
+            command.angular_velocity,
+            frame=self.frame,
+            into=self._twist,
+        )
         self._told = (
             self._stepped_in_motion
             or self.lockstep

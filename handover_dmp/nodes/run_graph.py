@@ -112,6 +112,7 @@ def graph_parameters(
                 replayed[f'{one.name}.{name}'] = value
             if not name.startswith(SENSOR):
                 seen[f'{one.name}.{name}'] = value
+    carried = scenario.carried.node_parameters(scenario.model)
     return {
         'recorder': {
             'folder': str(folder / 'bag'),
@@ -128,9 +129,10 @@ def graph_parameters(
         'dmp': {
             'model': str(folder / 'model.json'),
             'partner_model': scenario.partner_model,
+            **carried['dmp'],
             **seen,
         },
-        'priority_ik': {**arm, **seen},
+        'priority_ik': {**arm, **carried['priority_ik'], **seen},
         'robot_sim': {
             **arm,
             'initial_positions': scenario.q_start.tolist(),

@@ -28,7 +28,7 @@ import numpy as np
 import pinocchio as pin
 
 UP = np.array([0.0, 0.0, 1.0])
-ORIENTATIONS = ('none', 'full', 'level', 'point')
+ORIENTATIONS = ('none', 'full', 'level', 'upright', 'point')
 NEAR_HAND_M = 0.1
 """Nearer to the hand its direction swings wildly; the wrist turns no faster than it deserves."""
 
@@ -87,6 +87,10 @@ class OrientationTask:
             return period.jacobian[3:], speed
         if self.orientation == 'level':
             axis, wanted = period.rotation @ self._level_axis, UP
+        elif self.orientation == 'upright':
+            if target.rotation is None:
+                return None
+            axis, wanted = period.rotation @ (target.rotation.T @ UP), UP
         else:
             if period.partner is None:
                 return None
@@ -98,6 +102,25 @@ class OrientationTask:
             gain *= min(1.0, distance / NEAR_HAND_M)
         directions, speed = axis_alignment(axis, wanted, gain, fastest)
         return directions @ period.jacobian[3:], speed
+
+    def off(self, rotation: Array, target: Array | None) -> float:
+        """
+        Tell how far a wrist is from the target's rotation, as far as that is followed.
+
+        Args:
+            rotation: (3, 3), of the wrist in `world`.
+            target: (3, 3), the target's; None if any will do.
+
+        Returns:
+            Norm of the difference of the matrices, or of what is up in them; about the angle, rad.
+
+        """
+        if target is None or self.orientation not in ('full', 'upright'):
+            return 0.0
+        difference = rotation - target
+        if self.orientation == 'upright':
+            difference = difference.T @ UP
+        return float(np.linalg.norm(difference))
 
 
 def full_orientation(

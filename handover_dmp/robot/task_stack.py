@@ -20,6 +20,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import UsageError
 from handover_dmp.common.settings import defaults, parameters_of, setting
 from handover_dmp.robot.collision_limits import ForearmLimit, SelfCollisionLimit
@@ -124,10 +125,21 @@ class TaskStack:
             braking_share=values['braking_share'],
         )
 
-    def follows_rotation(self) -> bool:
-        """Say whether the wrist is turned to the rotation of its target."""
+    def off(self, rotation: Array, target: Array | None) -> float:
+        """
+        Tell how far a wrist is from its target's rotation, as far as that is followed.
+
+        Args:
+            rotation: (3, 3), of the wrist in `world`.
+            target: (3, 3), the target's; None if any will do.
+
+        Returns:
+            See `OrientationTask.off`.
+
+        """
         tasks = (task for level in self.levels for task in level)
-        return any(isinstance(t, OrientationTask) and t.orientation == 'full' for t in tasks)
+        followed = [t.off(rotation, target) for t in tasks if isinstance(t, OrientationTask)]
+        return max(followed, default=0.0)
 
 
 def _made(kind: type[Any], model: RobotModel, values: Mapping[str, Any]) -> Any:

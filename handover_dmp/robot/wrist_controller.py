@@ -320,9 +320,7 @@ class WristController:
         if any(target.velocity.tolist()) or (turning is not None and any(turning.tolist())):
             return False
         place, rotation = self.model.wrist_pose(self._measured())
-        turned = 0.0
-        if target.rotation is not None and self.ik.stack.follows_rotation():
-            turned = float(np.linalg.norm(rotation - target.rotation))
+        turned = self.ik.stack.off(rotation, target.rotation)
         near = float(np.linalg.norm(place - target.position)) < self.options.hold_distance_m
         return near and turned < HELD_ROTATION
 

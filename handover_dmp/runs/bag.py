@@ -164,8 +164,11 @@ def _messages(
     if period.estimate is not None:
         place, deviation_m = period.estimate.position, period.estimate.deviation_m
         yield HAND_FUSED, pose_with_covariance_stamped(time_ns, place, deviation_m)
-    yield POSE_COMMAND, _pose(time_ns, command.position, commanded_rotation)
-    yield TWIST_COMMAND, twist_stamped(time_ns, command.velocity)
+    if command.orientation is None:
+        yield POSE_COMMAND, _pose(time_ns, command.position, commanded_rotation)
+    else:
+        yield POSE_COMMAND, pose_stamped(time_ns, command.position, command.orientation)
+    yield TWIST_COMMAND, twist_stamped(time_ns, command.velocity, command.angular_velocity)
     yield PHASE, _float_array(command.status_values(time_ns / NANOSECONDS))
     if answer.velocities is not None:
         yield JOINT_COMMAND, float_array(answer.velocities.tolist(), [str(time_ns)])

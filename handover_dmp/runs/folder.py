@@ -104,6 +104,8 @@ def run_info(
         'learnt_from': scenario.model.source,
         'goal_offset_m': list(scenario.model.goal_offset),
         'partner_model': scenario.partner_model,
+        'object': scenario.carried.as_dict(),
+        'orientation': scenario.orientation,
         'learnt_distance_m': math.dist(scenario.model.start, scenario.model.goal),
         'seed': scenario.seed,
         'scale': scale,
