@@ -320,7 +320,7 @@ def make_scenario(
         trial=replayed,
         model=learnt,
         robot=robot,
-        q_start=start_posture(
+        q_start=starting_joints(
             robot, wrist_path[0], carried.task_for(learnt), replayed.partner[-1]
         ),
         seed=seed,
@@ -329,7 +329,7 @@ def make_scenario(
     )
 
 
-def start_posture(robot: RobotModel, place: Array, task: str, hand: Array) -> Array:
+def starting_joints(robot: RobotModel, place: Array, task: str, hand: Array) -> Array:
     """
     Choose how the arm stands at the start.
 

@@ -51,7 +51,8 @@ class OrientationTask:
         'priority_ik',
         'orientation',
         "none, full (the target's rotation), level (what is up in the home configuration stays "
-        "up) or point (the wrist's z axis points at the partner's hand)",
+        "up), upright (what is up in the target's rotation stays up) or point (the wrist's z axis "
+        "points at the partner's hand)",
         choices=ORIENTATIONS,
     )
     orientation_gain: float = setting(

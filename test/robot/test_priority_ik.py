@@ -287,7 +287,7 @@ def test_too_fast_a_path_is_left_by_little_and_by_less_with_phase_stopping(lwr4)
     assert deviations[0] < 0.015 and deviations[1] < 0.010
 
 
-@pytest.mark.parametrize('orientation', ['full', 'level', 'point'])
+@pytest.mark.parametrize('orientation', ['full', 'level', 'upright', 'point'])
 def test_orientation_does_not_disturb_the_position(arm, orientation):
     # a period this short, for between two answers an ideal arm leaves the straight line by an
     # amount of second order in it, which depends on the way of the joints
@@ -311,7 +311,7 @@ def test_orientation_does_not_disturb_the_position(arm, orientation):
     np.testing.assert_allclose(errors[0], errors[1], atol=1e-6)
 
 
-@pytest.mark.parametrize('orientation', ['full', 'level', 'point'])
+@pytest.mark.parametrize('orientation', ['full', 'level', 'upright', 'point'])
 def test_orientation_is_reached_where_the_joints_allow_it(arm, orientation):
     ik = PriorityIk(arm, orientation=orientation, self_collision=False)
     position, home = arm.wrist_pose(arm.home)
@@ -333,6 +333,7 @@ def test_orientation_is_reached_where_the_joints_allow_it(arm, orientation):
     off = {
         'full': np.linalg.norm(pin.log3(turned.T @ rotation)),
         'level': np.arccos(np.clip((turned @ home.T)[2, 2], -1, 1)),
+        'upright': np.arccos(np.clip((turned @ rotation.T)[2, 2], -1, 1)),
         'point': np.linalg.norm(
             np.cross(turned[:, 2], (hand - position) / np.linalg.norm(hand - position))
         ),
@@ -340,7 +341,7 @@ def test_orientation_is_reached_where_the_joints_allow_it(arm, orientation):
     assert off < 0.01
 
 
-@pytest.mark.parametrize('orientation', ['full', 'level', 'point'])
+@pytest.mark.parametrize('orientation', ['full', 'level', 'upright', 'point'])
 def test_orientation_changes_no_wrist_velocity(arm, orientation):
     """Step by step, from the same state: the wrist's velocity with the task and without it."""
     rng = np.random.default_rng(3)
@@ -447,7 +448,9 @@ def test_depends_on_nothing_but_its_arguments(lwr4):
 
 
 def test_refuses_an_orientation_that_it_does_not_know(lwr4):
-    with pytest.raises(UsageError, match="'sideways' is none of none, full, level, point"):
+    with pytest.raises(
+        UsageError, match="'sideways' is none of none, full, level, upright, point"
+    ):
         PriorityIk(lwr4, orientation='sideways')
 
 
