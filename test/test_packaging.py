@@ -264,8 +264,12 @@ def test_the_command_uses_the_files_that_came_with_it(
 
 
 @pytest.mark.ros
-def test_the_nodes_start_and_end(installed: Installed, tmp_path: Path) -> None:
+@pytest.mark.parametrize(('layout', 'names'), [('pip', TOGETHER), ('colcon', TOGETHER[-2:])])
+def test_the_nodes_start_and_end(
+    layout: str, names: tuple[str, ...], request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
     pytest.importorskip('rclpy')
+    installed: Installed = request.getfixturevalue(f'{layout}_layout')
     variables = installed.environment
     processes = [
         subprocess.Popen(
@@ -276,13 +280,13 @@ def test_the_nodes_start_and_end(installed: Installed, tmp_path: Path) -> None:
             stderr=subprocess.STDOUT,
             text=True,
         )
-        for name in TOGETHER
+        for name in names
     ]
     try:
-        wait_for_nodes(set(TOGETHER), processes)
+        wait_for_nodes(set(names), processes)
         for process in processes:
             process.send_signal(signal.SIGINT)
-        for name, process in zip(TOGETHER, processes, strict=True):
+        for name, process in zip(names, processes, strict=True):
             text, _ = process.communicate(timeout=PATIENCE_S)
             assert process.returncode == 0, f'{name}: {text}'
             assert 'Traceback' not in text, f'{name}: {text}'

@@ -143,7 +143,7 @@ def test_time_that_stands_still_or_jumps_moves_nothing_suddenly(handover: Handov
         before = command
 
 
-@pytest.mark.parametrize('count', [15, pytest.param(500, marks=pytest.mark.slow)])
+@pytest.mark.parametrize('count', [8, pytest.param(500, marks=pytest.mark.slow)])
 def test_many_in_a_row_are_the_same_and_the_memory_does_not_grow(
     scenario: Scenario, count: int
 ) -> None:

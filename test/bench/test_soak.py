@@ -57,7 +57,7 @@ def test_every_fault_of_the_graph_stops_the_arm_or_does_nothing(
 
 def test_random_faults(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(soak, 'SEEDS', 1)
-    figures = soak.run(lambda _text: None, minutes=2.0, maximum=8)
+    figures = soak.run(lambda _text: None, minutes=2.0, maximum=4)
     assert [figure.name for figure in figures if figure.reached is False] == []
 
 

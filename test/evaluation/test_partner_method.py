@@ -68,6 +68,7 @@ def test_every_method_has_its_timing() -> None:
         assert {'shifted_rms_m', 'lateness_s', 'lateness_deviation_s'} <= set(row.as_json())
 
 
+@pytest.mark.slow
 def test_on_people_it_is_nearer_and_leaves_the_band_no_more(kth_folder: Path) -> None:
     protocol = Protocol(learning=WITH, learn=('mean',), leave_one_out=True, rounds=10)
     evaluated = evaluate(read_data_set(kth_folder), protocol)

@@ -189,9 +189,9 @@ def test_many_pictures_take_no_more_memory(scene):
     for time_s in np.linspace(0, 1.5, 10):
         scene.image(time_s, 160, 120)
     before = most_kilobytes()
-    for time_s in np.linspace(0, 1.5, 60):
+    for time_s in np.linspace(0, 1.5, 30):
         scene.image(time_s, 160, 120)
-    assert most_kilobytes() - before < 2000
+    assert most_kilobytes() - before < 1000
 
 
 def test_what_is_around_the_person_is_drawn_and_in_the_picture():
