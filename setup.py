@@ -17,7 +17,7 @@ NODES = (
 REQUIREMENTS = [
     'c3d>=0.6',
     'coal>=3.0.3',
-    'daqp>=0.10',
+    'daqp>=0.11',
     'eigenpy>=3.13',
     'example-robot-data>=4.4',
     'imageio-ffmpeg>=0.5',
@@ -36,7 +36,7 @@ REQUIREMENTS = [
     'pybullet-arm64>=3.2.8; python_version >= "3.12"',
     'PyYAML>=6.0.1',
     'rich>=13.7',
-    'rosbags>=0.10.9',
+    'rosbags>=0.10.10',
     'ruckig>=0.12.2',
     'scipy>=1.11.1',
     'u-msgpack-python>=2.8',
