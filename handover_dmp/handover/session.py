@@ -25,7 +25,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
-from math import dist, hypot, inf
+from math import dist, hypot, inf, isfinite
 
 from handover_dmp.common.arrays import Vector
 from handover_dmp.common.errors import DataError
@@ -41,6 +41,7 @@ from handover_dmp.handover.controller import (
     WRIST_RETURNED_M,
     WristCommand,
 )
+from handover_dmp.handover.release import ReleaseOptions, ReleaseRule
 from handover_dmp.handover.withdrawal import (
     Trace,
     Way,
@@ -98,6 +99,7 @@ class SessionOptions:
     The rules of a session, beside those of its handovers.
 
     Attributes:
+        release: when the gripper opens in a give, where a force on the wrist tells.
         withdrawal: how the wrist goes home.
 
     Raises:
@@ -144,6 +146,22 @@ class SessionOptions:
         0.0,
         86400.0,
     )
+    held_share: float = setting(
+        'dmp',
+        'session.held_share',
+        'of the weight that has to have come over to the robot in a take, where a force on the '
+        'wrist tells, before it withdraws',
+        0.0,
+        1.0,
+    )
+    wrench_timeout_s: float = setting(
+        'dmp',
+        'session.wrench_timeout_s',
+        'age of that force, by arrival, beyond which it tells nothing, s',
+        0.01,
+        5.0,
+    )
+    release: ReleaseOptions = field(default_factory=ReleaseOptions)
     withdrawal: WithdrawalOptions = field(default_factory=WithdrawalOptions)
 
     def __post_init__(self) -> None:
@@ -190,6 +208,10 @@ class SessionController(HandoverController):
         self._trace: Trace | None = None
         self._way: WayFollower | None = None
         self._last_seen: Vector | None = None
+        self._rule = ReleaseRule(self.session.release)
+        self._weight_n: float | None = None
+        self._force: Vector | None = None
+        self._force_arrival_s = -inf
         super().__init__(models.give, options, estimator)
         self.use_session(models, self.options, self.session)
 
@@ -213,6 +235,7 @@ class SessionController(HandoverController):
         for movement in self._movements.values():
             _made_ready(movement)
         self.session = session
+        self._rule.options = session.release
         self.use(self._movements[self.leg], options)
 
     def reset(self) -> None:
@@ -224,13 +247,33 @@ class SessionController(HandoverController):
         self._dt = 0.0
         self._arrived = False
         self._returning = False
+        self._lets_go = False
+        self._speed_before: Vector | None = None
         self.leg = Leg.GIVE
         self.leg = self.next_leg
+        self._begin_to_feel()
 
     def abort(self) -> None:
         """Brake and hold; the gripper stays as it is. Only `start` or `reset` lead on."""
         self._leave_way()
         super().abort()
+
+    def set_wrench(self, force: Vector, arrival_s: float) -> None:
+        """
+        Take the force on the wrist; once there was one, the gripper opens by it alone.
+
+        Args:
+            force: (3,), from what the wrist holds, N, in the axes of `world`.
+            arrival_s: the time, s, on the clock of the arrivals.
+
+        """
+        if all(map(isfinite, force)):
+            self._force, self._force_arrival_s = force, arrival_s
+
+    @property
+    def feels(self) -> ReleaseRule | None:
+        """What the force on the wrist tells of the partner; None where there never was one."""
+        return None if self._force is None else self._rule
 
     @property
     def home(self) -> Vector | None:
@@ -317,7 +360,9 @@ class SessionController(HandoverController):
         if self._hand is not None:
             self._last_seen = self._hand
         self._dt = dt
-        age = self.hand_age_s(now_s if arrival_s is None else arrival_s)
+        arrival_s = now_s if arrival_s is None else arrival_s
+        self._feel(arrival_s, dt)
+        age = self.hand_age_s(arrival_s)
         fresh = self._hand is not None and age <= self.hand_timeout_s
         before = self.state
         if before in OWN_WAYS:
@@ -328,7 +373,7 @@ class SessionController(HandoverController):
                 return None
             command = found
         if before is HandoverState.EXCHANGE:
-            self._judge_release(now_s, fresh)
+            self._judge_release(now_s, fresh, self._feels_now(arrival_s))
         elif before is HandoverState.WAITING and self.state is before:
             limit_s = self.session.wait_timeout_s
             if 0.0 < limit_s <= now_s - self._since_s:
@@ -372,23 +417,61 @@ class SessionController(HandoverController):
         if self.state is HandoverState.REACHING:
             super()._judge_exchange(now_s, hand)
 
-    def _judge_release(self, now_s: float, fresh: bool) -> None:
+    def _judge_release(self, now_s: float, fresh: bool, feels_now: bool) -> None:
         """Open the gripper once the partner has the object; or close it, and hold it."""
         assert self._exchange_since_s is not None
         arrived = self._arrived and fresh
         lasted_s = now_s - self._exchange_since_s
         if self.leg is Leg.GIVE:
-            if arrived and lasted_s >= self.options.exchange_hold_s:
+            if self._force is None:
+                opens = arrived and lasted_s >= self.options.exchange_hold_s
+            else:
+                opens = feels_now and self._lets_go
+            if opens:
                 self.gripper_closed = False
+                self._weight_n = self._rule.weight_n if self._force is not None else None
                 self._enter(HandoverState.RELEASED, now_s)
         elif not self.gripper_closed:
             if arrived:
                 self.gripper_closed = True
                 self._since_s = now_s
-        elif min(now_s - self._since_s, lasted_s) >= max(
+        elif self._holds(feels_now) and min(now_s - self._since_s, lasted_s) >= max(
             self.session.grip_s, self.options.exchange_hold_s
         ):
             self._withdraw(now_s)
+
+    # What the wrist feels
+
+    def _begin_to_feel(self) -> None:
+        """Measure the force at rest anew, with what is in the gripper or without."""
+        self._rule.reset(None if self.gripper_closed else self._weight_n)
+        self._lets_go = False
+
+    def _feels_now(self, arrival_s: float) -> bool:
+        return arrival_s - self._force_arrival_s <= self.session.wrench_timeout_s
+
+    def _feel(self, arrival_s: float, dt: float) -> None:
+        """Let the rule take the force of the period, less what the wrist's motion adds to it."""
+        self._lets_go = False
+        if self._primitive is None or self._force is None or not self._feels_now(arrival_s):
+            self._speed_before = None
+            return
+        velocity, before = self._primitive.velocity, self._speed_before
+        self._speed_before = velocity
+        acceleration: Vector = (0.0, 0.0, 0.0)
+        if before is not None and dt > 0.0:
+            acceleration = tuple((v - b) / dt for v, b in zip(velocity, before, strict=True))
+        self._lets_go = self._rule.update(self._force, dt, acceleration)
+
+    def _holds(self, feels_now: bool) -> bool:
+        """Tell whether the load has come over to the robot; without a force, it is believed."""
+        if self._force is None:
+            return True
+        if not feels_now:
+            return False
+        if self._weight_n is None:
+            return self._rule.contact
+        return -self._rule.share >= self.session.held_share
 
     # Ways without the primitive
 
@@ -402,7 +485,7 @@ class SessionController(HandoverController):
         if self._way is None or self.state is HandoverState.RELEASED:
             self._phase_rate = 0.0
             self._primitive = self._brake(primitive, dt)
-            if now_s - self._since_s >= self._rest_s:
+            if now_s - self._since_s >= self._rest_s or self._is_free():
                 self._go_on(now_s)
         else:
             slower = phase_rate if self.options.phase_stopping else 1.0
@@ -428,6 +511,13 @@ class SessionController(HandoverController):
             return self.session.released_s
         return self.session.grip_s if self.state is HandoverState.PICKING_UP else 0.0
 
+    def _is_free(self) -> bool:
+        """Tell whether nothing of the object is felt any more once it is released."""
+        if self.state is not HandoverState.RELEASED or self._speed_before is None:
+            return False
+        assert self._force is not None
+        return hypot(*self._force) < self.session.release.contact_n
+
     def _speed_on(self, way: WayFollower, position: Vector, now_s: float, fresh: bool) -> float:
         """Tell how fast the wrist may be on a way, m/s."""
         options, hand = self.session.withdrawal, self.estimate(now_s)
@@ -448,6 +538,7 @@ class SessionController(HandoverController):
         self._since_s = now_s
         if self.state is HandoverState.PICKING_UP and not self._returning:
             self.gripper_closed = True
+            self._begin_to_feel()
         else:
             self._go_on(now_s)
 
@@ -490,6 +581,7 @@ class SessionController(HandoverController):
             self._enter(HandoverState.WAITING, now_s)
         else:
             self._enter(HandoverState.DONE, now_s)
+        self._begin_to_feel()
 
     def _leave_way(self) -> None:
         """Leave a way back: what is left of it is where the arm came from now."""

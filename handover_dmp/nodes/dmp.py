@@ -122,9 +122,13 @@ SESSION_FIXED = (
     *OF_GRIPPER,
 )
 CHANGEABLE = parameters_from(
-    HandoverOptions, ApproachOptions, PartnerOptions, SessionOptions, WithdrawalOptions
+    HandoverOptions,
+    ApproachOptions,
+    PartnerOptions,
+    ReleaseOptions,
+    SessionOptions,
+    WithdrawalOptions,
 )
-RELEASE = parameters_from(ReleaseOptions)
 
 
 class Dmp(HandoverNode):
@@ -571,7 +575,9 @@ def _options(values: Values) -> HandoverOptions:
 def _session_options(values: Values) -> SessionOptions:
     own = parameters_of(SessionOptions, values)
     return SessionOptions(
-        **own, withdrawal=WithdrawalOptions(**parameters_of(WithdrawalOptions, values))
+        **own,
+        release=ReleaseOptions(**parameters_of(ReleaseOptions, values)),
+        withdrawal=WithdrawalOptions(**parameters_of(WithdrawalOptions, values)),
     )
 
 
