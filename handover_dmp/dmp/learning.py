@@ -169,7 +169,11 @@ def relearn(model: AnyPrimitive, **changes: Any) -> AnyPrimitive:
         source=model.source,
         primitive=type(model),
     )
-    known = learnt.with_goal_offset(model.goal_offset).with_partner_path(model.partner_path)
+    known = (
+        learnt.with_goal_offset(model.goal_offset)
+        .with_partner_path(model.partner_path)
+        .with_way_back(model.way_back)
+    )
     if model.turn is None or not isinstance(model, DecoupledDmp):
         return known
     turning = relearn(OrientationPrimitive(model).turning, **changes)

@@ -25,6 +25,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from handover_dmp.common.arrays import Array
+from handover_dmp.common.closing import Closing
 from handover_dmp.common.quaternions import from_matrices, normalized, to_matrix
 from handover_dmp.handover.controller import (
     HandoverController,
@@ -33,12 +34,13 @@ from handover_dmp.handover.controller import (
     WristCommand,
 )
 from handover_dmp.handover.scenario import make_scenario, Scenario
+from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.partner import Partner
 from handover_dmp.robot.priority_ik import PriorityIk
 from handover_dmp.robot.tasks import WristTarget
 from handover_dmp.robot.wrist_controller import JointCommand, WristController
 from handover_dmp.simulation.arm import SimulatedArm
-from handover_dmp.simulation.carried_object import ObjectState
+from handover_dmp.simulation.carried_object import CarriedObjectOptions, ObjectState
 from handover_dmp.tracking import GoalEstimator, HandEstimate
 from handover_dmp.tracking.playback import HandSample, Replay, TrackedHand
 from handover_dmp.tracking.tracker_preset import TrackerPreset
@@ -81,45 +83,53 @@ class Period(NamedTuple):
     object_state: ObjectState | None = None
 
 
-class Handover:
-    """A handover that is stepped period by period."""
+class LockstepLoop(Closing):
+    """
+    The objects of the graph around a controller and a simulated arm, stepped period by period.
+
+    What the partner does, and what is done to the world besides, is that of a subclass.
+
+    Attributes:
+        period_s: length of a period, s.
+        controller: of the wrist.
+        wrist_controller: of the joints.
+        arm: that moves.
+
+    """
 
     def __init__(
         self,
-        scenario: Scenario,
+        robot: RobotModel,
+        q_start: Array,
+        controller: HandoverController,
         *,
-        options: HandoverOptions | None = None,
-        trackers: Sequence[TrackerPreset] = (),
-        rate_hz: float = 200.0,
+        orientation: str,
+        tracker_names: Sequence[str],
+        rate_hz: float,
+        carried: CarriedObjectOptions | None = None,
     ) -> None:
         """
         Wire the objects.
 
         Args:
-            scenario: trial, movement and arm.
-            options: the rules of the handover; the defaults, as the scenario has them, if left
-                out.
-            trackers: that see the hand; a perfect one if left out.
+            robot: the arm, placed.
+            q_start: (n,), rad, its posture at the start.
+            controller: of the wrist.
+            orientation: task of the wrist.
+            tracker_names: of those that see the hand, in order.
             rate_hz: of the periods, Hz.
+            carried: what is handed over; None: nothing with a mass.
 
         """
-        trial = scenario.trial
-        self.scenario = scenario
         self.period_s = 1.0 / rate_hz
-        trackers = trackers or (TrackerPreset(),)
-        told = [one.tracker for one in trackers]
-        rules = options or HandoverOptions(
-            partner_model=scenario.partner_model,
-            acceleration_limit=scenario.carried.acceleration,
+        self.controller = controller
+        self.wrist_controller = WristController(
+            robot, PriorityIk(robot, orientation=orientation)
         )
-        self.controller = HandoverController(scenario.model, rules, GoalEstimator(trackers=told))
-        ik = PriorityIk(scenario.robot, orientation=scenario.orientation)
-        self.wrist_controller = WristController(scenario.robot, ik)
-        self.arm = SimulatedArm(scenario.robot)
-        self.arm.reset(scenario.q_start)
-        replay = Replay.from_trial(trial)
-        self._names = [one.name for one in trackers]
-        self.hands = [TrackedHand(replay, one.sensor) for one in trackers]
+        self.arm = SimulatedArm(robot, carried=carried)
+        self.arm.reset(q_start)
+        self._robot = robot
+        self._names = list(tracker_names)
         self._time_ns = 0
         self._phase_rate = 1.0
         self._rotation: Array | None = None
@@ -129,22 +139,30 @@ class Handover:
         """Return the simulated time, s."""
         return self._time_ns / NANOSECONDS
 
-    @property
-    def max_duration_s(self) -> float:
-        """Return the simulated time after which a handover that is not done will not be, s."""
-        return self.hands[0].start_s + self.scenario.trial.duration_s + MAX_EXTRA_S
-
-    def begin(self, replay_at_s: float = REPLAY_AT_S) -> None:
+    def hands_at(self, now_s: float) -> list[list[HandSample]]:
         """
-        Let the partner signal and move.
+        Give, of each tracker, the poses that arrive in a period.
 
         Args:
-            replay_at_s: when the recording starts, s.
+            now_s: its start, s.
+
+        Returns:
+            The poses, in order.
 
         """
-        for hand in self.hands:
-            hand.start(replay_at_s)
-        self.controller.signal(replay_at_s)
+        raise NotImplementedError
+
+    def before_control(self, now_s: float) -> None:
+        """
+        Tell the controller what else there is to know in a period.
+
+        Args:
+            now_s: its start, s.
+
+        """
+
+    def before_motion(self) -> None:
+        """Tell the world what is done to it besides, before it moves on."""
 
     def step(self) -> Period:
         """
@@ -154,18 +172,20 @@ class Handover:
             What it saw and said.
 
         """
-        now_s, robot = self.time_s, self.scenario.robot
+        now_s, robot = self.time_s, self._robot
         positions, velocities = self.arm.joint_positions, self.arm.joint_velocities
         self.wrist_controller.set_joint_state(robot.joint_names, positions, velocities, now_s)
         wrist, rotation = robot.wrist_pose(positions)
         if self._rotation is None:
             self._rotation = rotation
-        samples = [hand.due(now_s) for hand in self.hands]
+        samples = self.hands_at(now_s)
         seen = self._take(samples, now_s)
         turned = None
         if self.controller.turns:
             turned = normalized(from_matrices(rotation).tolist())
         self.controller.set_wrist(tuple(wrist.tolist()), turned)
+        object_state = self.arm.object_state
+        self.before_control(now_s)
         command = self.controller.step(now_s, self.period_s, self._phase_rate)
         assert command is not None
         place, velocity = np.array(command.position), np.array(command.velocity)
@@ -184,8 +204,9 @@ class Handover:
             self.arm.command(answer.velocities)
         period = Period(
             self._time_ns, positions, velocities, wrist, rotation, samples, estimate,
-            command, answer,
+            command, answer, object_state,
         )  # fmt: skip
+        self.before_motion()
         self.arm.advance(self.period_s)
         self._time_ns += round(self.period_s * NANOSECONDS)
         return period
@@ -210,6 +231,81 @@ class Handover:
         ]
         return not all(refusals)
 
+    def close(self) -> None:
+        """Let go of the simulated world."""
+        self.arm.close()
+
+
+class Handover(LockstepLoop):
+    """A handover that is stepped period by period."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        *,
+        options: HandoverOptions | None = None,
+        trackers: Sequence[TrackerPreset] = (),
+        rate_hz: float = 200.0,
+    ) -> None:
+        """
+        Wire the objects.
+
+        Args:
+            scenario: trial, movement and arm.
+            options: the rules of the handover; the defaults, as the scenario has them, if left
+                out.
+            trackers: that see the hand; a perfect one if left out.
+            rate_hz: of the periods, Hz.
+
+        """
+        self.scenario = scenario
+        trackers = trackers or (TrackerPreset(),)
+        told = [one.tracker for one in trackers]
+        rules = options or HandoverOptions(
+            partner_model=scenario.partner_model,
+            acceleration_limit=scenario.carried.acceleration,
+        )
+        super().__init__(
+            scenario.robot,
+            scenario.q_start,
+            HandoverController(scenario.model, rules, GoalEstimator(trackers=told)),
+            orientation=scenario.orientation,
+            tracker_names=[one.name for one in trackers],
+            rate_hz=rate_hz,
+        )
+        replay = Replay.from_trial(scenario.trial)
+        self.hands = [TrackedHand(replay, one.sensor) for one in trackers]
+
+    @property
+    def max_duration_s(self) -> float:
+        """Return the simulated time after which a handover that is not done will not be, s."""
+        return self.hands[0].start_s + self.scenario.trial.duration_s + MAX_EXTRA_S
+
+    def begin(self, replay_at_s: float = REPLAY_AT_S) -> None:
+        """
+        Let the partner signal and move.
+
+        Args:
+            replay_at_s: when the recording starts, s.
+
+        """
+        for hand in self.hands:
+            hand.start(replay_at_s)
+        self.controller.signal(replay_at_s)
+
+    def hands_at(self, now_s: float) -> list[list[HandSample]]:
+        """
+        Give, of each tracker, the poses that arrive in a period.
+
+        Args:
+            now_s: its start, s.
+
+        Returns:
+            The poses, in order.
+
+        """
+        return [hand.due(now_s) for hand in self.hands]
+
     def run(self, progress: Callable[[float], None] = lambda _share: None) -> list[Period]:
         """
         Go on until the handover is done, or will not be.
@@ -230,10 +326,6 @@ class Handover:
             progress(self.time_s / self.max_duration_s)
         periods += [self.step() for _ in range(round(AFTERWARDS_S / self.period_s))]
         return periods
-
-    def close(self) -> None:
-        """Let go of the simulated world."""
-        self.arm.close()
 
 
 def simulate(

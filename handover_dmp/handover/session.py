@@ -31,7 +31,6 @@ from handover_dmp.common.arrays import Vector
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.settings import setting
 from handover_dmp.dmp import DecoupledDmp
-from handover_dmp.handover.approach import learnt_detour
 from handover_dmp.handover.controller import (
     HandoverController,
     HandoverOptions,
@@ -51,13 +50,13 @@ from handover_dmp.handover.withdrawal import (
     WithdrawalOptions,
 )
 from handover_dmp.tracking import GoalEstimator, HandEstimate
-from handover_dmp.tracking.partner_model import PartnerModel
 
 TAKE_STARTS = ('signal', 'motion')
 OWN_WAYS = (HandoverState.PICKING_UP, HandoverState.RELEASED, HandoverState.WITHDRAWING)
 """States in which the wrist goes, or stands, without the primitive."""
 HOLDING = (HandoverState.IDLE, HandoverState.WAITING, HandoverState.DONE)
 """States in which it stands until something begins."""
+NO_SHIFT: Vector = (0.0, 0.0, 0.0)
 
 
 class Leg(str, Enum):
@@ -232,8 +231,6 @@ class SessionController(HandoverController):
             Leg.GIVE: movement_for(models.give, options),
             Leg.TAKE: movement_for(models.take, options),
         }
-        for movement in self._movements.values():
-            _made_ready(movement)
         self.session = session
         self._rule.options = session.release
         self.use(self._movements[self.leg], options)
@@ -247,6 +244,7 @@ class SessionController(HandoverController):
         self._dt = 0.0
         self._arrived = False
         self._returning = False
+        self._shift = NO_SHIFT
         self._lets_go = False
         self._speed_before: Vector | None = None
         self.leg = Leg.GIVE
@@ -339,6 +337,7 @@ class SessionController(HandoverController):
     def _reach(self) -> bool:
         self.model = self._movements[self.leg]
         self._arrived = False
+        self._shift = NO_SHIFT
         return super().start()
 
     def step(
@@ -412,10 +411,27 @@ class SessionController(HandoverController):
 
     # The exchange
 
+    def _goal(self, hand: HandEstimate) -> Vector:
+        return tuple(g + s for g, s in zip(super()._goal(hand), self._shift, strict=True))
+
+    def _stay_with(self, hand: HandEstimate) -> None:
+        """
+        Go on with the hand as far from it as now.
+
+        To close the last of the gap with both hands on the object would be to push or pull.
+        """
+        assert self._primitive is not None
+        # where the hand will be met is known by now
+        self._partner = None
+        goal = super()._goal(hand)
+        self._shift = tuple(x - g for x, g in zip(self._primitive.position, goal, strict=True))
+
     def _judge_exchange(self, now_s: float, hand: HandEstimate) -> None:
         self._arrived = self._is_at(hand)
         if self.state is HandoverState.REACHING:
             super()._judge_exchange(now_s, hand)
+            if self._force is not None and self.state is HandoverState.EXCHANGE:
+                self._stay_with(hand)
 
     def _judge_release(self, now_s: float, fresh: bool, feels_now: bool) -> None:
         """Open the gripper once the partner has the object; or close it, and hold it."""
@@ -569,6 +585,7 @@ class SessionController(HandoverController):
             self._primitive.position,
             self.session.withdrawal,
             self.options.acceleration_limit,
+            self._movements[self.leg].way_back,
         )
         self._way = None if way is None else WayFollower(way)
 
@@ -592,12 +609,3 @@ class SessionController(HandoverController):
                 trace.add(place)
             self._trace = trace
         self._way = None
-
-
-def _made_ready(movement: DecoupledDmp) -> None:
-    """Let a movement work out what it keeps, so that its first periods are as short as all."""
-    state = movement.initial_state()
-    movement.step(state, state.position, state.velocity, 0.005, 1.0)
-    learnt_detour(movement)
-    if movement.partner_path is not None:
-        PartnerModel(movement)

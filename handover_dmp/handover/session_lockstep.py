@@ -1,0 +1,252 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+One session in one process: the objects of the graph wired in lockstep, without ROS.
+
+As `lockstep` for a single handover, with a partner who waits at each exchange for the object, and
+with the object itself, where there is one: the force on the wrist goes to the controller, its
+gripper to the world.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from handover_dmp.common.arrays import Array
+from handover_dmp.handover.controller import HandoverOptions, HandoverState
+from handover_dmp.handover.lockstep import (
+    AFTERWARDS_S,
+    LockstepLoop,
+    Period,
+    REPLAY_AT_S,
+)
+from handover_dmp.handover.session import Leg, SessionController, SessionOptions
+from handover_dmp.handover.session_scenario import make_session_scenario, SessionScenario
+from handover_dmp.simulation.carried_object import CarriedObjectOptions, Holder
+from handover_dmp.tracking import GoalEstimator
+from handover_dmp.tracking.playback import HandSample
+from handover_dmp.tracking.session_playback import SessionPlayback, SessionSignal, SessionStep
+from handover_dmp.tracking.tracker_preset import TrackerPreset
+import numpy as np
+
+LEAD_S = 1.0
+"""How much of a recording is played before its first reach, s."""
+MAX_WAIT_S = 20.0
+"""How long a partner waits at an exchange before the session is given up, s."""
+
+
+@dataclass(frozen=True, eq=False)
+class SessionPeriod:
+    """
+    What a period of a session saw and said beside that of any handover.
+
+    Attributes:
+        period: as of a single handover, with the object where there is one.
+        leg: the handover that is on, or that comes next.
+        gripper_closed: whether the gripper was told to be closed.
+        truth: (3,), m, where the partner's hand is.
+        demonstrator: (3,), m, where the person is whose place the robot takes.
+        signals: of the partner, that became due.
+
+    """
+
+    period: Period
+    leg: Leg
+    gripper_closed: bool
+    truth: Array
+    demonstrator: Array
+    signals: tuple[SessionSignal, ...]
+
+    @property
+    def state(self) -> HandoverState:
+        """Of the session."""
+        return self.period.command.state
+
+    @property
+    def holder(self) -> Holder | None:
+        """Who has the object; None where none is simulated."""
+        state = self.period.object_state
+        return None if state is None else state.holder
+
+
+class SessionLoop(LockstepLoop):
+    """
+    A session that is stepped period by period.
+
+    Attributes:
+        scenario: session, movements and arm.
+        playback: the partner.
+        controller: of wrist and gripper.
+
+    """
+
+    controller: SessionController
+
+    def __init__(
+        self,
+        scenario: SessionScenario,
+        *,
+        options: HandoverOptions | None = None,
+        session: SessionOptions | None = None,
+        trackers: Sequence[TrackerPreset] = (),
+        carried: CarriedObjectOptions | None = None,
+        rate_hz: float = 200.0,
+    ) -> None:
+        """
+        Wire the objects.
+
+        Args:
+            scenario: session, movements and arm.
+            options: the rules of each handover; the defaults, as the scenario has them, if left
+                out.
+            session: the rules of the session; the defaults of `config/` if left out.
+            trackers: that see the hand; a perfect one if left out.
+            carried: what is handed over; if left out, or without a mass, distance and speed alone
+                tell when an exchange is over.
+            rate_hz: of the periods, Hz.
+
+        """
+        self.scenario = scenario
+        trackers = trackers or (TrackerPreset(),)
+        rules = options or HandoverOptions(partner_model=scenario.partner_model)
+        estimator = GoalEstimator(trackers=[one.tracker for one in trackers])
+        super().__init__(
+            scenario.robot,
+            scenario.q_start,
+            SessionController(scenario.models, rules, estimator, session),
+            tracker_names=[one.name for one in trackers],
+            rate_hz=rate_hz,
+            carried=carried,
+        )
+        self.playback = SessionPlayback(
+            scenario.session, [one.sensor for one in trackers], lead_s=LEAD_S
+        )
+        self._told: SessionStep | None = None
+        self._truth: Array | None = None
+
+    def begin(self, replay_at_s: float = REPLAY_AT_S) -> None:
+        """
+        Let the partner begin.
+
+        Args:
+            replay_at_s: when the recording starts, s.
+
+        """
+        self.playback.start(replay_at_s)
+
+    def hands_at(self, now_s: float) -> list[list[HandSample]]:
+        """
+        Give, of each tracker, the poses that arrive in a period.
+
+        Args:
+            now_s: its start, s.
+
+        Returns:
+            The poses, in order.
+
+        """
+        holder = self.arm.holder.value if self.arm.carries else None
+        self._told = self.playback.step(now_s, holder)
+        return self._told.hands
+
+    def before_control(self, now_s: float) -> None:
+        """
+        Tell the controller what the wrist feels and what the partner signals.
+
+        Args:
+            now_s: start of the period, s.
+
+        """
+        if self.arm.carries:
+            self.controller.set_wrench(tuple(self.arm.wrench.force.tolist()), now_s)
+        for signal in self._told.signals if self._told else ():
+            self.controller.signal(signal.stamp_s)
+
+    def before_motion(self) -> None:
+        """Close or open the gripper; the partner's hand is where it was one period before."""
+        self.arm.set_gripper(self.controller.gripper_closed)
+        if self._truth is not None:
+            self.arm.set_partner_hand(self._truth)
+        assert self._told is not None
+        self._truth = self._told.truth.position
+
+    def step_session(self) -> SessionPeriod:
+        """
+        Go through one period: every message of it, then the arm's motion.
+
+        Returns:
+            What it saw and said.
+
+        """
+        period = self.step()
+        assert self._told is not None
+        return SessionPeriod(
+            period,
+            self.controller.leg,
+            self.controller.gripper_closed,
+            np.array(self._told.truth.position),
+            np.array(self._told.demonstrator.position),
+            tuple(self._told.signals),
+        )
+
+    def run(self, progress: Callable[[float], None] = lambda _share: None) -> list[SessionPeriod]:
+        """
+        Go on until the session is done, or will not be.
+
+        Args:
+            progress: is told the share of the recorded time that has passed.
+
+        Returns:
+            All periods; the state of the last command tells whether the session is done.
+
+        """
+        self.begin()
+        periods: list[SessionPeriod] = []
+        motion = self.scenario.session.motion
+        longest_s = self.time_s + float(motion.times[-1] - motion.times[0]) + MAX_WAIT_S
+        while self.controller.state is not HandoverState.DONE and self.time_s < longest_s:
+            periods.append(self.step_session())
+            progress(min(1.0, self.time_s / longest_s))
+        periods += [self.step_session() for _ in range(round(AFTERWARDS_S / self.period_s))]
+        return periods
+
+
+def simulate_session(
+    scenario: SessionScenario | None = None,
+    progress: Callable[[float], None] = lambda _share: None,
+    trackers: Sequence[TrackerPreset] = (),
+    carried: CarriedObjectOptions | None = None,
+) -> list[SessionPeriod]:
+    """
+    Simulate one session from start to end.
+
+    Args:
+        scenario: session, movements and arm; the example if left out.
+        progress: is told the share that is done.
+        trackers: that see the hand; a perfect one if left out.
+        carried: what is handed over; without, distance and speed alone tell.
+
+    Returns:
+        What every period saw and said, in order.
+
+    Raises:
+        UnreachableError: the arm of the example reaches the path from nowhere.
+
+    """
+    with SessionLoop(
+        scenario or make_session_scenario(), trackers=trackers, carried=carried
+    ) as loop:
+        return loop.run(progress)

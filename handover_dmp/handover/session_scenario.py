@@ -1,0 +1,226 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a run of a session needs, put together: the recorded session, both movements, the arm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from handover_dmp.common.arrays import Array
+from handover_dmp.common.errors import DataError
+from handover_dmp.common.settings import defaults, setting
+from handover_dmp.handover.approach import rollout_towards
+from handover_dmp.handover.scenario import EXAMPLE, read_model
+from handover_dmp.handover.session import SessionModels
+from handover_dmp.handover.teaching import hand_goal, learn_from_trials
+from handover_dmp.mocap import HandoverTrial
+from handover_dmp.mocap.filtering import smooth
+from handover_dmp.mocap.segmentation import Segmentation, SegmentedMotion
+from handover_dmp.mocap.session import read_session, RecordedSession
+from handover_dmp.mocap.synthetic_session import synthesize_sessions
+from handover_dmp.mocap.wrists import WristMotion
+from handover_dmp.robot.descriptions import ArmChoice
+from handover_dmp.robot.model import BasePlacement, RobotModel
+from handover_dmp.robot.placement import choose_base_placement
+import numpy as np
+
+
+@dataclass(frozen=True)
+class SessionScenario:
+    """
+    One session to be run.
+
+    Attributes:
+        session: as recorded, low-passed; its P1 is the partner, its P2 for comparison.
+        models: the learnt movements.
+        robot: the arm, placed.
+        q_start: (n,), rad, with the wrist where P2's was before the give.
+        seed: of all that is drawn at random.
+        partner_model: `auto`, to expect of the hand what a movement knows of it, or `off`.
+
+    """
+
+    session: RecordedSession
+    models: SessionModels
+    robot: RobotModel
+    q_start: Array
+    seed: int
+    partner_model: str = setting('dmp', 'partner_model')
+
+
+def example_sessions(
+    seed: int = 0, configuration: str = EXAMPLE[0]
+) -> tuple[RecordedSession, RecordedSession]:
+    """
+    Make the sessions of the example: an assistant and a mechanic, with one tool.
+
+    Args:
+        seed: of the synthetic data set.
+        configuration: where they are.
+
+    Returns:
+        One to learn from, and another one to run against.
+
+    """
+    taught, replayed = synthesize_sessions(seed, 2, configurations=(configuration,))
+    return taught, replayed
+
+
+def trials_of(session: RecordedSession) -> list[HandoverTrial]:
+    """
+    Cut a session into its handovers, with P2's ways back.
+
+    Args:
+        session: as recorded.
+
+    Returns:
+        A trial an exchange, in order.
+
+    """
+    cut = SegmentedMotion(session.motion, Segmentation(), list(session.exchanges), [])
+    return cut.trials(session.configuration, way_back=True)
+
+
+def learn_from_session(session: RecordedSession) -> SessionModels:
+    """
+    Learn the movements of a session from its first give and its first take.
+
+    Args:
+        session: as recorded.
+
+    Returns:
+        The movements.
+
+    Raises:
+        DataError: the session has no give, or no take.
+
+    """
+    found = {}
+    for trial in reversed(trials_of(session)):
+        found[trial.direction] = learn_from_trials([trial])
+    missing = [direction for direction in ('give', 'take') if direction not in found]
+    if missing:
+        raise DataError(f'{session.motion.source}: no {missing[0]} is in it')
+    return SessionModels(found['give'], found['take'])
+
+
+def low_passed(session: RecordedSession, cutoff_hz: float) -> RecordedSession:
+    """
+    Low-pass a session without phase, at 200 Hz.
+
+    Args:
+        session: as recorded.
+        cutoff_hz: 0 leaves it as it is.
+
+    Returns:
+        The same session.
+
+    """
+    if not cutoff_hz:
+        return session
+    motion = session.motion
+    both = np.hstack([motion.partner, motion.demonstrator])
+    times, places, _ = smooth(motion.times, both, cutoff_hz=cutoff_hz)
+    smoothed = WristMotion(times, places[:, :3], places[:, 3:], motion.source)
+    return replace(session, motion=smoothed)
+
+
+def make_session_scenario(
+    session: Path | RecordedSession | None = None,
+    *,
+    model: Path | None = None,
+    take_model: Path | None = None,
+    models: SessionModels | None = None,
+    arm: ArmChoice | None = None,
+    base: BasePlacement | None = None,
+    seed: int = 0,
+    partner_model: str | None = None,
+) -> SessionScenario:
+    """
+    Put together what a run needs.
+
+    The movements are learnt from the very session that is replayed, unless they are given; the
+    example is learnt from another session than the one it is run against. The arm is placed so
+    that both reaches lie well inside its reach.
+
+    Args:
+        session: recorded, or its file; none: the example.
+        model: file of a learnt give.
+        take_model: file of a learnt take.
+        models: both, learnt already.
+        arm: which one; the LWR 4+ if left out.
+        base: where it stands; found if left out.
+        seed: of the synthetic data.
+        partner_model: `auto` or `off`; that of `config/` if left out.
+
+    Returns:
+        The scenario.
+
+    Raises:
+        DataError: a file cannot be used, or a session has no give or no take.
+        UnreachableError: the arm reaches the way from nowhere.
+
+    """
+    if session is None:
+        taught, replayed = example_sessions(seed)
+    else:
+        taught = replayed = read_session(session) if isinstance(session, Path) else session
+    learnt = models or learn_from_session(taught)
+    if model is not None:
+        learnt = replace(learnt, give=read_model(model))
+    if take_model is not None:
+        learnt = replace(learnt, take=read_model(take_model))
+    replayed = low_passed(replayed, defaults('hand_tracker')['cutoff_hz'])
+    wrist_path = expected_session_path(learnt, replayed)
+    choice = arm or ArmChoice('lwr4')
+    robot = RobotModel.load(
+        choice.robot, wrist_frame=choice.wrist_frame, base_frame=choice.base_frame
+    )
+    if base is None:
+        partner = trials_of(replayed)[0].partner[-1]
+        base = choose_base_placement(wrist_path, robot, partner=partner)
+    robot = robot.placed(base)
+    return SessionScenario(
+        session=replayed,
+        models=learnt,
+        robot=robot,
+        q_start=robot.inverse(wrist_path[0]),
+        seed=seed,
+        partner_model=partner_model or defaults('dmp')['partner_model'],
+    )
+
+
+def expected_session_path(models: SessionModels, session: RecordedSession) -> Array:
+    """
+    Foretell the way of the wrist against a recorded session.
+
+    Args:
+        models: the movements.
+        session: as recorded.
+
+    Returns:
+        (n, 3), m: the way to each exchange and back, but for the last way back.
+
+    """
+    trials = trials_of(session)
+    home = trials[0].demonstrator[0]
+    parts = []
+    for trial in trials:
+        movement = models.give if trial.direction == 'give' else models.take
+        goals, velocities = hand_goal(trial, movement)
+        there, _ = rollout_towards(movement, trial.times, goals, velocities, home)
+        parts += [there, there[::-1]]
+    return np.vstack(parts[:-1])
