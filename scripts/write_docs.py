@@ -47,7 +47,7 @@ NODES = (
 # Helpers of nodes that have topics of their own, and who uses them.
 HELPERS = {
     'markers': 'dmp', 'diagnostics': 'every node', 'hand_input': '`dmp`, `priority_ik`',
-    'object_topics': 'robot_sim', 'gripper': 'dmp',
+    'object_topics': 'robot_sim', 'gripper': 'dmp', 'wrench_input': 'dmp',
     'transforms': '`robot_sim`, or `recorder` into the bag',
 }  # fmt: skip
 # Their peers are other timers, and not other libraries.

@@ -123,9 +123,7 @@ class LockstepLoop(Closing):
         """
         self.period_s = 1.0 / rate_hz
         self.controller = controller
-        self.wrist_controller = WristController(
-            robot, PriorityIk(robot, orientation=orientation)
-        )
+        self.wrist_controller = WristController(robot, PriorityIk(robot, orientation=orientation))
         self.arm = SimulatedArm(robot, carried=carried)
         self.arm.reset(q_start)
         self._robot = robot

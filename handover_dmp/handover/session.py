@@ -428,10 +428,11 @@ class SessionController(HandoverController):
 
     def _judge_exchange(self, now_s: float, hand: HandEstimate) -> None:
         self._arrived = self._is_at(hand)
-        if self.state is HandoverState.REACHING:
-            super()._judge_exchange(now_s, hand)
-            if self._force is not None and self.state is HandoverState.EXCHANGE:
-                self._stay_with(hand)
+        if self.state is HandoverState.EXCHANGE:
+            return
+        super()._judge_exchange(now_s, hand)
+        if self._exchange_since_s is not None and self._force is not None:
+            self._stay_with(hand)
 
     def _judge_release(self, now_s: float, fresh: bool, feels_now: bool) -> None:
         """Open the gripper once the partner has the object; or close it, and hold it."""

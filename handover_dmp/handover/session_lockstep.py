@@ -26,6 +26,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from handover_dmp.common.arrays import Array
+from handover_dmp.common.settings import defaults
 from handover_dmp.handover.controller import HandoverOptions, HandoverState
 from handover_dmp.handover.lockstep import (
     AFTERWARDS_S,
@@ -35,6 +36,7 @@ from handover_dmp.handover.lockstep import (
 )
 from handover_dmp.handover.session import Leg, SessionController, SessionOptions
 from handover_dmp.handover.session_scenario import make_session_scenario, SessionScenario
+from handover_dmp.mocap.session import RecordedSession
 from handover_dmp.simulation.carried_object import CarriedObjectOptions, Holder
 from handover_dmp.tracking import GoalEstimator
 from handover_dmp.tracking.playback import HandSample
@@ -42,8 +44,6 @@ from handover_dmp.tracking.session_playback import SessionPlayback, SessionSigna
 from handover_dmp.tracking.tracker_preset import TrackerPreset
 import numpy as np
 
-LEAD_S = 1.0
-"""How much of a recording is played before its first reach, s."""
 MAX_WAIT_S = 20.0
 """How long a partner waits at an exchange before the session is given up, s."""
 
@@ -121,30 +121,47 @@ class SessionLoop(LockstepLoop):
         """
         self.scenario = scenario
         trackers = trackers or (TrackerPreset(),)
-        rules = options or HandoverOptions(partner_model=scenario.partner_model)
+        rules = options or HandoverOptions(
+            partner_model=scenario.partner_model,
+            acceleration_limit=scenario.profile.acceleration,
+        )
         estimator = GoalEstimator(trackers=[one.tracker for one in trackers])
         super().__init__(
             scenario.robot,
             scenario.q_start,
             SessionController(scenario.models, rules, estimator, session),
+            orientation=scenario.orientation,
             tracker_names=[one.name for one in trackers],
             rate_hz=rate_hz,
             carried=carried,
         )
-        self.playback = SessionPlayback(
-            scenario.session, [one.sensor for one in trackers], lead_s=LEAD_S
-        )
+        self._sensors = [one.sensor for one in trackers]
+        self.playback = self._played(scenario.session)
         self._told: SessionStep | None = None
         self._truth: Array | None = None
 
-    def begin(self, replay_at_s: float = REPLAY_AT_S) -> None:
+    def _played(self, session: RecordedSession) -> SessionPlayback:
+        partner = defaults('hand_tracker')
+        return SessionPlayback(
+            session,
+            self._sensors,
+            lead_s=partner['session.lead_s'],
+            patience_s=partner['session.patience_s'],
+        )
+
+    def begin(
+        self, replay_at_s: float = REPLAY_AT_S, session: RecordedSession | None = None
+    ) -> None:
         """
         Let the partner begin.
 
         Args:
             replay_at_s: when the recording starts, s.
+            session: another one than that of the scenario.
 
         """
+        if session is not None:
+            self.playback = self._played(session)
         self.playback.start(replay_at_s)
 
     def hands_at(self, now_s: float) -> list[list[HandSample]]:
@@ -202,26 +219,34 @@ class SessionLoop(LockstepLoop):
             tuple(self._told.signals),
         )
 
-    def run(self, progress: Callable[[float], None] = lambda _share: None) -> list[SessionPeriod]:
+    def run(
+        self,
+        progress: Callable[[float], None] = lambda _share: None,
+        session: RecordedSession | None = None,
+    ) -> list[SessionPeriod]:
         """
-        Go on until the session is done, or will not be.
+        Go on until the session is done, or will not be; once more for the next one.
 
         Args:
-            progress: is told the share of the recorded time that has passed.
+            progress: is told the share of the longest time that has passed.
+            session: another one than that of the scenario.
 
         Returns:
             All periods; the state of the last command tells whether the session is done.
 
         """
-        self.begin()
-        periods: list[SessionPeriod] = []
-        motion = self.scenario.session.motion
-        longest_s = self.time_s + float(motion.times[-1] - motion.times[0]) + MAX_WAIT_S
-        while self.controller.state is not HandoverState.DONE and self.time_s < longest_s:
+        begun_s = self.time_s
+        self.begin(begun_s + REPLAY_AT_S, session)
+        motion = (session or self.scenario.session).motion
+        limit_s = float(motion.times[-1] - motion.times[0]) + MAX_WAIT_S
+        periods = [self.step_session()]
+        over = (HandoverState.DONE, HandoverState.ABORTED)
+        while self.time_s - begun_s < limit_s:
             periods.append(self.step_session())
-            progress(min(1.0, self.time_s / longest_s))
-        periods += [self.step_session() for _ in range(round(AFTERWARDS_S / self.period_s))]
-        return periods
+            progress((self.time_s - begun_s) / limit_s)
+            if periods[-1].state in over and periods[-2].state not in over:
+                break
+        return periods + [self.step_session() for _ in range(round(AFTERWARDS_S / self.period_s))]
 
 
 def simulate_session(

@@ -23,15 +23,14 @@ from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.settings import defaults, setting
 from handover_dmp.handover.approach import rollout_towards
-from handover_dmp.handover.scenario import EXAMPLE, read_model
+from handover_dmp.handover.object_profile import DEFAULT_OBJECT, object_profile, ObjectProfile
+from handover_dmp.handover.scenario import EXAMPLE_SESSION, read_model, starting_joints
 from handover_dmp.handover.session import SessionModels
 from handover_dmp.handover.teaching import hand_goal, learn_from_trials
 from handover_dmp.mocap import HandoverTrial
-from handover_dmp.mocap.filtering import smooth
 from handover_dmp.mocap.segmentation import Segmentation, SegmentedMotion
 from handover_dmp.mocap.session import read_session, RecordedSession
 from handover_dmp.mocap.synthetic_session import synthesize_sessions
-from handover_dmp.mocap.wrists import WristMotion
 from handover_dmp.robot.descriptions import ArmChoice
 from handover_dmp.robot.model import BasePlacement, RobotModel
 from handover_dmp.robot.placement import choose_base_placement
@@ -50,6 +49,7 @@ class SessionScenario:
         q_start: (n,), rad, with the wrist where P2's was before the give.
         seed: of all that is drawn at random.
         partner_model: `auto`, to expect of the hand what a movement knows of it, or `off`.
+        profile: of what is handed over; the movements are those that carry it.
 
     """
 
@@ -61,21 +61,19 @@ class SessionScenario:
     partner_model: str = setting('dmp', 'partner_model')
 
 
-def example_sessions(
-    seed: int = 0, configuration: str = EXAMPLE[0]
-) -> tuple[RecordedSession, RecordedSession]:
+def example_sessions(seed: int = 0) -> tuple[RecordedSession, RecordedSession]:
     """
     Make the sessions of the example: an assistant and a mechanic, with one tool.
 
     Args:
         seed: of the synthetic data set.
-        configuration: where they are.
 
     Returns:
         One to learn from, and another one to run against.
 
     """
-    taught, replayed = synthesize_sessions(seed, 2, configurations=(configuration,))
+    configuration, number = EXAMPLE_SESSION
+    taught, *_, replayed = synthesize_sessions(seed, number, configurations=[configuration])
     return taught, replayed
 
 
@@ -117,27 +115,6 @@ def learn_from_session(session: RecordedSession) -> SessionModels:
     return SessionModels(found['give'], found['take'])
 
 
-def low_passed(session: RecordedSession, cutoff_hz: float) -> RecordedSession:
-    """
-    Low-pass a session without phase, at 200 Hz.
-
-    Args:
-        session: as recorded.
-        cutoff_hz: 0 leaves it as it is.
-
-    Returns:
-        The same session.
-
-    """
-    if not cutoff_hz:
-        return session
-    motion = session.motion
-    both = np.hstack([motion.partner, motion.demonstrator])
-    times, places, _ = smooth(motion.times, both, cutoff_hz=cutoff_hz)
-    smoothed = WristMotion(times, places[:, :3], places[:, 3:], motion.source)
-    return replace(session, motion=smoothed)
-
-
 def make_session_scenario(
     session: Path | RecordedSession | None = None,
     *,
@@ -148,6 +125,7 @@ def make_session_scenario(
     base: BasePlacement | None = None,
     seed: int = 0,
     partner_model: str | None = None,
+    profile: ObjectProfile | None = None,
 ) -> SessionScenario:
     """
     Put together what a run needs.
@@ -165,6 +143,7 @@ def make_session_scenario(
         base: where it stands; found if left out.
         seed: of the synthetic data.
         partner_model: `auto` or `off`; that of `config/` if left out.
+        profile: of what is handed over; a rod if left out.
 
     Returns:
         The scenario.
@@ -183,23 +162,26 @@ def make_session_scenario(
         learnt = replace(learnt, give=read_model(model))
     if take_model is not None:
         learnt = replace(learnt, take=read_model(take_model))
-    replayed = low_passed(replayed, defaults('hand_tracker')['cutoff_hz'])
+    carried = profile or object_profile(DEFAULT_OBJECT)
+    learnt = SessionModels(carried.movement_with(learnt.give), carried.movement_with(learnt.take))
+    replayed = replayed.low_passed(defaults('hand_tracker')['cutoff_hz'])
     wrist_path = expected_session_path(learnt, replayed)
     choice = arm or ArmChoice('lwr4')
     robot = RobotModel.load(
         choice.robot, wrist_frame=choice.wrist_frame, base_frame=choice.base_frame
     )
+    partner = trials_of(replayed)[0].partner[-1]
     if base is None:
-        partner = trials_of(replayed)[0].partner[-1]
         base = choose_base_placement(wrist_path, robot, partner=partner)
     robot = robot.placed(base)
     return SessionScenario(
         session=replayed,
         models=learnt,
         robot=robot,
-        q_start=robot.inverse(wrist_path[0]),
+        q_start=starting_joints(robot, wrist_path[0], carried.task_for(learnt.give), partner),
         seed=seed,
         partner_model=partner_model or defaults('dmp')['partner_model'],
+        profile=carried,
     )
 
 

@@ -60,6 +60,8 @@ ARRIVED_SPEED = 0.02
 """So near to the end of a way, m, and so slow, m/s, it is walked."""
 LEARNT_SAMPLES = 101
 MIN_SPEED = 1e-9
+ASIDE_M = 0.0005
+"""A way that gets no nearer to a place than this before it leads away does not lead there, m."""
 
 
 @dataclass(frozen=True)
@@ -296,15 +298,17 @@ class Way:
             place: m.
 
         Returns:
-            Whether it does at once, or within the next bit of it.
+            Whether it does within the next bit of it.
 
         """
-        here = self.at(time_s)
-        between = [p - x for p, x in zip(place, here.position, strict=True)]
-        if sum(v * b for v, b in zip(here.velocity, between, strict=True)) > 0.0:
-            return True
-        soon = self.rest_of(time_s)[0]
-        return dist(soon, place) < hypot(*between) and dist(soon, here.position) > MIN_SPEED
+        here = self.at(time_s).position
+        distance = dist(here, place)
+        for soon in self.rest_of(time_s):
+            if dist(soon, here) >= SEGMENT_M:
+                return dist(soon, place) < distance
+            if dist(soon, place) < distance - ASIDE_M:
+                return True
+        return dist(self.end, place) < distance - ASIDE_M
 
 
 def way_back(

@@ -78,6 +78,7 @@ from handover_dmp.nodes.parameters import (
 )
 from handover_dmp.nodes.spin import run
 from handover_dmp.nodes.tracker_parameters import goal_estimator, HAND, ONE_TRACKER
+from handover_dmp.nodes.wrench_input import WrenchInput
 from handover_dmp.topics import (
     HAND_FUSED,
     HAND_POSE,
@@ -152,7 +153,6 @@ class Dmp(HandoverNode):
         ),
         *HAND,
         *CHANGEABLE,
-        *RELEASE,
         *SESSION_FIXED,
     )
     OF_EACH_TRACKER = ONE_TRACKER
@@ -165,6 +165,7 @@ class Dmp(HandoverNode):
         self._learnt = learnt = read_model(Path(path)) if path else example_model()
         self.values |= declare(self, PRIMITIVE, defaults_from=asdict(learnt.parameters))
         self._gripper: Gripper | None = None
+        self._wrench: WrenchInput | None = None
         self._controller = self._make_controller()
         on_change(self, CHANGEABLE + PRIMITIVE, self._prepare)
         period_s = 1.0 / self.values['rate_hz']
@@ -176,6 +177,7 @@ class Dmp(HandoverNode):
         self._phase_rate_ns = -1
         self._lockstep_s = 0.0
         self._orientation: Quaternion | None = None
+        self._turned: Quaternion | None = None
         self._wrist_arrival_s = -inf
         self._last_s: float | None = None
         self._stepped_s: float | None = None
@@ -241,6 +243,7 @@ class Dmp(HandoverNode):
         self._state = self.advertise(STATE)
         if isinstance(self._controller, SessionController):
             self._gripper = Gripper(self)
+            self._wrench = WrenchInput(self, lambda: self._clock_of_periods.look())
         self._pose = self._twist = self._values = self._seen = None
         self._said = ''
         self._told = False
@@ -278,12 +281,13 @@ class Dmp(HandoverNode):
 
     def _on_wrist(self, message: PoseStamped) -> None:
         turned = None
-        if self._orientation is None or self._controller.turns:
+        if self._orientation is None or self._controller.turns or self._wrench is not None:
             rotation = rotation_of(message)
             turned = None if rotation is None else quaternion_of(rotation)
         self._controller.set_wrist(position_of(message), turned)
         self._wrist_arrival_s = self.arrival_s()
         self._orientation = self._orientation or turned
+        self._turned = turned or self._turned
         if self.lockstep:
             self._clock_of_periods.ask(nanoseconds(message.header.stamp))
 
@@ -379,7 +383,10 @@ class Dmp(HandoverNode):
         followed = answered_ns is None or self._phase_rate_ns >= answered_ns
         # time that went on without an answer went on without the arm's, too
         missed = answered_ns is not None and tick_ns - answered_ns > 1.5 * self._period_ns
-        return hand and (followed or missed or self._phase_rate_ns < 0)
+        felt = self._wrench is None or self._wrench.is_there(
+            tick_ns, self.values['session.wrench_timeout_s']
+        )
+        return hand and felt and (followed or missed or self._phase_rate_ns < 0)
 
     def _answer(self, tick_ns: int, elapsed_s: float) -> None:
         now_s = tick_ns / NANOSECONDS
@@ -399,6 +406,7 @@ class Dmp(HandoverNode):
     def _step(self, now_s: float, arrival_s: float, elapsed_s: float, time_ns: int) -> None:
         self._periods.tick()
         self._watch_time(now_s, arrival_s)
+        self._feel()
         command = self._controller.step(now_s, elapsed_s, self._phase_rate, arrival_s)
         self._stepped_in_motion = self._controller.state in MOVING
         if command is None:
@@ -436,6 +444,14 @@ class Dmp(HandoverNode):
             controller.exchange_position,
             None if expectation is None else expectation.goal,
         )
+
+    def _feel(self) -> None:
+        """Tell the controller the newest force on the wrist."""
+        if self._wrench is None or not isinstance(self._controller, SessionController):
+            return
+        newest = self._wrench.newest(self._turned)
+        if newest is not None:
+            self._controller.set_wrench(*newest)
 
     def _tell(self, command: WristCommand, now_s: float, time: Time) -> None:
         """Say what is only to be looked at, where somebody does."""

@@ -1,0 +1,225 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Whole sessions with a simulated arm, an object with mass and a partner who waits for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import lru_cache
+from itertools import groupby, pairwise
+
+from handover_dmp.bench.faults import InvariantChecker, STATES_OF_SESSIONS, tracker_faults
+from handover_dmp.handover.controller import HandoverState
+from handover_dmp.handover.session import Leg, SessionOptions
+from handover_dmp.handover.session_lockstep import SessionLoop, SessionPeriod
+from handover_dmp.handover.session_scenario import make_session_scenario, SessionScenario
+from handover_dmp.mocap.session import RecordedSession
+from handover_dmp.mocap.synthetic_session import synthesize_sessions
+from handover_dmp.robot.model import BasePlacement
+from handover_dmp.simulation.carried_object import CarriedObjectOptions, Holder
+from handover_dmp.tracking.playback import HandSample
+import numpy as np
+import pytest
+
+S = HandoverState
+BASES = {
+    'engine_bay': BasePlacement((-0.63, 0.07, 0.91), -0.46),
+    'under_car': BasePlacement((-0.64, 0.18, -0.06), -0.51),
+    'hydraulic_lift': BasePlacement((-0.62, 0.11, 1.12), -0.51),
+}
+"""Where the arm stands, as `choose_base_placement` finds it."""
+FAULT_S = 0.6
+"""How long a fault lasts, s."""
+LOST_S = 0.1
+WHOLE = [
+    'idle', 'reaching', 'exchange', 'released', 'withdrawing',
+    'waiting', 'reaching', 'exchange', 'withdrawing', 'done',
+]  # fmt: skip
+
+
+def sessions_of(configuration: str, seed: int, number: int) -> RecordedSession:
+    session = synthesize_sessions(seed, number, configurations=[configuration])[-1]
+    return session.low_passed(6.0)
+
+
+@lru_cache(maxsize=3)
+def scenario_of(configuration: str) -> SessionScenario:
+    """Learn from one session, to be run against another one."""
+    taught = sessions_of(configuration, 0, 1)
+    scenario = make_session_scenario(taught, base=BASES[configuration])
+    object.__setattr__(scenario, 'session', sessions_of(configuration, 0, 2))
+    return scenario
+
+
+class FaultyLoop(SessionLoop):
+    """A session whose tracker fails for a while once a state has come."""
+
+    fault: Callable[[list[HandSample]], list[HandSample]]
+    state: HandoverState
+    leg: Leg
+    from_s: float | None = None
+
+    def is_faulty(self, now_s: float) -> bool:
+        if self.from_s is None:
+            here = self.controller.state is self.state and self.controller.leg is self.leg
+            self.from_s = now_s if here else None
+        return self.from_s is not None and now_s < self.from_s + FAULT_S
+
+    def hands_at(self, now_s: float) -> list[list[HandSample]]:
+        hands = super().hands_at(now_s)
+        return [self.fault(hand) for hand in hands] if self.is_faulty(now_s) else hands
+
+
+def states_of(periods: list[SessionPeriod]) -> list[str]:
+    return [state.value for state, _ in groupby(period.state for period in periods)]
+
+
+def check_arm(loop: SessionLoop, periods: list[SessionPeriod]) -> None:
+    """Hold every period against the limits of joints, wrist command and states."""
+    limits, options = loop.scenario.robot.limits, loop.controller.options
+    checker = InvariantChecker(
+        limits, loop.period_s, options.acceleration_limit, STATES_OF_SESSIONS
+    )
+    assert [fault for period in periods for fault in checker.check(period.period)] == []
+
+
+def check_object(periods: list[SessionPeriod], mass_kg: float) -> None:
+    """Nobody drops it; who opens the gripper does so when the partner has enough of it."""
+    weight_n = 9.81 * mass_kg
+    assert all(period.holder is not Holder.NOBODY for period in periods)
+    for before, after in pairwise(periods):
+        if before.gripper_closed and not after.gripper_closed:
+            assert (before.state, after.state, after.leg) == (S.EXCHANGE, S.RELEASED, Leg.GIVE)
+            seen = after.period.object_state
+            assert seen is not None
+            assert seen.holder is Holder.BOTH
+            carried = 1.0 + seen.wrench.force[2] / weight_n
+            pulled = float(np.hypot(*seen.wrench.force[:2]))
+            assert carried > 0.4 or pulled > 8.0
+
+
+def check_lost_hand(periods: list[SessionPeriod]) -> None:
+    """Once it has braked for a hand that is not seen, the command does not come nearer to it."""
+    seen_s, place, allowed_m = -np.inf, np.zeros(3), 0.0
+    for period in periods:
+        now_s = period.period.time_ns * 1e-9
+        if period.period.command.hand_age_s == 0.0:
+            seen_s, place = now_s, period.truth
+        distance = float(np.linalg.norm(period.period.command.position - place))
+        if now_s - seen_s < LOST_S + 0.1:
+            allowed_m = distance
+        elif np.isfinite(seen_s):
+            assert distance > allowed_m - 1e-3, (period.state, now_s - seen_s)
+            allowed_m = max(allowed_m, distance)
+
+
+def run_row(configuration: str, count: int, mass_kg: float) -> Iterator[list[SessionPeriod]]:
+    """Yield session after session of one arm, which is not started anew in between."""
+    carried = CarriedObjectOptions(mass_kg=mass_kg)
+    with SessionLoop(scenario_of(configuration), carried=carried) as loop:
+        for number in range(count):
+            seed, trial = divmod(number + 1, 5)
+            periods = loop.run(session=sessions_of(configuration, seed, trial + 1))
+            check_arm(loop, periods)
+            check_object(periods, mass_kg)
+            yield periods
+
+
+def test_two_sessions_in_a_row_drop_nothing() -> None:
+    for number, periods in enumerate(run_row('engine_bay', 2, 0.5)):
+        assert states_of(periods) == (WHOLE if number == 0 else ['done', *WHOLE[1:]])
+        assert periods[-1].holder is Holder.ROBOT
+        holders = [holder for holder, _ in groupby(period.holder for period in periods)]
+        assert holders == [
+            Holder.ROBOT, Holder.BOTH, Holder.PARTNER, Holder.BOTH, Holder.ROBOT,
+        ]  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize('mass_kg', [0.3, 1.2])
+@pytest.mark.parametrize('configuration', BASES)
+def test_a_hundred_sessions_in_a_row(configuration: str, mass_kg: float) -> None:
+    for number, periods in enumerate(run_row(configuration, 17, mass_kg)):
+        assert states_of(periods) == (WHOLE if number == 0 else ['done', *WHOLE[1:]]), number
+        assert periods[-1].holder is Holder.ROBOT
+
+
+def test_without_an_object_distance_and_speed_tell() -> None:
+    with SessionLoop(scenario_of('engine_bay')) as loop:
+        periods = loop.run()
+        check_arm(loop, periods)
+    assert states_of(periods) == WHOLE
+    assert [p.leg for p, q in pairwise(periods) if p.gripper_closed and not q.gripper_closed] == [
+        Leg.GIVE
+    ]
+
+
+MOMENTS = [
+    (S.IDLE, Leg.GIVE), (S.REACHING, Leg.GIVE), (S.EXCHANGE, Leg.GIVE), (S.RELEASED, Leg.GIVE),
+    (S.WITHDRAWING, Leg.GIVE), (S.WAITING, Leg.TAKE), (S.REACHING, Leg.TAKE),
+    (S.EXCHANGE, Leg.TAKE), (S.WITHDRAWING, Leg.TAKE), (S.DONE, Leg.TAKE),
+]  # fmt: skip
+FAULTS = list(tracker_faults(0))
+SOME = [('stopped', 1), ('jumped by 1 m', 2), ('not a number', 6), ('frozen', 7)]
+
+
+@pytest.mark.parametrize(
+    ('fault', 'moment'),
+    [
+        pytest.param(
+            fault,
+            moment,
+            id=f'{fault}-{moment[0].value}-{moment[1].value}',
+            marks=() if (fault, number) in SOME else pytest.mark.slow,
+        )
+        for fault in FAULTS
+        for number, moment in enumerate(MOMENTS)
+    ],
+)
+def test_a_fault_of_the_tracker_drops_nothing(
+    fault: str, moment: tuple[HandoverState, Leg]
+) -> None:
+    carried = CarriedObjectOptions(mass_kg=0.5)
+    with FaultyLoop(scenario_of('engine_bay'), carried=carried) as loop:
+        loop.fault = tracker_faults(1)[fault]
+        loop.state, loop.leg = moment
+        periods = loop.run()
+        assert loop.from_s is not None, 'the state never came'
+        check_arm(loop, periods)
+    check_object(periods, 0.5)
+    check_lost_hand(periods)
+    assert states_of(periods) == WHOLE
+    assert periods[-1].holder is Holder.ROBOT
+
+
+def test_a_hand_that_stays_away_leaves_the_object_with_who_has_it() -> None:
+    """A tracker that dies for good as both hold the object: the load alone tells."""
+    carried = CarriedObjectOptions(mass_kg=0.5)
+    rules = SessionOptions()
+    with FaultyLoop(scenario_of('engine_bay'), carried=carried, session=rules) as loop:
+        loop.fault = lambda _samples: []
+        loop.state, loop.leg = S.EXCHANGE, Leg.GIVE
+        loop.begin()
+        periods = []
+        while loop.time_s < 10.5:
+            if loop.from_s is not None:
+                loop.from_s = loop.time_s
+            periods.append(loop.step_session())
+        check_arm(loop, periods)
+    check_object(periods, 0.5)
+    check_lost_hand(periods)
+    assert periods[-1].holder is Holder.PARTNER
+    assert states_of(periods)[-1] == 'waiting'
