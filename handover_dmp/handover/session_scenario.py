@@ -16,12 +16,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
-from handover_dmp.common.settings import defaults, setting
+from handover_dmp.common.settings import defaults
 from handover_dmp.handover.approach import rollout_towards
 from handover_dmp.handover.object_profile import DEFAULT_OBJECT, object_profile, ObjectProfile
 from handover_dmp.handover.scenario import EXAMPLE_SESSION, read_model, starting_joints
@@ -58,7 +58,7 @@ class SessionScenario:
     robot: RobotModel
     q_start: Array
     seed: int
-    partner_model: str = setting('dmp', 'partner_model')
+    partner_model: str = field(default_factory=lambda: defaults('dmp')['partner_model'])
 
 
 def example_sessions(seed: int = 0) -> tuple[RecordedSession, RecordedSession]:
