@@ -59,6 +59,12 @@ class SessionScenario:
     q_start: Array
     seed: int
     partner_model: str = field(default_factory=lambda: defaults('dmp')['partner_model'])
+    profile: ObjectProfile = field(default_factory=lambda: object_profile(DEFAULT_OBJECT))
+
+    @property
+    def orientation(self) -> str:
+        """Orientation task of the wrist."""
+        return self.profile.task_for(self.models.give)
 
 
 def example_sessions(seed: int = 0) -> tuple[RecordedSession, RecordedSession]:
