@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Make the pictures of README and docs anew: python scripts/write_images.py [RUN]."""
+"""Make the pictures of README and docs anew: python scripts/write_images.py [RUN SESSION]."""
 
 from __future__ import annotations
 
@@ -31,23 +31,34 @@ NEAR_SHARE = 0.27
 """Distance of the hand in the figure of the approach, as a part of the learnt one."""
 
 
-def main(run: Path) -> None:
-    """Film the run at half its speed, take its figure of the three axes, and draw the approach."""
+def main(run: Path, session: Path) -> None:
+    """
+    Film the run at half its speed, take its figure of the three axes, and draw the approach.
+
+    Of the session, take its film and its figure; draw the postures of the partner.
+    """
     film = IMAGES / 'handover.webp'
     words = ['--no-video', '--image', str(film), '--speed', '0.5', '--size', '800x600']
     if handover_dmp(['render', str(run), *words]):
         raise SystemExit(f'{run}: cannot be filmed')
     shutil.copyfile(run / 'figures' / 'positions.png', IMAGES / 'positions.png')
     draw_approach(example_model(), NEAR_SHARE, IMAGES / 'approach.png')
-    if film.stat().st_size > MAX_BYTES:
-        raise SystemExit(f'{film}: too large for a README')
+    shutil.copyfile(session / 'session.webp', IMAGES / 'session.webp')
+    if handover_dmp(['render', '--figure', 'postures', '-o', str(IMAGES / 'postures.webp')]):
+        raise SystemExit('the postures cannot be drawn')
+    for made in (film, IMAGES / 'session.webp'):
+        if made.stat().st_size > MAX_BYTES:
+            raise SystemExit(f'{made}: too large for a README')
 
 
 if __name__ == '__main__':
-    if len(sys.argv) > 1:
-        main(Path(sys.argv[1]))
+    if len(sys.argv) > 2:
+        main(Path(sys.argv[1]), Path(sys.argv[2]))
     else:
         with TemporaryDirectory() as folder:
-            if handover_dmp(['simulate', '-o', str(Path(folder) / 'run')]):
+            run, session = Path(folder) / 'run', Path(folder) / 'session'
+            if handover_dmp(['simulate', '-o', str(run)]):
                 raise SystemExit('the handover failed')
-            main(Path(folder) / 'run')
+            if handover_dmp(['simulate', '--session', '-o', str(session)]):
+                raise SystemExit('the session failed')
+            main(run, session)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`handover_dmp demo`: the main job, one handover on the whole ROS 2 graph."""
+"""`handover_dmp demo`: the main job, a handover or a session on the whole ROS 2 graph."""
 
 from __future__ import annotations
 
@@ -37,8 +37,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the verb."""
     try:
-        from handover_dmp.nodes.run_graph import run_graph
+        from handover_dmp.nodes.run_graph import run_graph, run_session_graph
     except ModuleNotFoundError as error:
         raise HandoverError(f'{error.name} is not installed; {GET_ROS}') from error
-    in_time = partial(run_graph, lockstep=not options.wall_clock)
-    return run_and_report(options, options.trial, options.model, in_time)
+    lockstep = not options.wall_clock
+    handover, session = (partial(one, lockstep=lockstep) for one in (run_graph, run_session_graph))
+    return run_and_report(options, options.trial, options.model, handover, session)

@@ -12,7 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What `demo` and `simulate` share: options, progress, the report in the terminal."""
+"""
+What `demo` and `simulate` share: options, progress, the report in the terminal.
+
+Both run one handover, or with `--session` a whole session.
+"""
 
 from __future__ import annotations
 
@@ -26,6 +30,10 @@ from handover_dmp.common.errors import UsageError
 
 Tell = Callable[[str, float], None]
 RunGraph = Callable[[Path, Any, dict[str, Any], Tell, list[Any]], None]
+TOOL = 'rod'
+"""What is carried where nobody says it, and in every session."""
+HEAVIEST_KG = 7.0
+"""What the arm can carry, kg."""
 
 
 def add_run_arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,7 +47,7 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         '--object',
-        default='rod',
+        default=TOOL,
         metavar='NAME',
         help='what is carried: rod, cup, knife, box, or a .yaml file with one like those of '
         'config/objects.yaml (default: %(default)s)',
@@ -54,27 +62,55 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
         'several times: by several at once; default: perfectly',
     )
     parser.add_argument('--json', type=Path, help='write the report there too')
+    parser.add_argument(
+        '--session',
+        action='store_true',
+        help='a whole session: give, wait while it is used, take back, go home; the trial is then '
+        'a recorded session, see synthesize --sessions; leaves a film and a page, too',
+    )
+    parser.add_argument(
+        '--take-model',
+        type=Path,
+        metavar='MODEL.json',
+        help='learnt movement of the take of a session; default: learnt on the way',
+    )
+    parser.add_argument(
+        '--mass',
+        type=float,
+        metavar='KG',
+        help='of the object of a session; 0: none; default: as in config/objects.yaml',
+    )
 
 
 def run_and_report(
-    options: argparse.Namespace, trial: Path | None, model: Path | None, run_graph: RunGraph
+    options: argparse.Namespace,
+    trial: Path | None,
+    model: Path | None,
+    run_graph: RunGraph,
+    run_session: RunGraph,
 ) -> int:
     """
     Set up a run, conduct it, report on it.
 
     Args:
         options: those of `add_run_arguments`.
-        trial: the handover to replay; none: the example.
-        model: the learnt movement; none: learnt on the way.
+        trial: the handover, or the session, to replay; none: the example.
+        model: the learnt movement, of a session that of the give; none: learnt on the way.
         run_graph: runs the handover and leaves its bag in the folder.
+        run_session: runs the session and leaves its bag in the folder.
 
     Returns:
-        0 if the object changed hands, else 1.
+        0 if the object changed hands, in a session there and back, else 1.
 
     Raises:
         HandoverError: something is wrong with the request, the data or the run.
 
     """
+    if options.session:
+        return _run_session(options, trial, model, run_session)
+    for word, value in (('--take-model', options.take_model), ('--mass', options.mass)):
+        if value is not None:
+            raise UsageError(f'{word} is for a --session')
     from handover_dmp.cli.progress import progress_bar
     from handover_dmp.handover.object_profile import object_profile
     from handover_dmp.handover.scenario import make_scenario
@@ -100,11 +136,9 @@ def run_and_report(
             partner_model=options.partner_model,
             carried=carried,
         )
-        for remark in scenario.robot.remarks:
-            bar.console.print(
-                f'{scenario.robot.urdf_path}: {remark}', style='yellow', soft_wrap=True
-            )
-        folder = new_run_folder(options.output, scenario.trial)
+        _remark(bar, scenario.robot)
+        replayed = scenario.trial
+        folder = new_run_folder(options.output, replayed.direction, replayed.configuration)
         keep_inputs(folder, scenario)
         topics = {one.name: one.absolute_topic for one in trackers}
         info = run_info(scenario, options.scale, topics)
@@ -113,6 +147,106 @@ def run_and_report(
         report = finish(folder, scenario)
     save_json(report, options.json)
     return _show(report, folder)
+
+
+def _run_session(
+    options: argparse.Namespace, recording: Path | None, model: Path | None, run_graph: RunGraph
+) -> int:
+    """Do the same for a session, and film it."""
+    from handover_dmp.cli.progress import progress_bar
+    from handover_dmp.handover.object_profile import object_profile
+    from handover_dmp.handover.session_scenario import make_session_scenario
+    from handover_dmp.runs.folder import (
+        finish,
+        keep_session,
+        new_run_folder,
+        save_json,
+        session_info,
+    )
+    from handover_dmp.tracking.tracker_preset import read_trackers
+
+    mass_kg = object_profile(TOOL).mass_kg if options.mass is None else options.mass
+    if not 0.0 <= mass_kg <= HEAVIEST_KG:
+        raise UsageError(f'--mass {mass_kg:g} is not between 0 and {HEAVIEST_KG:g} kg')
+    if options.scale != 1.0:
+        raise UsageError('--scale is for one handover, not for a --session')
+    if options.object != TOOL:
+        raise UsageError(
+            f'--object {options.object} is for one handover: of a session it is a rod'
+        )
+    trackers = read_trackers(options.tracker or (), options.seed)
+    with progress_bar() as bar:
+        task = bar.add_task('placing the arm', total=1.0)
+
+        def tell(what: str, share: float) -> None:
+            bar.update(task, description=what, completed=share)
+
+        scenario = make_session_scenario(
+            recording,
+            model=model,
+            take_model=options.take_model,
+            arm=chosen_arm(options),
+            seed=options.seed,
+            partner_model=options.partner_model,
+        )
+        _remark(bar, scenario.robot)
+        folder = new_run_folder(options.output, 'session', scenario.session.configuration)
+        keep_session(folder, scenario)
+        info = session_info(scenario, mass_kg, {one.name: one.absolute_topic for one in trackers})
+        run_graph(folder, scenario, info, tell, trackers)
+        tell('drawing and reporting', 0.6)
+        report = finish(folder, scenario, lambda share: tell('filming', 0.6 + 0.4 * share))
+    save_json(report, options.json)
+    return _show_session(report, folder)
+
+
+def _remark(bar: Any, robot: Any) -> None:
+    for remark in robot.remarks:
+        bar.console.print(f'{robot.urdf_path}: {remark}', style='yellow', soft_wrap=True)
+
+
+def _show_session(report: dict[str, Any], folder: Path) -> int:
+    """Say how a session went, a column a leg."""
+    from handover_dmp.view.session_film import FILM, PAGE
+    from rich.console import Console
+    from rich.table import Table
+
+    session = report['session']
+    legs, limits = session['legs'], report['limits']
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    for head in ('', *(leg['direction'] for leg in legs)):
+        table.add_column(head)
+    for name, keys, unit, factor in (
+        ('reach', ('reach_duration_s',), 's', 1.0),
+        ('gap when the exchange began', ('exchange_gap_m',), 'mm', 1e3),
+        ('peak speed of the wrist', ('wrist_peak_speed_m_s',), 'm/s', 1.0),
+        ('distance to the person (RMS)', ('to_human', 'rms_m'), 'mm', 1e3),
+        ('both held the object for', ('release', 'both_s'), 's', 1.0),
+    ):
+        table.add_row(name, *(_quantity(_found(leg, keys), unit, factor) for leg in legs))
+    table.add_row('released by', *(str(leg['release']['rule'] or '–') for leg in legs))
+    console = Console(soft_wrap=True)
+    done = bool(report['handed_over'])
+    console.print(
+        '[bold green]given and taken back[/]' if done else '[bold red]not given and taken back[/]',
+        'on the ROS 2 graph' if report['nodes'] else 'in lockstep, without ROS',
+    )
+    console.print(table)
+    verdict = {True: 'DROPPED', False: 'never dropped', None: 'not simulated'}[session['dropped']]
+    early = ', RELEASED EARLY' if session['released_early'] else ''
+    console.print(
+        f'object: {verdict}{early}; joint limits {"kept" if limits["met"] else "NOT KEPT"}'
+    )
+    for what, name in (('report', 'index.html'), ('film', FILM), ('page', PAGE)):
+        console.print(f'{what}: {folder / name}', highlight=False)
+    return 0 if done and not session['dropped'] else 1
+
+
+def _found(tree: dict[str, Any], keys: tuple[str, ...]) -> float | None:
+    value: Any = tree
+    for key in keys:
+        value = value[key]
+    return None if value is None else float(value)
 
 
 def _show(report: dict[str, Any], folder: Path) -> int:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`handover_dmp simulate`: one handover in lockstep in this process, without ROS."""
+"""`handover_dmp simulate`: a handover or a session in lockstep in this process, without ROS."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ from handover_dmp.common.errors import UsageError
 
 if TYPE_CHECKING:
     from handover_dmp.handover.scenario import Scenario
+    from handover_dmp.handover.session_scenario import SessionScenario
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,7 +45,8 @@ def run(options: argparse.Namespace) -> int:
     if options.recorded is not None and options.trial is not None:
         raise UsageError('give the trial once, as TRIAL.csv or with --trial')
     _check_definitions()
-    return run_and_report(options, options.recorded or options.trial, options.model, _conduct)
+    trial = options.recorded or options.trial
+    return run_and_report(options, trial, options.model, _conduct, _conduct_session)
 
 
 def _check_definitions() -> None:
@@ -66,3 +68,26 @@ def _conduct(
     periods = simulate(scenario, lambda share: tell('handing over', share), trackers)
     topics = [one.absolute_topic for one in trackers] or [HAND_POSE.name]
     write_run_bag(folder / 'bag', scenario, periods, info, topics)
+
+
+def _conduct_session(
+    folder: Path,
+    scenario: SessionScenario,
+    info: dict[str, Any],
+    tell: Tell,
+    trackers: list[Any],
+) -> None:
+    from handover_dmp.handover.session_lockstep import simulate_session
+    from handover_dmp.runs.bag import write_session_bag
+    from handover_dmp.simulation.carried_object import CarriedObjectOptions
+    from handover_dmp.topics import HAND_POSE
+
+    mass_kg = float(info['object_mass_kg'])
+    periods = simulate_session(
+        scenario,
+        lambda share: tell('giving and taking back', 0.6 * share),
+        trackers,
+        CarriedObjectOptions(mass_kg=mass_kg) if mass_kg else None,
+    )
+    topics = [one.absolute_topic for one in trackers] or [HAND_POSE.name]
+    write_session_bag(folder / 'bag', scenario, periods, info, topics)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""One handover on the graph, from the start of the nodes to the end of the recorder."""
+"""A handover, or a session, on the graph, from the start of the nodes to the recorder's end."""
 
 from __future__ import annotations
 
@@ -23,6 +23,8 @@ from typing import Any
 
 from handover_dmp.handover.lockstep import AFTERWARDS_S, MAX_EXTRA_S, REPLAY_AT_S
 from handover_dmp.handover.scenario import Scenario
+from handover_dmp.handover.session_lockstep import MAX_WAIT_S
+from handover_dmp.handover.session_scenario import SessionScenario
 from handover_dmp.nodes.graph import Graph
 from handover_dmp.tracking.tracker_preset import SENSOR, TrackerPreset
 
@@ -52,10 +54,59 @@ def run_graph(
 
     """
     max_duration_s = REPLAY_AT_S + scenario.trial.duration_s + MAX_EXTRA_S
-    tell('starting five nodes', 0.05)
     parameters = graph_parameters(folder, scenario, info, lockstep, trackers)
+    _run(folder, parameters, lockstep, max_duration_s, 'handing over', tell)
+
+
+def run_session_graph(
+    folder: Path,
+    scenario: SessionScenario,
+    info: dict[str, Any],
+    tell: Callable[[str, float], None],
+    trackers: Sequence[TrackerPreset] = (),
+    *,
+    lockstep: bool = True,
+) -> None:
+    """
+    Run one session on the five nodes and record it to `bag/` in the run's folder.
+
+    Args:
+        folder: of the run; the session, its index, `model.json` and `take_model.json` are in it.
+        scenario: what is run.
+        info: what `/handover/info` says.
+        tell: is told what goes on, and the share done.
+        trackers: that see the hand; a perfect one if left out.
+        lockstep: on simulated time; else on the wall clock.
+
+    Raises:
+        GraphError: a node did not start, broke off or did not end cleanly.
+
+    """
+    motion = scenario.session.motion
+    max_duration_s = REPLAY_AT_S + float(motion.times[-1] - motion.times[0]) + MAX_WAIT_S
+    parameters = session_parameters(folder, scenario, info, lockstep, trackers)
+    _run(
+        folder,
+        parameters,
+        lockstep,
+        max_duration_s,
+        'giving and taking back',
+        lambda what, share: tell(what, 0.6 * share),
+    )
+
+
+def _run(
+    folder: Path,
+    parameters: dict[str, dict[str, Any]],
+    lockstep: bool,
+    max_duration_s: float,
+    doing: str,
+    tell: Callable[[str, float], None],
+) -> None:
+    """Run the graph until what it does is done, or will not be."""
+    tell('starting five nodes', 0.05)
     with Graph(folder, parameters, lockstep=lockstep) as g:
-        tell('handing over', 0.2)
+        tell(doing, 0.2)
         begun_s = g.time_s
         if lockstep:
             g.pause(False)
@@ -64,7 +115,7 @@ def run_graph(
         g.wait_for_state(
             ('done', 'aborted'),
             max_duration_s,
-            lambda: tell('handing over', 0.2 + 0.7 * (g.time_s - begun_s) / max_duration_s),
+            lambda: tell(doing, 0.2 + 0.7 * (g.time_s - begun_s) / max_duration_s),
         )
         g.linger(AFTERWARDS_S)
         tell('stopping the nodes', 0.9)
@@ -91,6 +142,54 @@ def graph_parameters(
         Node to name to value.
 
     """
+    parameters = _parameters(folder, scenario, info, lockstep, trackers)
+    parameters['hand_tracker']['trial'] = str(folder / 'trial.csv')
+    for node, values in scenario.carried.node_parameters(scenario.model).items():
+        parameters[node] |= values
+    return parameters
+
+
+def session_parameters(
+    folder: Path,
+    scenario: SessionScenario,
+    info: dict[str, Any],
+    lockstep: bool,
+    trackers: Sequence[TrackerPreset] = (),
+) -> dict[str, dict[str, Any]]:
+    """
+    Make the parameters of the five nodes for a session.
+
+    Args:
+        folder: of the run.
+        scenario: what is run.
+        info: what `/handover/info` says; the mass of the object is in it.
+        lockstep: on simulated time; else on the wall clock.
+        trackers: that see the hand; a perfect one if left out.
+
+    Returns:
+        Node to name to value.
+
+    """
+    parameters = _parameters(folder, scenario, info, lockstep, trackers)
+    parameters['hand_tracker'] |= {
+        'source': 'session',
+        'trial': str(folder / scenario.session.file_name),
+    }
+    parameters['dmp'] |= {
+        'session.enabled': True,
+        'session.take_model': str(folder / 'take_model.json'),
+    }
+    parameters['robot_sim']['object.mass_kg'] = float(info['object_mass_kg'])
+    return parameters
+
+
+def _parameters(
+    folder: Path,
+    scenario: Scenario | SessionScenario,
+    info: dict[str, Any],
+    lockstep: bool,
+    trackers: Sequence[TrackerPreset],
+) -> dict[str, dict[str, Any]]:
     robot = scenario.robot
     arm = {
         'robot': robot.description.asked_for,
@@ -112,7 +211,6 @@ def graph_parameters(
                 replayed[f'{one.name}.{name}'] = value
             if not name.startswith(SENSOR):
                 seen[f'{one.name}.{name}'] = value
-    carried = scenario.carried.node_parameters(scenario.model)
     return {
         'recorder': {
             'folder': str(folder / 'bag'),
@@ -121,7 +219,6 @@ def graph_parameters(
             **arm,
         },
         'hand_tracker': {
-            'trial': str(folder / 'trial.csv'),
             'cutoff_hz': 0.0,
             'replay_at_s': REPLAY_AT_S if lockstep else -1.0,
             **replayed,
@@ -129,10 +226,9 @@ def graph_parameters(
         'dmp': {
             'model': str(folder / 'model.json'),
             'partner_model': scenario.partner_model,
-            **carried['dmp'],
             **seen,
         },
-        'priority_ik': {**arm, **carried['priority_ik'], **seen},
+        'priority_ik': {**arm, **seen},
         'robot_sim': {
             **arm,
             'initial_positions': scenario.q_start.tolist(),

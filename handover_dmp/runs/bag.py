@@ -24,12 +24,15 @@ from typing import Any
 
 from handover_dmp.handover.lockstep import NANOSECONDS, Period, REPLAY_AT_S
 from handover_dmp.handover.scenario import Scenario
+from handover_dmp.handover.session_lockstep import SessionPeriod
+from handover_dmp.handover.session_scenario import SessionScenario
 from handover_dmp.mocap.filtering import interpolate
 from handover_dmp.recording import BagWriter, Qos
 from handover_dmp.recording.messages import (
     boolean,
     clock,
     float_array,
+    header,
     joint_state,
     Message,
     pose_stamped,
@@ -40,6 +43,7 @@ from handover_dmp.recording.messages import (
     wrench_stamped,
 )
 from handover_dmp.robot.link_frames import LinkFrames
+from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.published_description import published_description
 from handover_dmp.topics import (
     CLOCK,
@@ -58,6 +62,7 @@ from handover_dmp.topics import (
     PHASE,
     POSE_COMMAND,
     ROBOT_DESCRIPTION,
+    SIGNAL,
     STATE,
     TF,
     TF_PERIOD_S,
@@ -93,9 +98,62 @@ def write_run_bag(
         DataError: the folder exists or cannot be written.
 
     """
+    trial = scenario.trial
+    truth, demonstrator = (
+        _path(scenario, periods, path) for path in (trial.partner, trial.demonstrator)
+    )
+    people = list(zip(truth, demonstrator, strict=True))
+    _write_bag(folder, scenario.robot, periods, people, info, topics)
+
+
+def write_session_bag(
+    folder: Path,
+    scenario: SessionScenario,
+    periods: Sequence[SessionPeriod],
+    info: dict[str, Any],
+    topics: Sequence[str] = (HAND_POSE.name,),
+) -> None:
+    """
+    Write the bag of a session.
+
+    Args:
+        folder: of the bag, which must not exist.
+        scenario: what was run.
+        periods: what every period saw and said.
+        info: what `/handover/info` says.
+        topics: of the poses of each tracker.
+
+    Raises:
+        DataError: the folder exists or cannot be written.
+
+    """
+    people = [(one.truth.tolist(), one.demonstrator.tolist()) for one in periods]
+    further: list[list[tuple[Topic, Message]]] = []
+    closed = None
+    for one in periods:
+        told: list[tuple[Topic, Message]] = [
+            (SIGNAL, header(round(signal.stamp_s * NANOSECONDS), FRAME)) for signal in one.signals
+        ]
+        if one.period.object_state is None and one.gripper_closed is not closed:
+            closed = one.gripper_closed
+            told.append((GRIPPER_COMMAND, boolean(closed)))
+        further.append(told)
+    plain = [one.period for one in periods]
+    _write_bag(folder, scenario.robot, plain, people, info, topics, further)
+
+
+def _write_bag(
+    folder: Path,
+    robot: RobotModel,
+    periods: Sequence[Period],
+    people: Sequence[tuple[list[float], list[float]]],
+    info: dict[str, Any],
+    topics: Sequence[str],
+    further: Sequence[Sequence[tuple[Topic, Message]]] | None = None,
+) -> None:
+    """Write all periods, where P1 and P2 were in each, and what else was said in each."""
     with BagWriter(folder) as bag:
         start_ns = periods[0].time_ns
-        robot = scenario.robot
         described = published_description(robot.urdf_text, robot.urdf_path.parent, FRAME)
         _write(bag, ROBOT_DESCRIPTION, string(described), start_ns)
         links = LinkFrames(robot, FRAME)
@@ -105,11 +163,7 @@ def write_run_bag(
         state = holder = gripper_closed = None
         rotation = periods[0].wrist_rotation
         heard = [replace(HAND_POSE, name=name) for name in topics]
-        trial = scenario.trial
-        truth, demonstrator = (
-            _path(scenario, periods, path) for path in (trial.partner, trial.demonstrator)
-        )
-        for period, hand, person in zip(periods, truth, demonstrator, strict=True):
+        for number, (period, (hand, person)) in enumerate(zip(periods, people, strict=True)):
             time_ns = period.time_ns
             _write(bag, DEMONSTRATOR_POSE, pose_stamped(time_ns, person), time_ns)
             _write(bag, HAND_TRUTH, pose_stamped(time_ns, hand), time_ns)
@@ -117,7 +171,7 @@ def write_run_bag(
                 for sample in samples:
                     stamp_ns, place = round(sample.stamp_s * NANOSECONDS), sample.position.tolist()
                     _write(bag, topic, pose_stamped(stamp_ns, place), time_ns)
-            for topic, message in _messages(period, scenario.robot.joint_names, rotation):
+            for topic, message in _messages(period, robot.joint_names, rotation):
                 _write(bag, topic, message, period.time_ns)
             if period.time_ns >= next_tf_ns:
                 next_tf_ns += round(TF_PERIOD_S * NANOSECONDS)
@@ -133,6 +187,8 @@ def write_run_bag(
             if seen is not None and seen.gripper_closed is not gripper_closed:
                 gripper_closed = seen.gripper_closed
                 _write(bag, GRIPPER_COMMAND, boolean(gripper_closed), time_ns)
+            for topic, message in further[number] if further else ():
+                _write(bag, topic, message, time_ns)
 
 
 def _path(

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from datetime import datetime
 import json
 import math
@@ -24,27 +24,34 @@ from pathlib import Path
 import platform
 import shlex
 import sys
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from handover_dmp import __version__
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.files import write_text
 from handover_dmp.common.versions import installed_versions, LIBRARIES
 from handover_dmp.dmp import save_model
+from handover_dmp.handover.release import ReleaseOptions
 from handover_dmp.handover.scenario import Scenario
-from handover_dmp.mocap import HandoverTrial, write_trial
+from handover_dmp.handover.session_scenario import SessionScenario
+from handover_dmp.mocap import write_trial
+from handover_dmp.mocap.session import write_sessions
 from handover_dmp.robot.descriptions import ArmChoice
 import numpy as np
 from numpy.typing import NDArray
 
+if TYPE_CHECKING:
+    from handover_dmp.view.stage import Stage
 
-def new_run_folder(output: Path | None, trial: HandoverTrial) -> Path:
+
+def new_run_folder(output: Path | None, what: str, configuration: str) -> Path:
     """
     Make the folder of a run.
 
     Args:
         output: where; none: `runs/<date-time>_<exchange>_<configuration>`.
-        trial: what is run.
+        what: is run, `give`, `take` or `session`.
+        configuration: where.
 
     Returns:
         The folder, empty.
@@ -55,7 +62,7 @@ def new_run_folder(output: Path | None, trial: HandoverTrial) -> Path:
     """
     if output is None:
         now = datetime.now().strftime('%Y-%m-%d_%H-%M-%S')
-        output = Path('runs') / f'{now}_{trial.direction}_{trial.configuration}'
+        output = Path('runs') / f'{now}_{what}_{configuration}'
     try:
         output.mkdir(parents=True, exist_ok=True)
         if any(output.iterdir()):
@@ -93,8 +100,7 @@ def run_info(
         Plain types.
 
     """
-    trial, robot = scenario.trial, scenario.robot
-    limits = robot.limits
+    trial = scenario.trial
     return {
         'trial': trial.label,
         'trial_source': trial.source,
@@ -107,8 +113,60 @@ def run_info(
         'object': scenario.carried.as_dict(),
         'orientation': scenario.orientation,
         'learnt_distance_m': math.dist(scenario.model.start, scenario.model.goal),
-        'seed': scenario.seed,
         'scale': scale,
+        **_setting(scenario, trackers),
+    }
+
+
+def session_info(
+    scenario: SessionScenario, mass_kg: float, trackers: Mapping[str, str] | None = None
+) -> dict[str, Any]:
+    """
+    Describe a run of a session, for `/handover/info`.
+
+    Args:
+        scenario: what is run.
+        mass_kg: of the object.
+        trackers: name to topic of those that see the hand; none: one, on the usual topic.
+
+    Returns:
+        Plain types; `legs` has what differs from leg to leg.
+
+    """
+    session, models = scenario.session, scenario.models
+    release = ReleaseOptions()
+    movements = {'give': models.give, 'take': models.take}
+    return {
+        'trial': f'{session.configuration} session {session.number}',
+        'trial_source': session.motion.source,
+        'configuration': session.configuration,
+        'exchange': 'session',
+        'number': session.number,
+        'object_mass_kg': mass_kg,
+        'release': {'share': release.share, 'pull_n': release.pull_n},
+        'goal_offset_m': list(models.give.goal_offset),
+        'learnt_from': [movement.source for movement in movements.values()],
+        'legs': {
+            name: {
+                'learnt_from': movement.source,
+                'goal_offset_m': list(movement.goal_offset),
+                'learnt_distance_m': math.dist(movement.start, movement.goal),
+            }
+            for name, movement in movements.items()
+        },
+        'partner_model': scenario.partner_model,
+        **_setting(scenario, trackers),
+    }
+
+
+def _setting(
+    scenario: Scenario | SessionScenario, trackers: Mapping[str, str] | None
+) -> dict[str, Any]:
+    """Describe what a run has whatever is run: seed, trackers, arm, command, versions."""
+    robot = scenario.robot
+    limits = robot.limits
+    return {
+        'seed': scenario.seed,
         'trackers': dict(trackers or {}),
         'robot': robot.name,
         'robot_description': robot.description.asked_for,
@@ -138,13 +196,36 @@ def _finite(numbers: NDArray[np.float64]) -> list[float | None]:
     return [number if math.isfinite(number) else None for number in numbers.tolist()]
 
 
-def finish(folder: Path, scenario: Scenario) -> dict[str, Any]:
+def keep_session(folder: Path, scenario: SessionScenario) -> Path:
     """
-    Draw the pictures of a run and write its report, from its bag.
+    Write down what is run: the recorded session and the learnt movements.
+
+    Args:
+        folder: of the run.
+        scenario: what is run.
+
+    Returns:
+        The file of the session.
+
+    """
+    write_sessions([scenario.session], folder)
+    save_model(scenario.models.give, folder / 'model.json')
+    save_model(scenario.models.take, folder / 'take_model.json')
+    return folder / scenario.session.file_name
+
+
+def finish(
+    folder: Path,
+    scenario: Scenario | SessionScenario,
+    progress: Callable[[float], None] = lambda _share: None,
+) -> dict[str, Any]:
+    """
+    Draw the pictures of a run and write its report, from its bag; film a session.
 
     Args:
         folder: of the run.
         scenario: what was run.
+        progress: is told the share of the film that is done.
 
     Returns:
         The report, plain types.
@@ -152,6 +233,8 @@ def finish(folder: Path, scenario: Scenario) -> dict[str, Any]:
     """
     # imported here, since what draws takes seconds, and who starts nodes should not wait for it
     from handover_dmp.report import write_report
+    from handover_dmp.report.session import is_session
+    from handover_dmp.view.session_film import film_session
     from handover_dmp.view.stage import set_up
     from PIL import Image
 
@@ -159,12 +242,37 @@ def finish(folder: Path, scenario: Scenario) -> dict[str, Any]:
     choice = ArmChoice(robot.description.asked_for, robot.wrist_frame, robot.base_frame)
     with set_up(folder, choice) as stage:
         (folder / 'figures').mkdir(exist_ok=True)
-        met = math.isfinite(stage.scene.exchange_time_s)
-        names = ('start', 'middle', 'exchange' if met else 'end')
-        for name, pixels in zip(names, stage.scene.three_images(), strict=True):
+        for name, pixels in _scenes(stage):
             Image.fromarray(pixels).save(folder / 'figures' / f'scene_{name}.png')
+        if is_session(stage.record):
+            film_session(stage, folder, progress)
     report: dict[str, Any] = write_report(folder)
     return report
+
+
+def _scenes(stage: Stage) -> Iterator[tuple[str, Any]]:
+    """Draw start, middle and exchange of a handover; of a session, what is done in turn."""
+    from handover_dmp.report.session import is_session
+
+    scene = stage.scene
+    met = math.isfinite(scene.exchange_time_s)
+    if not is_session(stage.record):
+        names = ('start', 'middle', 'exchange' if met else 'end')
+        yield from zip(names, scene.three_images(), strict=True)
+        return
+    last_s = float(scene.times[-1])
+    back_s = min(scene.back_time_s, last_s)
+    moments = [('start', stage.span_s[0])]
+    if met:
+        moments += [
+            ('give', scene.exchange_time_s),
+            ('use', (scene.exchange_time_s + back_s) / 2),
+        ]
+    if math.isfinite(scene.back_time_s):
+        moments.append(('take', back_s))
+    moments.append(('end', last_s))
+    for name, time_s in moments:
+        yield name, scene.image(time_s, 960, 720)
 
 
 def save_json(report: dict[str, Any], path: Path | None) -> None:
