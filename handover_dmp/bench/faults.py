@@ -38,30 +38,13 @@ POSITION_TOLERANCE = 1e-3
 VELOCITY_TOLERANCE = 1e-2
 ROUNDING = 1e-6
 
-_ANYTIME = {HandoverState.ABORTED, HandoverState.IDLE}
-_BEGIN = {HandoverState.REACHING, HandoverState.PICKING_UP}
 NEXT_STATES = {
-    HandoverState.IDLE: _BEGIN | _ANYTIME,
-    HandoverState.PICKING_UP: {HandoverState.REACHING} | _ANYTIME,
-    HandoverState.REACHING: {HandoverState.EXCHANGE} | _ANYTIME,
-    HandoverState.EXCHANGE: {
-        HandoverState.DONE,
-        HandoverState.RELEASED,
-        HandoverState.WITHDRAWING,
-    }
-    | _ANYTIME,
-    HandoverState.RELEASED: {HandoverState.WITHDRAWING, HandoverState.REACHING} | _ANYTIME,
-    HandoverState.WITHDRAWING: {
-        HandoverState.WAITING,
-        HandoverState.DONE,
-        HandoverState.REACHING,
-    }
-    | _ANYTIME,
-    HandoverState.WAITING: {HandoverState.REACHING, HandoverState.DONE} | _ANYTIME,
-    HandoverState.DONE: _BEGIN | _ANYTIME,
-    HandoverState.ABORTED: _BEGIN | _ANYTIME,
+    HandoverState.IDLE: {HandoverState.REACHING, HandoverState.ABORTED},
+    HandoverState.REACHING: {HandoverState.EXCHANGE, HandoverState.ABORTED, HandoverState.IDLE},
+    HandoverState.EXCHANGE: {HandoverState.DONE, HandoverState.ABORTED, HandoverState.IDLE},
+    HandoverState.DONE: {HandoverState.REACHING, HandoverState.ABORTED, HandoverState.IDLE},
+    HandoverState.ABORTED: {HandoverState.REACHING, HandoverState.IDLE},
 }
-
 _ENDS = {HandoverState.ABORTED, HandoverState.IDLE}
 _BEGINS = {HandoverState.PICKING_UP, HandoverState.REACHING}
 STATES_OF_SESSIONS = {

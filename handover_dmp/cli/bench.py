@@ -33,9 +33,11 @@ SUBJECTS = {
     'bag': 'recording',
     'evaluate': 'Table I',
     'soak': '30 minutes of handovers with random faults; only when named',
+    'session_faults': 'every fault at every stage of a session, in one process; only when named',
     'fuzz': 'a million damaged files for every reader; only when named',
 }
-WHEN_NAMED = ('soak', 'fuzz')
+WHEN_NAMED = ('soak', 'session_faults', 'fuzz')
+LIMITED = ('soak', 'fuzz')
 COMPARE = 'compare'
 
 
@@ -53,13 +55,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '       %(prog)s compare BEFORE.json AFTER.json [--tolerance TIMES]'
     )
     parser.epilog = 'subjects:\n' + '\n'.join(
-        f'  {name:<10}{purpose}' for name, purpose in SUBJECTS.items()
+        f'  {name:<16}{purpose}' for name, purpose in SUBJECTS.items()
     )
     parser.add_argument(
         'words',
         nargs='*',
         metavar='SUBJECT',
-        help='what to measure (default: all but soak and fuzz), or `compare` and two files',
+        help='what to measure (default: all but those that say so), or `compare` and two files',
     )
     parser.add_argument('--json', type=Path, metavar='FILE', help='write the figures as JSON')
     parser.add_argument(
@@ -124,7 +126,7 @@ def _measure(options: argparse.Namespace) -> int:
         for subject in subjects:
             try:
                 measure = import_module(f'handover_dmp.bench.{subject}').run
-                limited = options.minutes is not None and subject in WHEN_NAMED
+                limited = options.minutes is not None and subject in LIMITED
                 results += measure(
                     lambda what, subject=subject: bar.update(
                         task, description=f'{subject}: {what}'

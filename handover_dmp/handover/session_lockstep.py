@@ -187,10 +187,20 @@ class SessionLoop(LockstepLoop):
             now_s: start of the period, s.
 
         """
-        if self.arm.carries:
-            self.controller.set_wrench(tuple(self.arm.wrench.force.tolist()), now_s)
+        self.feel(now_s)
         for signal in self._told.signals if self._told else ():
             self.controller.signal(signal.stamp_s)
+
+    def feel(self, now_s: float) -> None:
+        """
+        Tell the controller what the wrist feels, where there is an object.
+
+        Args:
+            now_s: start of the period, s.
+
+        """
+        if self.arm.carries:
+            self.controller.set_wrench(tuple(self.arm.wrench.force.tolist()), now_s)
 
     def before_motion(self) -> None:
         """Close or open the gripper; the partner's hand is where it was one period before."""

@@ -34,6 +34,7 @@ from handover_dmp.mocap.synthetic_session import synthesize_sessions
 from handover_dmp.robot.descriptions import ArmChoice
 from handover_dmp.robot.model import BasePlacement, RobotModel
 from handover_dmp.robot.placement import choose_base_placement
+from handover_dmp.simulation.carried_object import CarriedObjectOptions
 import numpy as np
 
 
@@ -65,6 +66,11 @@ class SessionScenario:
     def orientation(self) -> str:
         """Orientation task of the wrist."""
         return self.profile.task_for(self.models.give)
+
+    @property
+    def carried(self) -> CarriedObjectOptions:
+        """What is handed over, between the two wrists that meet, as heavy as its profile says."""
+        return CarriedObjectOptions.between(self.models.give.goal_offset, self.profile.mass_kg)
 
 
 def example_sessions(seed: int = 0) -> tuple[RecordedSession, RecordedSession]:

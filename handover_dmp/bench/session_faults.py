@@ -1,0 +1,298 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Every fault at every stage of a session, in one process: a matrix of what becomes of the object.
+
+The faults are those of the soak (tracker, joint states, commands, orders) and those of the force
+sensor. For each, two sessions run in which it strikes at the beginning of every other stage, lasts
+a while, and is over before it strikes again. Whatever becomes of it, the limits are kept, the
+object is never dropped, and the wrist never goes towards a hand that is lost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import inf, nan
+
+from handover_dmp.bench.faults import InvariantChecker, STATES_OF_SESSIONS, tracker_faults
+from handover_dmp.bench.measurement import Measurement
+from handover_dmp.bench.session_watch import SessionWatch, STAGES, StageWatch
+from handover_dmp.bench.soak import (
+    COMMAND_FAULTS,
+    FaultyArm,
+    FaultyWristController,
+    JOINT_STATE_FAULTS,
+    ORDERS,
+    Span,
+    TARGET_FAULTS,
+)
+from handover_dmp.handover.controller import HandoverState
+from handover_dmp.handover.session_lockstep import SessionLoop
+from handover_dmp.handover.session_scenario import make_session_scenario, SessionScenario
+from handover_dmp.robot.velocity_driver import ArmState
+from handover_dmp.simulation.carried_object import CarriedObjectOptions
+from handover_dmp.tracking.playback import HandSample
+
+LASTS_S = 0.6
+"""How long a fault lasts, s."""
+TAKEN_UP_S = 0.3
+"""How long after it somebody tells an arm to go on that has stopped, s."""
+MAX_S = 60.0
+"""How long a session may take, s."""
+DELAY_S = {name: 0.4 if state is HandoverState.REACHING else 0.0 for name, state, _ in STAGES}
+"""How long after the beginning of each stage a fault strikes: a reach has to be in motion, s."""
+TRACKER, JOINTS = 'tracker ', 'joint states '
+WRENCH_FAULTS = ('force sensor silent', 'force sensor at zero', 'force not finite')
+FAULTS = (
+    *(TRACKER + name for name in tracker_faults(0)),
+    *WRENCH_FAULTS,
+    *(JOINTS + name for name in JOINT_STATE_FAULTS),
+    *TARGET_FAULTS,
+    *COMMAND_FAULTS,
+    'abort',
+    'reset',
+)
+"""All of them; of the orders those that stop a session."""
+assert set(FAULTS) >= set(ORDERS) - {'start'}
+
+
+@dataclass(frozen=True)
+class FaultRow:
+    """
+    One fault at all stages of a session.
+
+    Attributes:
+        fault: its name.
+        stages: names of those with which it has struck.
+        done: whether its sessions came to their end all the same.
+        holder: who had the object at last.
+        broken: what no fault may break and this one did, a line each.
+        lasted_s: how long they took, s.
+
+    """
+
+    fault: str
+    stages: tuple[str, ...]
+    done: bool
+    holder: str
+    broken: tuple[str, ...]
+    lasted_s: float
+
+
+class FaultySession(SessionLoop):
+    """
+    A session in which something fails once one of its stages is on.
+
+    Attributes:
+        fault: what it is, from `strike` on.
+
+    """
+
+    fault = Span('', inf, inf)
+
+    def arm_for(self, scenario: SessionScenario, carried: CarriedObjectOptions) -> None:
+        """
+        Put an arm and a wrist controller in that can fail.
+
+        Args:
+            scenario: what is run.
+            carried: what is handed over.
+
+        """
+        self.arm.close()
+        self.arm = FaultyArm(scenario.robot, carried=carried)
+        self.arm.reset(scenario.q_start)
+        self.wrist_controller = FaultyWristController(scenario.robot, self.wrist_controller.ik)
+
+    def strike(self, fault: str) -> None:
+        """
+        Let something fail from now on, for a while.
+
+        Args:
+            fault: its name, out of `FAULTS`.
+
+        """
+        self.fault = Span(fault, self.time_s, self.time_s + LASTS_S)
+        assert isinstance(self.arm, FaultyArm)
+        assert isinstance(self.wrist_controller, FaultyWristController)
+        self.arm.spans = [self.fault]
+        told = Span(fault.removeprefix(JOINTS), self.fault.from_s, self.fault.until_s)
+        self.wrist_controller.spans = [told]
+        self._of_tracker = tracker_faults(0).get(fault.removeprefix(TRACKER))
+        if fault in ORDERS:
+            getattr(self.controller, fault)()
+
+    def fails(self, fault: str) -> bool:
+        """
+        Tell whether a fault is on.
+
+        Args:
+            fault: its name.
+
+        Returns:
+            Whether.
+
+        """
+        return self.fault.name == fault and self.fault.holds(self.time_s)
+
+    def hands_at(self, now_s: float) -> list[list[HandSample]]:
+        """Give the poses of a period, in s, as the fault leaves them."""
+        hands = super().hands_at(now_s)
+        strikes = self.fault.name.startswith(TRACKER) and self.fault.holds(now_s)
+        if not strikes or self._of_tracker is None:
+            return hands
+        return [self._of_tracker(samples) for samples in hands]
+
+    def feel(self, now_s: float) -> None:
+        """Tell the controller what the wrist feels at a time, in s, as the fault leaves it."""
+        if self.fails('force sensor at zero'):
+            self.controller.set_wrench((0.0, 0.0, 0.0), now_s)
+        elif self.fails('force not finite'):
+            self.controller.set_wrench((nan, 0.0, 0.0), now_s)
+        elif not self.fails('force sensor silent'):
+            super().feel(now_s)
+
+
+def row(scenario: SessionScenario, fault: str) -> FaultRow:
+    """
+    Run the sessions in which a fault strikes at every stage.
+
+    Args:
+        scenario: what is run.
+        fault: its name, out of `FAULTS`.
+
+    Returns:
+        What became of it.
+
+    """
+    names = [name for name, _, _ in STAGES]
+    runs = [_strike(scenario, fault, names[first::2]) for first in (0, 1)]
+    return FaultRow(
+        fault,
+        tuple(name for name in names if any(name in run.stages for run in runs)),
+        all(run.done for run in runs),
+        next((run.holder for run in runs if not run.done), runs[-1].holder),
+        tuple(line for run in runs for line in run.broken),
+        sum(run.lasted_s for run in runs),
+    )
+
+
+def _strike(scenario: SessionScenario, fault: str, stages: Sequence[str]) -> FaultRow:
+    with FaultySession(scenario, carried=scenario.carried) as session:
+        session.arm_for(scenario, scenario.carried)
+        return _run(session, fault, stages)
+
+
+def _run(session: FaultySession, fault: str, wanted: Sequence[str]) -> FaultRow:
+    limit = session.controller.options.acceleration_limit
+    limits, period_s = session.scenario.robot.limits, session.period_s
+    checker = InvariantChecker(limits, period_s, limit, next_states=STATES_OF_SESSIONS)
+    watch, stages, broken = SessionWatch(), StageWatch(), []
+    struck: list[str] = []
+    again_s = stage_since_s = 0.0
+    before = ''
+    session.begin()
+    while session.time_s < MAX_S and session.controller.state is not HandoverState.DONE:
+        now_s = session.time_s
+        stages.see(session.controller.state.value, session.controller.gripper_closed)
+        if stages.stage != before:
+            before, stage_since_s = stages.stage, now_s
+        is_new = (
+            before in wanted and before not in struck and now_s - stage_since_s >= DELAY_S[before]
+        )
+        if is_new and now_s > again_s:
+            struck.append(before)
+            session.strike(fault)
+            again_s = session.fault.until_s + TAKEN_UP_S
+        elif now_s > again_s:
+            _take_up(session)
+        period = session.step()
+        broken += checker.check(period)
+        age_s = period.command.hand_age_s
+        watch.see_wrist(now_s, period.wrist_position.tolist(), session.controller.hand, age_s)
+        watch.see_holder(now_s, session.arm.holder.value)
+    return FaultRow(
+        fault,
+        tuple(struck),
+        session.controller.state is HandoverState.DONE,
+        session.arm.holder.value,
+        (*broken, *watch.broken),
+        session.time_s,
+    )
+
+
+def _take_up(session: FaultySession) -> None:
+    """Tell an arm that has stopped, or a session that was, to go on."""
+    if session.arm.report.state is ArmState.STOPPED:
+        session.arm.resume()
+    begun = session.fault.from_s < inf
+    if begun and session.controller.state in (HandoverState.ABORTED, HandoverState.IDLE):
+        session.controller.start()
+
+
+def run(progress: Callable[[str], None]) -> list[Measurement]:
+    """
+    Let every fault strike at every stage of a session.
+
+    Args:
+        progress: told how far it is.
+
+    Returns:
+        A figure for each fault, and how many broke what none may.
+
+    """
+    progress('making the session')
+    scenario = make_session_scenario()
+    rows: list[FaultRow] = []
+    for fault in FAULTS:
+        progress(f'{len(rows)} of {len(FAULTS)}: {fault}')
+        rows.append(row(scenario, fault))
+    return measured(rows)
+
+
+def measured(rows: Sequence[FaultRow]) -> list[Measurement]:
+    """
+    Make figures of a matrix.
+
+    Args:
+        rows: all of it.
+
+    Returns:
+        How many rows are broken, and for each fault at how many stages it struck.
+
+    """
+    broken = [f'{each.fault}: {line}' for each in rows for line in each.broken]
+    figures = [
+        Measurement(
+            'session faults: what no fault may break',
+            len(broken),
+            'times',
+            target=0.0,
+            note='; '.join(broken[:5]) or f'in {len(rows)} sessions',
+        )
+    ]
+    figures += [
+        Measurement(
+            f'session faults: {each.fault}',
+            len(each.stages),
+            f'of {len(STAGES)} stages',
+            target=float(len(STAGES)),
+            higher_is_better=True,
+            note=f'{"done" if each.done else f"with {each.holder}"} after {each.lasted_s:.1f} s',
+        )
+        for each in rows
+    ]
+    return figures

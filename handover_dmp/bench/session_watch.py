@@ -1,0 +1,129 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What must hold in a session whatever fails: the object is had by somebody, and no hand is chased.
+
+For the matrix of faults and states, in one process and on the graph alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import dist
+
+from handover_dmp.handover.controller import HandoverState
+from handover_dmp.handover.session import Leg
+from handover_dmp.simulation.carried_object import Holder
+
+STAGES = (
+    ('reaching to give', HandoverState.REACHING, Leg.GIVE),
+    ('exchange of the give', HandoverState.EXCHANGE, Leg.GIVE),
+    ('released', HandoverState.RELEASED, Leg.GIVE),
+    ('withdrawing', HandoverState.WITHDRAWING, Leg.GIVE),
+    ('waiting', HandoverState.WAITING, Leg.TAKE),
+    ('reaching to take', HandoverState.REACHING, Leg.TAKE),
+    ('exchange of the take', HandoverState.EXCHANGE, Leg.TAKE),
+    ('withdrawing with it', HandoverState.WITHDRAWING, Leg.TAKE),
+)
+"""Name of each stage of a session, its state, and which of its two handovers is on."""
+STANDS_S = 0.4
+"""After so long without a hand the wrist stands or goes away: the time-out, and braking, s."""
+NEARER_M = 0.005
+"""By how much a wrist that comes to rest may settle towards the place of the hand, m."""
+
+
+class StageWatch:
+    """Tells which stage of a session it is, from the states and the gripper as they come."""
+
+    def __init__(self) -> None:
+        """Begin before the first state."""
+        self._state = ''
+        self._leg = Leg.GIVE
+
+    def see(self, state: str, gripper_closed: bool) -> None:
+        """
+        Take a state.
+
+        Args:
+            state: the present one.
+            gripper_closed: whether the gripper is; who reaches with it open, takes.
+
+        """
+        if state != self._state and state == HandoverState.REACHING.value:
+            self._leg = Leg.GIVE if gripper_closed else Leg.TAKE
+        if state == HandoverState.WAITING.value:
+            self._leg = Leg.TAKE
+        self._state = state
+
+    @property
+    def stage(self) -> str:
+        """Name of the stage that is on; empty where none is."""
+        now = self._state, self._leg
+        return next((name for name, state, leg in STAGES if (state.value, leg) == now), '')
+
+
+class SessionWatch:
+    """
+    Holds a session against what no fault may break.
+
+    Attributes:
+        broken: what was, a line each.
+
+    """
+
+    def __init__(self) -> None:
+        """Begin with nothing seen."""
+        self.broken: list[str] = []
+        self._nearest_m = 0.0
+        self._is_told = False
+
+    def see_wrist(
+        self, time_s: float, wrist: Sequence[float], hand: Sequence[float] | None, age_s: float
+    ) -> None:
+        """
+        Take where the wrist is, and what is known of the hand.
+
+        Args:
+            time_s: s.
+            wrist: (3,), m.
+            hand: (3,), where it was when it was last believed, m; None before that.
+            age_s: how long ago that was, s.
+
+        """
+        if hand is None:
+            return
+        distance = dist(wrist, hand)
+        if age_s < STANDS_S:
+            self._nearest_m, self._is_told = distance, False
+            return
+        nearer_m = self._nearest_m - distance
+        self._nearest_m = max(self._nearest_m, distance)
+        if nearer_m > NEARER_M and not self._is_told:
+            self._is_told = True
+            self.broken.append(
+                f'at {time_s:.3f} s: the wrist is {nearer_m:.3f} m nearer to a hand that is lost'
+            )
+
+    def see_holder(self, time_s: float, holder: str) -> None:
+        """
+        Take who has the object.
+
+        Args:
+            time_s: s.
+            holder: as `object/holder` says it.
+
+        """
+        if holder == Holder.NOBODY.value:
+            self.broken.append(f'at {time_s:.3f} s: the object is dropped')
