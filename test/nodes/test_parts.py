@@ -129,9 +129,11 @@ def place_of(message: PoseStamped) -> np.ndarray:
 
 @pytest.mark.parametrize('robot', ['iiwa14', 'ur5'])
 def test_priority_ik_follows_poses_alone_on_any_robot(tmp_path: Path, robot: str) -> None:
-    arm = {'robot': robot}
+    # a busy machine that keeps one of the three waiting is not to stop the arm
+    arm = {'robot': robot, 'command_timeout_s': 2.0}
+    ik = {**arm, 'joint_state_timeout_s': 2.0}
     with nodes(
-        tmp_path, {'robot_sim': arm, 'priority_ik': arm}, 'robot_sim', 'priority_ik'
+        tmp_path, {'robot_sim': arm, 'priority_ik': ik}, 'robot_sim', 'priority_ik'
     ) as graph:
         hearing = Hearing(graph, WRIST_POSE, DIAGNOSTICS)
         command = hearing.publisher(POSE_COMMAND)

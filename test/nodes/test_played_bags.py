@@ -16,12 +16,15 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 import subprocess
 import sys
+import time
 from typing import Any
 
 from handover_dmp.handover.scenario import Scenario
+from handover_dmp.mocap.trial import HandoverTrial
 from handover_dmp.mocap.trial_bag import write_trial_bag
 from handover_dmp.nodes.graph import Graph
 from handover_dmp.topics import HAND_POSE, SIGNAL
@@ -30,43 +33,61 @@ import pytest
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(300)]
 
 NODES = ('recorder', 'dmp', 'priority_ik', 'robot_sim')
+ONE = ['idle', 'reaching', 'exchange', 'done']
+LATE_S = 15.0
 PLAYER = Path(__file__).with_name('play_bag.py')
 
 
-def states_while_played(graph: Graph, bag: Path, *words: str) -> list[str]:
-    """Play a bag to its end, and return the states of the handover on the way."""
+def states_while_played(graph: Graph, bag: Path, wanted: list[str], *words: str) -> list[str]:
+    """Play a bag to its end, and return the states of the handover that there were until then."""
     command = [sys.executable, str(PLAYER), str(bag), *words]
     # dmp twice and the recorder hear the signal; the recorder, dmp and priority_ik the hand
     command += ['--heard', HAND_POSE.name, '3', '--heard', SIGNAL.name, '3']
     seen: list[str] = []
     with subprocess.Popen(command) as player:
-        while player.poll() is None:
+        end_s = math.inf
+        # the nodes of a busy machine may be late
+        while player.poll() is None or (seen != wanted and time.monotonic() < end_s):
             graph.spin(0.02)
-            if [graph.state] != seen[-1:]:
+            if graph.state and [graph.state] != seen[-1:]:
                 seen.append(graph.state)
+            if player.poll() is not None:
+                end_s = min(end_s, time.monotonic() + LATE_S)
     assert player.returncode == 0
     return seen
+
+
+def check_states(
+    prepare: Any,
+    trial: HandoverTrial,
+    tmp_path: Path,
+    wanted: list[str],
+    *words: str,
+    **changes: Any,
+) -> None:
+    """Play a trial to four nodes; again where a machine that stood still has stopped the arm."""
+    write_trial_bag(trial, tmp_path / 'trial')
+    said = []
+    for number in range(3):
+        recorder = {**changes.get('recorder', {}), 'folder': str(tmp_path / f'bag_{number}')}
+        folder, parameters = prepare(lockstep=False, **{**changes, 'recorder': recorder})
+        with Graph(folder, parameters, lockstep=False, nodes=NODES) as graph:
+            said.append(states_while_played(graph, tmp_path / 'trial', wanted, *words))
+        if said[-1] == wanted:
+            return
+    pytest.fail(f'said {said}')
 
 
 def test_on_a_played_clock_the_object_changes_hands(
     prepare: Any, scenario: Scenario, tmp_path: Path
 ) -> None:
     """At the rate of rosbag2: two of its jumps are as long as a command may be old."""
-    write_trial_bag(scenario.trial, tmp_path / 'trial')
     on_it = {name: {'use_sim_time': True} for name in NODES}
-    folder, parameters = prepare(lockstep=False, **on_it)
-    with Graph(folder, parameters, lockstep=False, nodes=NODES) as graph:
-        said = states_while_played(graph, tmp_path / 'trial', '--clock', '40')
-    assert said[-3:] == ['reaching', 'exchange', 'done']
+    check_states(prepare, scenario.trial, tmp_path, ONE, '--clock', '40', **on_it)
 
 
 def test_a_bag_in_a_loop_gives_one_handover_a_loop(
     prepare: Any, scenario: Scenario, tmp_path: Path
 ) -> None:
-    write_trial_bag(scenario.trial, tmp_path / 'trial')
     arrival = {name: {'hand_stamps': 'arrival'} for name in ('dmp', 'priority_ik')}
-    folder, parameters = prepare(lockstep=False, **arrival)
-    with Graph(folder, parameters, lockstep=False, nodes=NODES) as graph:
-        said = states_while_played(graph, tmp_path / 'trial', '--loops', '2')
-    one = ['idle', 'reaching', 'exchange', 'done']
-    assert [state for state in said if state] == [*one, *one]
+    check_states(prepare, scenario.trial, tmp_path, [*ONE, *ONE], '--loops', '2', **arrival)
