@@ -39,6 +39,11 @@ DOMAINS = 100
 # Each of these has all five nodes keep pace with the wall clock. Two at once would be too much for
 # two processors; graphs in lockstep wait for whatever else is run.
 ON_THE_WALL_CLOCK = ('test_graph', 'test_interfaces')
+# These take longest, and begin first: in the end no process is to wait for another.
+LONGEST = (
+    *ON_THE_WALL_CLOCK, 'test_faults_graph', 'test_commands', 'test_demo', 'test_packaging',
+    'test_calibration_motion_node',
+)  # fmt: skip
 
 
 def pytest_configure() -> None:
@@ -46,6 +51,11 @@ def pytest_configure() -> None:
     worker = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw'))
     first = int(os.environ.get('ROS_DOMAIN_ID') or os.getpid())
     os.environ['ROS_DOMAIN_ID'] = str((first - 1 + 2 * worker) % DOMAINS + 1)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the longest files first."""
+    items.sort(key=lambda item: item.path.stem not in LONGEST)
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -62,6 +72,8 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
             file = nodeid.partition('::')[0]
             return 'wall clock' if Path(file).stem in ON_THE_WALL_CLOCK else file
 
+    # else those with the most tests would come first
+    config.option.loadscopereorder = False
     return ByFile(config, log)
 
 

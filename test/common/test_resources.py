@@ -46,7 +46,7 @@ def test_names_of_nested_parameters_are_joined_by_dots() -> None:
 def test_a_setting_is_the_default_of_a_dataclass_field() -> None:
     @dataclass(frozen=True)
     class Options:
-        stiffness: Any = setting('dmp', 'stiffness')
+        stiffness: Any = setting('dmp', 'stiffness', 'a stiffness, N/m')
 
     assert Options().stiffness == defaults('dmp')['stiffness']
     assert Options(stiffness=1.0).stiffness == 1.0
