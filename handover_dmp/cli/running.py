@@ -271,6 +271,14 @@ def _show(report: dict[str, Any], folder: Path) -> int:
         ('lag behind the moving hand', moving or 'the hand was still'),
         ('peak speed of the wrist', _quantity(report['wrist_peak_speed_m_s'], 'm/s')),
         ('distance to the person (RMS)', _quantity(report['to_human']['rms_m'], 'mm', 1e3)),
+        *(
+            (name, _quantity(report[key], 'deg'))
+            for name, key in (
+                (f'tilt of the {report["object"]}', 'object_tilt_max_deg'),
+                (f'handle of the {report["object"]} off the hand', 'handle_angle_deg'),
+            )
+            if report[key] is not None
+        ),
         ('joint limits', f'{"kept" if limits["met"] else "NOT KEPT"} (used: {held})'),
     ):
         table.add_row(name, value)

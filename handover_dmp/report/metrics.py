@@ -20,6 +20,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from handover_dmp.common.arrays import Array
+from handover_dmp.common.quaternions import to_matrix
 from handover_dmp.report.motion import bell_of, RATE_HZ, resample, velocity
 from handover_dmp.report.recorded_run import RecordedLimits, RunRecord
 from handover_dmp.topics import DIAGNOSTICS, HAND_TRUTH
@@ -36,6 +37,8 @@ LARGEST_LAG_ERROR_S = 0.01
 DECAYS = np.geomspace(3.0, 60.0, 60)
 # a hundredth of a millimetre is less than any tracker or arm can tell
 RESOLUTION_M = 1e-5
+UNIT_NORM = 1e-3
+"""By how much a quaternion may differ from norm 1."""
 # what comes less often is no stream
 MIN_RATE_SAMPLES = 10
 # of the limits: measured joint states carry the noise of the simulator or of the encoders
@@ -67,6 +70,7 @@ def measure(run: RunRecord) -> Numbers:
         **_durations(run),
         **_exchange(run),
         **_against_demonstration(run),
+        **_carried(run),
         **_speeds(run),
         'lag': lag_behind_hand(run),
         'arm_lag': lag_behind_command(run),
@@ -398,6 +402,39 @@ def _against_demonstration(run: RunRecord) -> Numbers:
         'hand_distance_share': float(distance[met] / learnt) if learnt else None,
         'beyond_goal_max_m': float(((wrist - goals) * line).sum(axis=1).max()),
     }
+
+
+def _carried(run: RunRecord) -> Numbers:
+    """
+    Tell how what is carried was held, as far as that matters for it.
+
+    What is to stay upright: the most that it was tilted, deg, against how the run began, from the
+    start of the reach on. What is to point at the hand: by how much it did not when the exchange
+    began, deg.
+    """
+    known = run.info.get('object')
+    found: Numbers = {
+        'object': known.get('name') if isinstance(known, dict) else None,
+        'object_tilt_max_deg': None,
+        'handle_angle_deg': None,
+    }
+    task, begin, span = run.info.get('orientation'), run.reaching_time_s, run.exchange_span_s
+    norms = np.linalg.norm(run.wrist_quaternions, axis=1)
+    if begin is None or not (np.abs(norms - 1.0) < UNIT_NORM).all():
+        return found
+    if task in ('upright', 'level'):
+        first = to_matrix(run.wrist_quaternions[0]).T[:, 2]
+        reach = run.wrist_quaternions[run.wrist_times >= begin]
+        heights = [(to_matrix(turn) @ first)[2] for turn in reach.tolist()]
+        found['object_tilt_max_deg'] = float(np.degrees(np.arccos(min(1.0, min(heights)))))
+    elif task == 'point' and span is not None:
+        at = int(np.searchsorted(run.wrist_times, span[0]).clip(0, len(norms) - 1))
+        hand = resample(run.hand_times, run.hand_positions, run.wrist_times[[at]])
+        way = hand[0] - run.wrist_positions[at]
+        axis = to_matrix(run.wrist_quaternions[at])[:, 2]
+        cosine = float(axis @ way) / max(float(np.linalg.norm(way)), RESOLUTION_M)
+        found['handle_angle_deg'] = float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+    return found
 
 
 def _speeds(run: RunRecord) -> Numbers:

@@ -139,7 +139,8 @@ class RunRecord:
         demonstrator_times: (b,) s, and
         demonstrator_positions: (b, 3) m, where the person was whose place the robot takes.
         wrist_times: (c,) s, and
-        wrist_positions: (c, 3) m, the robot's wrist as measured.
+        wrist_positions: (c, 3) m, the robot's wrist as measured, and
+        wrist_quaternions: (c, 4) x, y, z, w, how it is turned.
         command_times: (d,) s, and
         command_positions: (d, 3) m, where the wrist was to be.
         twist_times: (e,) s, and
@@ -187,6 +188,7 @@ class RunRecord:
     demonstrator_positions: Array
     wrist_times: Array
     wrist_positions: Array
+    wrist_quaternions: Array
     command_times: Array
     command_positions: Array
     twist_times: Array
@@ -342,7 +344,7 @@ def _collect(path: Path, namespace: str, trackers: Sequence[Topic]) -> _Samples:
         HAND_TRUTH.name: _position,
         HAND_FUSED.name: lambda message: _xyz(message.pose.pose.position),
         DEMONSTRATOR_POSE.name: _position,
-        WRIST_POSE.name: _position,
+        WRIST_POSE.name: lambda message: (*_position(message), *_xyzw(message)),
         POSE_COMMAND.name: _position,
         TWIST_COMMAND.name: lambda message: _xyz(message.twist.linear),
         JOINT_STATES.name: lambda message: (
@@ -429,7 +431,7 @@ def _assemble(
     hand_times, hand = track(hand_topic.name, 3)
     fused_times, fused = track(HAND_FUSED.name, 3)
     demonstrator_times, demonstrator = track(DEMONSTRATOR_POSE.name, 3)
-    wrist_times, wrist = track(WRIST_POSE.name, 3)
+    wrist_times, wrist = track(WRIST_POSE.name, 7)
     command_times, command = track(POSE_COMMAND.name, 3)
     twist_times, twist = track(TWIST_COMMAND.name, 3)
     wrench_times, wrench = track(WRIST_WRENCH.name, 3)
@@ -459,7 +461,8 @@ def _assemble(
         demonstrator_times=demonstrator_times,
         demonstrator_positions=demonstrator,
         wrist_times=wrist_times,
-        wrist_positions=wrist,
+        wrist_positions=wrist[:, :3],
+        wrist_quaternions=wrist[:, 3:],
         command_times=command_times,
         command_positions=command,
         twist_times=twist_times,
@@ -631,6 +634,11 @@ def _diagnostics(samples: _Samples, stamps: dict[str, Array]) -> list[NodeStatus
 
 def _nanoseconds(stamp: Any) -> int:
     return int(stamp.sec) * 10**9 + int(stamp.nanosec)
+
+
+def _xyzw(message: Any) -> tuple[float, float, float, float]:
+    turn = message.pose.orientation
+    return (turn.x, turn.y, turn.z, turn.w)
 
 
 def _xyz(vector: Any) -> tuple[float, float, float]:

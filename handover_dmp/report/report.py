@@ -189,6 +189,7 @@ def _summary(report: Numbers) -> Table:
             _number(report['beyond_goal_max_m'], 1e3, 'mm', 1),
             'along the line from where it started; negative: never there',
         ),
+        *_carried_rows(report),
         (
             'lag behind the moving hand',
             _number(lag['time_ms'], 1, 'ms', 1),
@@ -233,6 +234,26 @@ def _summary(report: Numbers) -> Table:
         ),
     ]
     return Table((), tuple(rows))
+
+
+def _carried_rows(report: Numbers) -> list[tuple[str, str, str]]:
+    rows = (
+        (
+            'object_tilt_max_deg',
+            f'tilt of the {report["object"]}, at the most',
+            'against how the run began',
+        ),
+        (
+            'handle_angle_deg',
+            f'handle of the {report["object"]} off the hand',
+            'when the exchange began',
+        ),
+    )
+    return [
+        (name, _number(report[key], 1, 'deg', 2), remark)
+        for key, name, remark in rows
+        if report[key] is not None
+    ]
 
 
 def _trackers(report: Numbers) -> Table:
@@ -307,6 +328,8 @@ def _about(about: Numbers) -> Table:
         'number': 'number',
         'learnt_from': 'learnt from',
         'goal_offset_m': 'goal minus hand, m',
+        'object': 'object',
+        'orientation': 'orientation task',
         'seed': 'seed',
         'scale': 'scale of the motion',
         'robot': 'robot',
@@ -391,6 +414,8 @@ def _yes(value: bool | None, yes: str, no: str) -> str:
 
 
 def _text(value: Any) -> str:
+    if isinstance(value, dict):
+        return str(value.get('name', ''))
     if isinstance(value, list):
         return ', '.join(_text(one) for one in value)
     return f'{value:.4g}' if isinstance(value, float) else str(value)

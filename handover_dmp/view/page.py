@@ -38,7 +38,6 @@ from handover_dmp.view.drawn_robot import drawn_description
 from handover_dmp.view.scene import (
     FIELD_OF_VIEW_DEG,
     HAND_COLOUR,
-    OBJECT_COLOUR,
     PEDESTAL_COLOUR,
     tube,
     WRIST_COLOUR,
@@ -233,10 +232,11 @@ class _Drawing:
             node = self._root[f'person/{index}']
             node.set_object(self._surface(part), self._material(part.colour))
         node = self._root['object']
-        node.set_object(
-            _cylinder(scene.options.object_radius_m, scene.object_length_m),
-            self._material(OBJECT_COLOUR),
-        )
+        for index, part in enumerate(scene.object_parts):
+            round_one = _cylinder(part.size[0] / 2, part.size[2]) if part.round else None
+            shape = round_one or self._geometry.Box(list(part.size))
+            node[str(index)].set_object(shape, self._material(part.colour))
+            node[str(index)].set_transform(_pose(np.array(part.middle), NO_TURN))
         person: list[list[tuple[Array, Array]]] = [[] for _ in figure.parts]
         rod = []
         for time_s in self._times:

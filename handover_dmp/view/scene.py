@@ -36,6 +36,7 @@ from handover_dmp.simulation.partner_figure import FigureBodies, PartnerFigure
 from handover_dmp.simulation.stances import LYING, Stance, UPRIGHT
 from handover_dmp.simulation.world import joint_numbers, load_robot
 from handover_dmp.view.camera_image import camera_image
+from handover_dmp.view.carried_look import look_of
 from handover_dmp.view.drawn_robot import drawn_description
 from handover_dmp.view.primitives import refine, write_unit_cylinder, write_unit_sphere
 from handover_dmp.view.surroundings import Piece, Surroundings
@@ -49,7 +50,6 @@ Colour = tuple[float, float, float]
 
 HAND_COLOUR: Colour = (1.00, 0.16, 0.18)
 WRIST_COLOUR: Colour = (0.12, 0.48, 1.00)
-OBJECT_COLOUR: Colour = (0.98, 0.80, 0.15)
 PEDESTAL_COLOUR: Colour = (0.30, 0.31, 0.33)
 FLOOR_COLOUR = np.array([0.87, 0.88, 0.89])
 SKY_TOP = np.array([0.80, 0.86, 0.92])
@@ -185,6 +185,7 @@ class Scene(Closing):
         floor_height_m: float | None = None,
         stance: Stance = UPRIGHT,
         surroundings: Surroundings | None = None,
+        carried: object = None,
         options: SceneOptions | None = None,
     ) -> None:
         """
@@ -202,6 +203,7 @@ class Scene(Closing):
             floor_height_m: z of the floor; None: chosen to suit the human figure.
             stance: how the person is.
             surroundings: what is around the person; None: nothing.
+            carried: what the run says of the object, see `look_of`; a rod where it says nothing.
             options: what the pictures look like.
 
         Raises:
@@ -213,6 +215,7 @@ class Scene(Closing):
             if len(array) != len(times) or not np.all(np.isfinite(array)):
                 raise DataError(f'no scene of it: {name}: not {len(times)} rows of finite numbers')
         self.options = options or SceneOptions()
+        self._look = look_of(carried, self.options.object_radius_m)
         self.model = model
         self.times = np.asarray(times, dtype=float)
         self.exchange_time_s = np.inf if exchange_time_s is None else exchange_time_s
@@ -335,23 +338,28 @@ class Scene(Closing):
 
     def _plan_grasp(self) -> None:
         """
-        Make the object, a rod, and say how each partner holds it.
+        Make the object, and say how each partner holds it.
 
         At the exchange it lies between the robot's flange and the palm of the hand, in the hold of
         both. Before, it moves as one with the giver; after, with the receiver. Without an
         exchange the giver points it at the other at the end. Where it goes back, the one who has
         it turns it in the meantime, so that it lies between the two once more.
         """
-        self.object_length_m = float(
-            np.clip(self._between(self.exchange_time_s)[2], *self.options.object_length_m)
+        gap = self._between(self.exchange_time_s)[2]
+        self.object_length_m = self._look.length_m or float(
+            np.clip(gap, *self.options.object_length_m)
         )
         self._grasp = self._grasp_at(self.exchange_time_s, self._robot_gives)
         self._grasp_back = self._grasp
         if np.isfinite(self.back_time_s):
             self._grasp_back = self._grasp_at(self.back_time_s, not self._robot_gives)
-        self._object = self._cylinder_body(
-            self.options.object_radius_m, self.object_length_m, OBJECT_COLOUR
-        )
+        self.object_parts = self._look.parts_of(self.object_length_m)
+        self._object = [
+            self._cylinder_body(part.size[0] / 2, part.size[2], part.colour)
+            if part.round
+            else self._box_body(part.size, part.colour)
+            for part in self.object_parts
+        ]
 
     def _between(self, time_s: float) -> tuple[_Pose, _Pose, float, Array]:
         """Give flange and hand at a time, and gap and direction from flange to palm."""
@@ -366,7 +374,14 @@ class Scene(Closing):
         flange, hand, gap, along = self._between(time_s)
         half = 0.5 * self.object_length_m
         middle = flange.position + along * (half if robot_gives else gap - half)
-        turn, _ = Rotation.align_vectors([along], [[0.0, 0.0, 1.0]])
+        # its z axis, where a handle is, to whoever takes it
+        taken = along if robot_gives or self._look.length_m is None else -along
+        turn, _ = Rotation.align_vectors([taken], [[0.0, 0.0, 1.0]])
+        if self._look.stands:
+            away = flange.position - self.model.base.position
+            turn = Rotation.from_euler('z', np.arctan2(away[1], away[0]))
+            deep = turn.apply([0.5 * self._look.depth_m, 0.0, 0.0])
+            middle = flange.position + (deep if self._look.depth_m else 0.5 * gap * along)
         met_at = _Pose(middle, turn.as_matrix())
         return _Grasp(flange.inverse() @ met_at, hand.inverse() @ met_at)
 
@@ -409,12 +424,12 @@ class Scene(Closing):
         )
         hand = _Pose(posture.hand_position, posture.hand_rotation)
         pose = self._object_at(time_s, self._flange_pose(time_s), hand)
-        pybullet.resetBasePositionAndOrientation(
-            self._object,
-            pose.position,
-            Rotation.from_matrix(pose.rotation).as_quat(),
-            physicsClientId=self._client,
-        )
+        turn = Rotation.from_matrix(pose.rotation).as_quat()
+        for body, part in zip(self._object, self.object_parts, strict=True):
+            place = pose.position + pose.rotation @ np.array(part.middle)
+            pybullet.resetBasePositionAndOrientation(
+                body, place, turn, physicsClientId=self._client
+            )
         self._draw_trails(time_s)
 
     def _object_at(self, time_s: float, flange: _Pose, hand: _Pose) -> _Pose:
@@ -431,7 +446,7 @@ class Scene(Closing):
     def object_pose(self) -> tuple[Array, Array]:
         """Where the object is shown now: position, (3,), m, and quaternion x, y, z, w."""
         position, orientation = pybullet.getBasePositionAndOrientation(
-            self._object, physicsClientId=self._client
+            self._object[0], physicsClientId=self._client
         )
         return np.array(position), np.array(orientation)
 

@@ -137,6 +137,7 @@ def set_up(
         back_time_s=back_s,
         stance=stance_of(configuration),
         surroundings=SURROUNDINGS.get(configuration),
+        carried=record.info.get('object'),
     ) as scene:
         yield Stage(record, model, scene, hand, wrist)
 
