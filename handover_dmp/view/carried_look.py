@@ -105,7 +105,7 @@ def look_of(told: Any, radius_m: float) -> CarriedLook:
     if shape == 'cup' and size is not None:
         width, _, height = size
         grip = (0.015, 0.012, 0.6 * height)
-        parts = (
+        parts: tuple[ObjectPart, ...] = (
             ObjectPart((0.0, 0.0, 0.0), size, colour, round=True),
             ObjectPart((0.0, 0.5 * width + 0.025, 0.0), grip, colour),
             ObjectPart((0.0, 0.5 * width + 0.012, 0.25 * height), (0.015, 0.03, 0.012), colour),

@@ -232,11 +232,11 @@ class _Drawing:
             node = self._root[f'person/{index}']
             node.set_object(self._surface(part), self._material(part.colour))
         node = self._root['object']
-        for index, part in enumerate(scene.object_parts):
-            round_one = _cylinder(part.size[0] / 2, part.size[2]) if part.round else None
-            shape = round_one or self._geometry.Box(list(part.size))
-            node[str(index)].set_object(shape, self._material(part.colour))
-            node[str(index)].set_transform(_pose(np.array(part.middle), NO_TURN))
+        for index, piece in enumerate(scene.object_parts):
+            round_one = _cylinder(piece.size[0] / 2, piece.size[2]) if piece.round else None
+            shape = round_one or self._geometry.Box(list(piece.size))
+            node[str(index)].set_object(shape, self._material(piece.colour))
+            node[str(index)].set_transform(_pose(np.array(piece.middle), NO_TURN))
         person: list[list[tuple[Array, Array]]] = [[] for _ in figure.parts]
         rod = []
         for time_s in self._times:
