@@ -14,6 +14,8 @@
 
 from __future__ import annotations
 
+import math
+
 from handover_dmp.mocap.data_set import read_data_set
 from handover_dmp.mocap.filtering import condition
 from handover_dmp.robot.collision import CollisionModel
@@ -73,9 +75,10 @@ def test_the_arm_follows_from_where_it_is_put(robot, length):
 )
 def test_an_arm_is_put_where_its_own_body_leaves_it_room(file, wrist, base, length):
     path = arc(length)
-    arm = RobotModel.load(
-        example_robot_data_folder() / 'robots' / file, wrist_frame=wrist, base_frame=base
-    )
+    description = example_robot_data_folder() / 'robots' / file
+    if not description.is_file():
+        pytest.skip('an older example-robot-data, without this robot')
+    arm = RobotModel.load(description, wrist_frame=wrist, base_frame=base)
     placed = arm.placed(choose_base_placement(path, arm))
     ik, bodies = PriorityIk(placed), CollisionModel.of(placed)
     posture, velocity = placed.inverse(path[0]), np.zeros(placed.dof)
@@ -128,7 +131,8 @@ def test_turns_and_moves_with_the_way(lwr4):
     np.testing.assert_allclose(
         there.position, turn @ np.array(here.position) + [1.0, 2.0, 3.0], atol=1e-6
     )
-    assert (there.yaw - here.yaw - np.pi / 2) % (2 * np.pi) == pytest.approx(0.0, abs=1e-6)
+    turned = math.remainder(there.yaw - here.yaw - np.pi / 2, 2 * np.pi)
+    assert turned == pytest.approx(0.0, abs=1e-6)
 
 
 def test_names_what_is_missing(lwr4):
