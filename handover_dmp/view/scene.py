@@ -66,6 +66,8 @@ PALM_M = 0.09  # from the wrist along the fingers
 TRAIL_RADIUS_M = 0.008
 OUT_OF_SIGHT = (0.0, 0.0, -1000.0)
 SHADOW_PIXELS = 256
+SHADOW_M, WIDE_SHADOW_M = 1.6, 2.6
+"""Half the side of the square in which there are shadows, alone and with something around."""
 SHADOW_BLUR_M = 0.035
 
 
@@ -591,7 +593,9 @@ class Scene(Closing):
         """
         backdrop = self._backdrops.get((width, height))
         if backdrop is None:
-            backdrop = _Backdrop(self.camera(width, height), self._centre(), self.floor_height_m)
+            half_m = WIDE_SHADOW_M if self._pieces else SHADOW_M
+            camera = self.camera(width, height)
+            backdrop = _Backdrop(camera, self._centre(), self.floor_height_m, half_m)
             self._backdrops[width, height] = backdrop
         self.show(time_s)
         behind = backdrop.draw(self._shadow(backdrop))
@@ -726,10 +730,12 @@ class _Grasp:
 class _Backdrop:
     """Floor and sky as one camera sees them."""
 
-    def __init__(self, camera: Camera, centre: Array, floor_height_m: float) -> None:
+    def __init__(
+        self, camera: Camera, centre: Array, floor_height_m: float, shadow_half_m: float
+    ) -> None:
         self.camera = camera
         self.centre = centre
-        self.shadow_half_m = 1.6
+        self.shadow_half_m = shadow_half_m
         rays = camera.rays()
         upward = rays[..., 2] / np.linalg.norm(rays, axis=2)
         sky = (

@@ -54,6 +54,7 @@ def test_a_trial_is_no_session(tmp_path: Path, capsys: pytest.CaptureFixture[str
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1800)  # on a machine that does much else
 def test_a_whole_session_without_ros(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['synthesize', '--sessions', '-o', str(tmp_path / 'made'), '--trials', '1']) == 0
     recorded, run = tmp_path / 'made' / 'under_car_1.csv', tmp_path / 'run'
