@@ -68,7 +68,7 @@ SLOW_MOTION = 0.1
 # These take a quarter of a minute and more each.
 MINUTES = (
     ' bench', ' tune ', ' render runs', ' evaluate ', '--robot panda', ' demo --tr',
-    ' tracker.yaml', ' simulate --robot',
+    ' tracker.yaml', ' simulate --robot', ' demo --session',
 )  # fmt: skip
 
 
