@@ -224,6 +224,8 @@ def _run(session: FaultySession, fault: str, wanted: Sequence[str]) -> FaultRow:
         age_s = period.command.hand_age_s
         watch.see_wrist(now_s, period.wrist_position.tolist(), session.controller.hand, age_s)
         watch.see_holder(now_s, session.arm.holder.value)
+        if watch.is_dropped:
+            break
     return FaultRow(
         fault,
         tuple(struck),

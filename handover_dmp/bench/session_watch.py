@@ -80,12 +80,14 @@ class SessionWatch:
 
     Attributes:
         broken: what was, a line each.
+        is_dropped: whether nobody has the object.
 
     """
 
     def __init__(self) -> None:
         """Begin with nothing seen."""
         self.broken: list[str] = []
+        self.is_dropped = False
         self._nearest_m = 0.0
         self._is_told = False
 
@@ -125,5 +127,7 @@ class SessionWatch:
             holder: as `object/holder` says it.
 
         """
-        if holder == Holder.NOBODY.value:
+        dropped = holder == Holder.NOBODY.value
+        if dropped and not self.is_dropped:
             self.broken.append(f'at {time_s:.3f} s: the object is dropped')
+        self.is_dropped = dropped

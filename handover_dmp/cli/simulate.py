@@ -82,12 +82,12 @@ def _conduct_session(
     from handover_dmp.simulation.carried_object import CarriedObjectOptions
     from handover_dmp.topics import HAND_POSE
 
-    mass_kg = float(info['object_mass_kg'])
+    mass_kg, offset = float(info['object_mass_kg']), scenario.models.give.goal_offset
     periods = simulate_session(
         scenario,
         lambda share: tell('giving and taking back', 0.6 * share),
         trackers,
-        CarriedObjectOptions(mass_kg=mass_kg) if mass_kg else None,
+        CarriedObjectOptions.between(offset, mass_kg) if mass_kg else None,
     )
     topics = [one.absolute_topic for one in trackers] or [HAND_POSE.name]
     write_session_bag(folder / 'bag', scenario, periods, info, topics)

@@ -26,6 +26,7 @@ from handover_dmp.handover.scenario import Scenario
 from handover_dmp.handover.session_lockstep import MAX_WAIT_S
 from handover_dmp.handover.session_scenario import SessionScenario
 from handover_dmp.nodes.graph import Graph
+from handover_dmp.simulation.carried_object import CarriedObjectOptions
 from handover_dmp.tracking.tracker_preset import SENSOR, TrackerPreset
 
 
@@ -179,7 +180,9 @@ def session_parameters(
         'session.enabled': True,
         'session.take_model': str(folder / 'take_model.json'),
     }
-    parameters['robot_sim']['object.mass_kg'] = float(info['object_mass_kg'])
+    mass_kg = float(info['object_mass_kg'])
+    carried = CarriedObjectOptions.between(scenario.models.give.goal_offset, mass_kg)
+    parameters['robot_sim'] |= carried.parameters
     return parameters
 
 
