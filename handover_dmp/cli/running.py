@@ -31,7 +31,7 @@ from handover_dmp.common.errors import UsageError
 Tell = Callable[[str, float], None]
 RunGraph = Callable[[Path, Any, dict[str, Any], Tell, list[Any]], None]
 TOOL = 'rod'
-"""What is carried where nobody says it, and in every session."""
+"""What is carried where nobody says it."""
 HEAVIEST_KG = 7.0
 """What the arm can carry, kg."""
 
@@ -165,15 +165,12 @@ def _run_session(
     )
     from handover_dmp.tracking.tracker_preset import read_trackers
 
-    mass_kg = object_profile(TOOL).mass_kg if options.mass is None else options.mass
+    profile = object_profile(options.object)
+    mass_kg = profile.mass_kg if options.mass is None else options.mass
     if not 0.0 <= mass_kg <= HEAVIEST_KG:
         raise UsageError(f'--mass {mass_kg:g} is not between 0 and {HEAVIEST_KG:g} kg')
     if options.scale != 1.0:
         raise UsageError('--scale is for one handover, not for a --session')
-    if options.object != TOOL:
-        raise UsageError(
-            f'--object {options.object} is for one handover: of a session it is a rod'
-        )
     trackers = read_trackers(options.tracker or (), options.seed)
     with progress_bar() as bar:
         task = bar.add_task('placing the arm', total=1.0)
@@ -188,6 +185,7 @@ def _run_session(
             arm=chosen_arm(options),
             seed=options.seed,
             partner_model=options.partner_model,
+            profile=profile,
         )
         _remark(bar, scenario.robot)
         folder = new_run_folder(options.output, 'session', scenario.session.configuration)

@@ -183,6 +183,8 @@ def session_parameters(
     mass_kg = float(info['object_mass_kg'])
     carried = CarriedObjectOptions.between(scenario.models.give.goal_offset, mass_kg)
     parameters['robot_sim'] |= carried.parameters
+    for node, values in scenario.profile.node_parameters(scenario.models.give).items():
+        parameters[node] |= values
     return parameters
 
 

@@ -142,6 +142,8 @@ def session_info(
         'configuration': session.configuration,
         'exchange': 'session',
         'number': session.number,
+        'object': scenario.profile.as_dict(),
+        'orientation': scenario.orientation,
         'object_mass_kg': mass_kg,
         'release': {'share': release.share, 'pull_n': release.pull_n},
         'goal_offset_m': list(models.give.goal_offset),
