@@ -46,6 +46,8 @@ from handover_dmp.robot.velocity_driver import ArmState
 from handover_dmp.simulation.carried_object import CarriedObjectOptions
 from handover_dmp.tracking.playback import HandSample
 
+MASS_KG = 0.8
+"""Of the object, kg."""
 LASTS_S = 0.6
 """How long a fault lasts, s."""
 TAKEN_UP_S = 0.3
@@ -191,8 +193,9 @@ def row(scenario: SessionScenario, fault: str) -> FaultRow:
 
 
 def _strike(scenario: SessionScenario, fault: str, stages: Sequence[str]) -> FaultRow:
-    with FaultySession(scenario, carried=scenario.carried) as session:
-        session.arm_for(scenario, scenario.carried)
+    carried = CarriedObjectOptions.between(scenario.models.give.goal_offset, MASS_KG)
+    with FaultySession(scenario, carried=carried) as session:
+        session.arm_for(scenario, carried)
         return _run(session, fault, stages)
 
 
