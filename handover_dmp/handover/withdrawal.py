@@ -46,7 +46,8 @@ SEGMENT_M = 0.02
 """Length of a segment of a way; its corners are as round."""
 MIN_SEGMENTS = 4
 CHECKED = 101
-"""Places at which the speed and the acceleration of a way are checked."""
+CHECKED_OF_SEGMENT = 4
+"""Places at which the speed and the acceleration of a way are checked, at least."""
 WAY_SHARE = 0.25
 """Of the acceleration limit, for walking a way at its full pace."""
 PAUSE_SHARE = 0.5
@@ -215,7 +216,8 @@ class Way:
         self._nodes = [before, *nodes, after]
         self._segments = len(nodes) - 1
         self.duration_s = duration_s or 1.0
-        motions = [self.at(self.duration_s * k / (CHECKED - 1)) for k in range(CHECKED)]
+        checked = max(CHECKED, CHECKED_OF_SEGMENT * self._segments)
+        motions = [self.at(self.duration_s * k / (checked - 1)) for k in range(checked)]
         self.duration_s *= max(
             max(hypot(*motion.velocity) for motion in motions) / speed,
             sqrt(max(hypot(*motion.acceleration) for motion in motions) / acceleration),
