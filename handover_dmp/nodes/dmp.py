@@ -495,6 +495,9 @@ class Dmp(HandoverNode):
             return
         if self._controller.state in MOVING:
             self._fault('time jumped, or this node stalled: aborted')
+            self.get_logger().warning(
+                f'{arrival_s - last_s:.2f} s between two periods of a motion: aborted'
+            )
         elif not (woken and self._controller.state is HandoverState.ABORTED):
             return
         if woken:

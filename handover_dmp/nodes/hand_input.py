@@ -128,7 +128,8 @@ class HandInputs:
         """
         values = self._node.values
         for name in self._names:
-            age_s = (tick_ns - self._newest_ns.get(name, -NANOSECONDS)) / NANOSECONDS
+            # of one that was not heard yet, the first poses after the start of time are missing
+            age_s = (tick_ns - self._newest_ns.get(name, 0)) / NANOSECONDS
             age_s -= values[f'{name}.latency_s']
             period_s = 1.0 / values[f'{name}.rate_hz']
             if period_s - ROUNDING_S <= age_s < max(timeout_s, PATIENCE_PERIODS * period_s):

@@ -95,12 +95,15 @@ class HandoverNode(Node):  # type: ignore[misc]
         """
         self.get_logger().info(text)
 
-    def warn_when_in_vain(self, missing: Callable[[], str]) -> None:
+    def warn_when_in_vain(
+        self, missing: Callable[[], str], looks_before: int = LOOKS_BEFORE_WARNING
+    ) -> None:
         """
         Warn of what this node waits for in vain, after some seconds and then now and again.
 
         Args:
             missing: names it, with who should send it; empty while nothing is missing.
+            looks_before: seconds in vain, one look each, after which it warns.
 
         """
         looks = 0
@@ -109,7 +112,7 @@ class HandoverNode(Node):  # type: ignore[misc]
             nonlocal looks
             text = '' if self.once_per_second.stage == 'end' else missing()
             looks = looks + 1 if text else 0
-            if looks % LOOKS_IN_VAIN == LOOKS_BEFORE_WARNING:
+            if looks % LOOKS_IN_VAIN == looks_before:
                 self.get_logger().warning(text)
 
         self.once_per_second.add(look)

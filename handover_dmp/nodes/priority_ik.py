@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import inf, nan
+from statistics import median
 import sys
 from time import sleep
 from typing import Any
@@ -72,6 +73,8 @@ MAX_STEP = 4.0
 """Longest time that one step may cover, in periods."""
 MAX_DELIVERY_S = 1.0
 """Longest wait, at the end, for the driver to have the last command, s."""
+COARSE = 0.8
+"""Step of simulated time that is too long, as a share of the age that an input may have."""
 OVERDUE = 1.5
 """Periods without a step after which the watchdog makes one."""
 TIMEOUTS = parameters_from(WristControllerOptions)
@@ -130,6 +133,8 @@ class PriorityIkNode(HandoverNode):
         self._refused = 0
         self._refusal = ''
         self._twist_awaited = False
+        self._watched_s = 0.0
+        self._clock_steps_s: list[float] = []
         self._connect()
         self._taken_ns: int | None = None
         self._lockstep = Lockstep(
@@ -144,6 +149,8 @@ class PriorityIkNode(HandoverNode):
             self.every(self._period_s, self._watch)
         Diagnostics(self, self._periods, self._condition)
         self.warn_when_in_vain(self._missing)
+        if self.simulated and not self.lockstep:
+            self.warn_when_in_vain(self._coarse_time, looks_before=2)
         self.say_changes(lambda: f'follows {self.named(POSE_COMMAND)}', lambda: self._fault)
         self.say(
             f'moves {self._model.wrist_frame} of {self._model.name} in frame {self.frame}: hears '
@@ -159,6 +166,19 @@ class PriorityIkNode(HandoverNode):
             if ages[age] > MISSED_S:
                 return f'waits for {age} on {self.named(topic)}: is {who} running?'
         return ''
+
+    def _coarse_time(self) -> str:
+        """Say so where the clock goes on by more at once than an input may be old."""
+        steps_s, self._clock_steps_s = self._clock_steps_s, []
+        options = self._controller.options
+        limit_s = min(options.joint_state_timeout_s, options.command_timeout_s)
+        step_s = median(steps_s) if steps_s else 0.0
+        if step_s <= COARSE * limit_s:
+            return ''
+        return (
+            f'/clock goes on by {step_s:.3f} s at once, and an input may be {limit_s:g} s old: '
+            'the arm brakes again and again; publish it more often, as ros2 bag play --clock 100'
+        )
 
     def _connect(self) -> None:
         self._wrist_pose = self.advertise(WRIST_POSE)
@@ -301,6 +321,10 @@ class PriorityIkNode(HandoverNode):
 
     def _watch(self) -> None:
         """Step in place of a wrist command that did not come in time."""
+        if self.simulated:
+            now_s = self.arrival_s()
+            self._clock_steps_s.append(now_s - self._watched_s)
+            self._watched_s = now_s
         overdue = OVERDUE if self._commanded and self._pair is None else 0.5
         if self._since_step_s() >= overdue * self._period_s:
             self._tick()

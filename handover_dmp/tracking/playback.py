@@ -41,6 +41,22 @@ ROUNDING = 1e-6
 MAX_POSES = 2_000_000
 NANOSECONDS = 1_000_000_000
 ROUNDING_S = 1e-6
+EARLIEST_S = 1e-9
+"""The earliest time that a stamp can tell, s."""
+
+
+def as_stamped(time_s: float) -> float:
+    """
+    Give a time as a message tells it, so that a hand is the same with messages and without.
+
+    Args:
+        time_s: s.
+
+    Returns:
+        The same to the nanosecond, s.
+
+    """
+    return round(time_s * NANOSECONDS) / NANOSECONDS
 
 
 class HandSample(NamedTuple):
@@ -280,17 +296,17 @@ class TrackedHand:
 
     def _measure(self, number: int) -> HandSample | None:
         sensor = self._sensor
-        stamp_s = number / sensor.rate_hz
+        stamp_s = as_stamped(number / sensor.rate_hz)
         if number < 0 or (number == 0 and sensor.delay_s > 0.0):
             # measured before there was a time, or at zero, which as a stamp means none
-            return HandSample(0.0, np.full(3, np.nan)) if self._tells_lost else None
+            return HandSample(EARLIEST_S, np.full(3, np.nan)) if self._tells_lost else None
         position = self._seen(number, stamp_s - self._start_s)
         if position is None and not self._tells_lost:
             return None
         hidden = self._hidden and stamp_s < self._start_s - SEEN_BEFORE_S
         if position is None or hidden:
             position = np.full(3, np.nan)
-        return HandSample(stamp_s + sensor.clock_s, position)
+        return HandSample(as_stamped(stamp_s + sensor.clock_s), position)
 
     def _seen(self, number: int, elapsed_s: float) -> NDArray[np.float64] | None:
         """Give where a pose of the tracker is, so long after the start; None where it has none."""

@@ -35,6 +35,7 @@ from handover_dmp.nodes.qos import qos_profile
 from handover_dmp.nodes.shutdown import MAX_WAIT_S, shut_down, turn_file
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.topics import (
+    CLOCK,
     HAND_POSE,
     JOINT_COMMAND,
     JOINT_STATES,
@@ -48,6 +49,7 @@ from numpy.typing import NDArray
 import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, String
 
@@ -149,12 +151,22 @@ class Partner:
         assert process.stderr is not None
         os.set_blocking(process.stderr.fileno(), False)
         said = ''
-        end_s = time.monotonic() + 30.0
+        end_s = time.monotonic() + 60.0
         while words not in said and time.monotonic() < end_s:
             self._executor.spin_once(timeout_sec=0.02)
             with suppress(BlockingIOError):
                 said += os.read(process.stderr.fileno(), 10000).decode()
         return words in said
+
+    def tells_time(self, step_s: float) -> None:
+        """Publish a clock that keeps up with that on the wall, in steps."""
+        clock = self._node.create_publisher(Clock, CLOCK.name, qos_profile(CLOCK.quality))
+
+        def tell() -> None:
+            now = self._node.get_clock().now().to_msg()
+            clock.publish(Clock(clock=now))
+
+        self._node.create_timer(step_s, tell)
 
     def close(self) -> None:
         self._executor.shutdown()
@@ -167,25 +179,44 @@ def test_a_signal_is_followed_however_late_its_sender_is_discovered(tmp_path: Pa
     isolate()
     early = Partner()
     time.sleep(0.5)
+    partners = [early]
     process = start('dmp', tmp_path, '-p', 'hand_stamps:=arrival')
-    assert early.hears(process, 'before this node was there: not followed; give it again')
-    assert early.waits_for('reaching', timeout_s=0.5) == 'idle'
-    late = Partner(stamp_s=3)
-    assert late.waits_for('reaching', timeout_s=20.0) == 'reaching'
-    process.send_signal(signal.SIGINT)
-    assert process.wait(30) == 0
-    for partner in (early, late):
-        partner.close()
+    try:
+        assert early.hears(process, 'before this node was there: not followed; give it again')
+        assert early.waits_for('reaching', timeout_s=0.5) == 'idle'
+        partners.append(late := Partner(stamp_s=3))
+        assert late.waits_for('reaching', timeout_s=20.0) == 'reaching'
+        process.send_signal(signal.SIGINT)
+        assert process.wait(30) == 0
+    finally:
+        process.kill()
+        for partner in partners:
+            partner.close()
 
 
 def test_a_signal_of_another_clock_is_told_of(tmp_path: Path) -> None:
     process = start('dmp', tmp_path)
-    assert is_up('dmp'), process.communicate()
     partner = Partner(stamp_s=3)
-    assert partner.hears(process, 'say hand_stamps:=arrival')
-    process.send_signal(signal.SIGINT)
-    assert process.wait(30) == 0
-    partner.close()
+    try:
+        assert partner.hears(process, 'say hand_stamps:=arrival')
+        process.send_signal(signal.SIGINT)
+        assert process.wait(30) == 0
+    finally:
+        process.kill()
+        partner.close()
+
+
+def test_a_clock_in_long_steps_is_told_of(tmp_path: Path) -> None:
+    process = start('priority_ik', tmp_path, '-p', 'use_sim_time:=true')
+    player = Partner()
+    player.tells_time(1.0 / 18.0)
+    try:
+        assert player.hears(process, 'publish it more often, as ros2 bag play --clock 100')
+        process.send_signal(signal.SIGINT)
+        assert process.wait(30) == 0
+    finally:
+        process.kill()
+        player.close()
 
 
 def test_leaves_when_its_turn_comes_and_not_before(tmp_path: Path) -> None:
@@ -274,7 +305,7 @@ def test_runs_at_the_priority_that_it_is_given(lockstep: bool, tmp_path: Path) -
     words += ['-p', f'lockstep:={simulated}', '-p', f'use_sim_time:={simulated}']
     process = start('dmp', tmp_path, *words)
     assert is_up('dmp'), process.communicate()
-    end_s = time.monotonic() + 30.0
+    end_s = time.monotonic() + 60.0
     # the threads of the middleware go before that of Python, for discovery and services
     wanted = {7, 8} if permitted and not lockstep else {0}
     while priorities(process.pid) != wanted and time.monotonic() < end_s:
