@@ -116,6 +116,10 @@ class Periods:
             self._periods_s.append(now_s - self._last_s)
         self._last_s = now_s
 
+    def rest(self) -> None:
+        """Let the next period come when it will."""
+        self._last_s = None
+
     def take(self) -> dict[str, str]:
         """
         Sum up and begin anew.

@@ -140,6 +140,13 @@ class Dmp(HandoverNode):
         Parameter('model', 'file of the learnt movement; empty: a synthetic one', read_only=True),
         Parameter('rate_hz', 'of the commands, Hz', 10.0, 1000.0, read_only=True),
         Parameter(
+            'rate_at_rest_hz',
+            'of the commands while no handover is on and the wrist stands, Hz',
+            1.0,
+            1000.0,
+            read_only=True,
+        ),
+        Parameter(
             'status_rate_at_rest_hz',
             'of handover/phase and hand/fused then, Hz',
             0.1,
@@ -172,6 +179,7 @@ class Dmp(HandoverNode):
         self._period_ns = round(period_s * NANOSECONDS)
         self._periods = Periods(period_s)
         rate_hz = self.values['rate_hz']
+        self._command_every = max(1, round(rate_hz / self.values['rate_at_rest_hz']))
         self._status_every = max(1, round(rate_hz / self.values['status_rate_at_rest_hz']))
         self._phase_rate = 1.0
         self._phase_rate_ns = -1
@@ -246,7 +254,7 @@ class Dmp(HandoverNode):
             self._wrench = WrenchInput(self, lambda: self._clock_of_periods.look())
         self._pose = self._twist = self._values = self._seen = None
         self._said = ''
-        self._told = False
+        self._commands = self._told = False
         self._hands = HandInputs(
             self, self._on_hand, self._refuse_hand, lambda: self._clock_of_periods.look()
         )
@@ -412,25 +420,25 @@ class Dmp(HandoverNode):
         if command is None:
             return
         time = stamp(time_ns)
-        self._pose = pose_message(
-            time,
-            command.position,
-            command.orientation or self._orientation,
-            frame=self.frame,
-            into=self._pose,
-        )
-        self._twist = twist_message(
-            time,
-            command.velocity,
-            command.angular_velocity,
-            frame=self.frame,
-            into=self._twist,
-        )
-        self._told = (
-            self._stepped_in_motion
-            or self.lockstep
-            or self._periods.count % self._status_every == 0
-        )
+        active, count = self._stepped_in_motion or self.lockstep, self._periods.count
+        moves = any(command.velocity) or any(command.angular_velocity or ())
+        self._commands = active or moves or count % self._command_every == 0
+        if self._commands:
+            self._pose = pose_message(
+                time,
+                command.position,
+                command.orientation or self._orientation,
+                frame=self.frame,
+                into=self._pose,
+            )
+            self._twist = twist_message(
+                time,
+                command.velocity,
+                command.angular_velocity,
+                frame=self.frame,
+                into=self._twist,
+            )
+        self._told = active or count % self._status_every == 0
         if self._told:
             self._tell(command, now_s, time)
         self._publish()
@@ -507,7 +515,7 @@ class Dmp(HandoverNode):
             self._controller.abort()
 
     def _publish(self) -> None:
-        if self._pose is not None:
+        if self._commands and self._pose is not None:
             self._pose_command.publish(self._pose)
             self._twist_command.publish(self._twist)
         if self._told and self._values is not None:

@@ -63,6 +63,10 @@ SENSOR = (
 )
 
 
+AGAIN_S = 0.05
+"""How often that is said again of which no tracker tells, while it stands still, s."""
+
+
 class HandTracker(HandoverNode):
     """The replayed hand as a node."""
 
@@ -116,6 +120,8 @@ class HandTracker(HandoverNode):
         self._played = _played(values)
         self._periods = Periods(1.0 / values['rate_hz'])
         self._messages: list[tuple[Publisher, PoseStamped]] = []
+        self._told: dict[Publisher, tuple[list[float], int]] = {}
+        self._again_every = max(1, round(values['rate_hz'] * AGAIN_S))
         topics = [values[f'{name}.topic'] for name in values['trackers']]
         self._hand_poses = [self.advertise(HAND_POSE, name) for name in topics]
         self._truth = self.advertise(HAND_TRUTH)
@@ -203,9 +209,19 @@ class HandTracker(HandoverNode):
             (publisher, self._message(sample))
             for publisher, samples in streams
             for sample in samples
+            if self.lockstep or publisher in self._hand_poses or self._is_news(publisher, sample)
         ]
         self._send_signals()
         self._publish()
+
+    def _is_news(self, publisher: Publisher, sample: HandSample) -> bool:
+        """Whether somebody has moved, or has stood still for so long that it is said again."""
+        place = sample.position.tolist()
+        told, at = self._told.get(publisher, (None, 0))
+        if place == told and self._periods.count - at < self._again_every:
+            return False
+        self._told[publisher] = place, self._periods.count
+        return True
 
     def _message(self, sample: HandSample) -> PoseStamped:
         time, frame = stamp(round(sample.stamp_s * NANOSECONDS)), sample.frame or self.frame

@@ -75,6 +75,8 @@ MAX_DELIVERY_S = 1.0
 """Longest wait, at the end, for the driver to have the last command, s."""
 COARSE = 0.8
 """Step of simulated time that is too long, as a share of the age that an input may have."""
+OVERDUE_AT_REST = 8.0
+"""The same, in periods, for an arm that stands where it is told to."""
 OVERDUE = 1.5
 """Periods without a step after which the watchdog makes one."""
 TIMEOUTS = parameters_from(WristControllerOptions)
@@ -132,7 +134,7 @@ class PriorityIkNode(HandoverNode):
         self._active: tuple[str, ...] = ()
         self._refused = 0
         self._refusal = ''
-        self._twist_awaited = False
+        self._twist_awaited = self._rests = False
         self._watched_s = 0.0
         self._clock_steps_s: list[float] = []
         self._connect()
@@ -326,6 +328,8 @@ class PriorityIkNode(HandoverNode):
             self._clock_steps_s.append(now_s - self._watched_s)
             self._watched_s = now_s
         overdue = OVERDUE if self._commanded and self._pair is None else 0.5
+        if self._rests and self._pair is None:
+            overdue = OVERDUE_AT_REST
         if self._since_step_s() >= overdue * self._period_s:
             self._tick()
             self._commanded = False
@@ -354,10 +358,13 @@ class PriorityIkNode(HandoverNode):
         command = self._controller.update(now_s, elapsed_s)
         self._fault = command.reason
         self._commands = command.velocities is not None
+        self._rests = False
         if command.velocities is not None:
-            self._command = to_joint_command(
-                time_ns, command.velocities.tolist(), into=self._command
-            )
+            velocities = command.velocities.tolist()
+            self._command = to_joint_command(time_ns, velocities, into=self._command)
+            self._rests = not (self.lockstep or self._fault or any(velocities))
+        if self._rests:
+            self._periods.rest()
         followed = {
             'command_stamp_s': self._followed_s,
             'command_age_s': now_s - self._follows_since_s,

@@ -229,7 +229,10 @@ class RobotSim(HandoverNode):
         if not (self._paused or leapt):
             # a clock that is told 40 times a second goes on by several periods at once
             jump_s = max(0.0, elapsed_s - self._period_s) if self.simulated else 0.0
-            self._arm.advance(elapsed_s, jump_s)
+            if self._arm.rests:
+                self._arm.wait(elapsed_s)
+            else:
+                self._arm.advance(elapsed_s, jump_s)
         self._publish()
 
     def _time_s(self) -> float:

@@ -49,6 +49,8 @@ import numpy as np
 
 # The longest time, in steps, for which the joints are not read and the bounds not renewed.
 STEPS_AT_ONCE = 5
+STILL_RAD_S = 1e-6
+STILL_RAD = 1e-6
 
 
 class SimulatedArm(Closing):
@@ -259,6 +261,28 @@ class SimulatedArm(Closing):
         """
         if np.all(np.isfinite(hand)):
             self._hand = np.array(hand, dtype=float)
+
+    @property
+    def rests(self) -> bool:
+        """Whether the arm stands, with nothing to do and nothing in its hand."""
+        return (
+            self._carried is None
+            and not self._driver.moving
+            and not self._figure_period_s
+            and float(np.abs(self._velocities).max()) < STILL_RAD_S
+            and float(np.abs(self._driver.reference - self._positions).max()) < STILL_RAD
+        )
+
+    def wait(self, period_s: float) -> None:
+        """
+        Let simulated time pass for an arm that rests, without the work of simulating that.
+
+        Args:
+            period_s: how long, s.
+
+        """
+        self._until_s += period_s
+        self._steps = round(self._until_s / self._time_step_s)
 
     def advance(self, period_s: float, excused_s: float = 0.0) -> None:
         """

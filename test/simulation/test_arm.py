@@ -405,3 +405,17 @@ def test_other_robots_obey_too(robot):
             arm.command(0.2 * model.limits.velocity)
             watch.advance(PERIOD_S)
         assert arm.joint_velocities == pytest.approx(0.2 * model.limits.velocity, abs=1e-3)
+
+
+def test_an_arm_that_rests_may_wait_without_being_simulated(arm):
+    arm.advance(0.1)
+    assert arm.rests
+    still, began_s = arm.joint_positions, arm.time_s
+    arm.wait(0.5)
+    assert arm.time_s == pytest.approx(began_s + 0.5)
+    assert np.array_equal(arm.joint_positions, still)
+    arm.command([0.3] * 7)
+    assert not arm.rests
+    drive(arm, [0.3] * 7, 0.3)
+    assert not arm.rests
+    assert arm.joint_velocities == pytest.approx([0.3] * 7, abs=1e-4)
