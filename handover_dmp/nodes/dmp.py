@@ -421,7 +421,7 @@ class Dmp(HandoverNode):
             return
         time = stamp(time_ns)
         active, count = self._stepped_in_motion or self.lockstep, self._periods.count
-        moves = any(command.velocity) or any(command.angular_velocity or ())
+        moves = any(command.velocity) or any(command.angular_velocity)
         self._commands = active or moves or count % self._command_every == 0
         if self._commands:
             self._pose = pose_message(
