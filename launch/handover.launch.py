@@ -170,8 +170,8 @@ def prepare(chosen: dict[str, str]) -> Path:
     from handover_dmp.runs.folder import keep_inputs, new_run_folder, run_info
 
     scenario = _scenario(chosen)
-    folder = new_run_folder(Path(chosen['output']) if chosen['output'] else None, scenario.trial)
-    folder = folder.absolute()
+    output, trial = Path(chosen['output']) if chosen['output'] else None, scenario.trial
+    folder = new_run_folder(output, trial.direction, trial.configuration).absolute()
     keep_inputs(folder, scenario)
     simulated = _is_true(chosen['use_sim_time'])
     info = run_info(scenario, 1.0) | {'command': shlex.join(['ros2', *sys.argv[1:]])}

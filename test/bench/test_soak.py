@@ -19,6 +19,7 @@ from __future__ import annotations
 from handover_dmp.bench import soak
 from handover_dmp.bench.soak import COMMAND_FAULTS, JOINT_STATE_FAULTS, Soak, Span, TARGET_FAULTS
 from handover_dmp.handover.scenario import make_scenario, Scenario
+from handover_dmp.robot.velocity_driver import ArmOptions
 from handover_dmp.simulation.arm import SimulatedArm
 import numpy as np
 import pytest
@@ -28,12 +29,12 @@ STRIKES += [*TARGET_FAULTS, *COMMAND_FAULTS]
 
 
 class Struck(Soak):
-    """One fault, in mid-motion, for as long as the arm needs to stop by itself."""
+    """One fault, in mid-motion, for longer than the arm goes on after by itself."""
 
     fault = ''
 
     def _draw(self, duration_s: float) -> list[Span]:
-        return [Span(self.fault, 1.1, 1.5)]
+        return [Span(self.fault, 1.1, 1.2 + ArmOptions().resume_within_s)]
 
 
 @pytest.fixture(scope='module')
