@@ -499,7 +499,7 @@ class HandoverController:
 
     @property
     def starts_by(self) -> str:
-        """What starts the next handover: `signal`, `motion` or `service`."""
+        """Tell what starts the next handover: `signal`, `motion` or `service`."""
         return self.options.start
 
     @property

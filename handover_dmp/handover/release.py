@@ -148,7 +148,7 @@ class ReleaseRule:
 
     @property
     def taker_force(self) -> Force:
-        """What the taker does to the object, (3,), N, in the axes of the room."""
+        """Return what the taker does to the object, (3,), N, in the axes of the room."""
         return self._taker
 
     @property

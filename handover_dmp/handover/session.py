@@ -270,7 +270,7 @@ class SessionController(HandoverController):
 
     @property
     def feels(self) -> ReleaseRule | None:
-        """What the force on the wrist tells of the partner; None where there never was one."""
+        """Return what the force on the wrist tells of the partner; None if there never was one."""
         return None if self._force is None else self._rule
 
     @property
@@ -280,7 +280,7 @@ class SessionController(HandoverController):
 
     @property
     def next_leg(self) -> Leg:
-        """The handover that begins with the next start."""
+        """Name the handover that begins with the next start."""
         if self.state in (HandoverState.RELEASED, HandoverState.WITHDRAWING):
             return Leg.TAKE if self.leg is Leg.GIVE else Leg.GIVE
         waits = self.leg is Leg.TAKE and self.state is not HandoverState.DONE
@@ -290,7 +290,7 @@ class SessionController(HandoverController):
 
     @property
     def starts_by(self) -> str:
-        """What starts the next handover: `signal`, `motion` or `service`."""
+        """Tell what starts the next handover: `signal`, `motion` or `service`."""
         return self.options.start if self.next_leg is Leg.GIVE else self.session.take_start
 
     @property

@@ -69,7 +69,7 @@ class SessionScenario:
 
     @property
     def carried(self) -> CarriedObjectOptions:
-        """What is handed over, between the two wrists that meet, as heavy as its profile says."""
+        """Return the object between the wrists that meet, as heavy as its profile says."""
         return CarriedObjectOptions.between(self.models.give.goal_offset, self.profile.mass_kg)
 
 

@@ -124,9 +124,9 @@ class Trace:
             position: m.
 
         """
-        for number, point in enumerate(self._points):
+        for kept, point in enumerate(self._points, start=1):
             if dist(point, position) < TRACE_SPACING_M:
-                del self._points[number + 1 :]
+                del self._points[kept:]
                 return
         self._points.append(position)
 
@@ -265,7 +265,8 @@ class Way:
         )
         slope = (-s * s, t * (3.0 * t - 4.0), -s * (3.0 * s - 4.0), t * t)
         bend = (s, 3.0 * t - 2.0, 3.0 * s - 2.0, t)
-        four = self._nodes[number : number + 4]
+        end = number + 4
+        four = self._nodes[number:end]
         position = _combined(place, four, 1.0 / 6.0)
         direction = _combined(slope, four, 0.5)
         bending = _combined(bend, four, 1.0)
@@ -288,8 +289,8 @@ class Way:
         """
         u = min(max(time_s / self.duration_s, 0.0), 1.0)
         done = _done(u) if self._minimum_jerk else u
-        first = int(done * self._segments) + 1
-        return [*self._nodes[first + 1 : self._segments + 1], self.end]
+        following, last = int(done * self._segments) + 2, self._segments + 1
+        return [*self._nodes[following:last], self.end]
 
     def leads_nearer(self, time_s: float, place: Vector) -> bool:
         """

@@ -119,7 +119,7 @@ class ObjectTopics:
         known = [hand for hand in self._hands if hand[0] < period_ns]
         if known:
             self._arm.set_partner_hand(known[-1][1])
-            self._hands = self._hands[len(known) :]
+            del self._hands[: len(known)]
 
     def tell(self, time: Time) -> None:
         """

@@ -163,14 +163,14 @@ class SimulatedArm(Closing):
 
     @property
     def wrench(self) -> Wrench:
-        """What acts on the wrist from what it holds, as the mean of the last `advance`."""
+        """Return what acts on the wrist from what it holds, as the mean of the last `advance`."""
         if self._carried is None:
             return Wrench(np.zeros(3), np.zeros(3))
         return self._carried.wrench(self._wrist())
 
     @property
     def partner_force(self) -> Array:
-        """What the partner's hand does to the object, as the mean of the last `advance`, N."""
+        """Return what the partner's hand does to the object, mean of the last `advance`, N."""
         return np.zeros(3) if self._carried is None else self._carried.partner_force
 
     @property

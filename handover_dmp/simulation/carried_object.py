@@ -179,7 +179,7 @@ class CarriedObjectOptions:
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """What `robot_sim` has to be told of the object: name to value."""
+        """Return what `robot_sim` has to be told of the object: name to value."""
         return {
             'object.mass_kg': float(self.mass_kg),
             'object.position': list(map(float, self.position)),
@@ -341,7 +341,7 @@ class CarriedObject:
 
     @property
     def partner_force(self) -> Array:
-        """What the partner's hand does to the object, as the mean since `begin`, (3,), N."""
+        """Return what the partner's hand does to the object, mean since `begin`, (3,), N."""
         return self._pulled / self._elapsed_s if self._elapsed_s > 0.0 else self._pull
 
     def begin(self) -> None:

@@ -40,14 +40,14 @@ class ObjectPart:
         middle: (3,), m, in the axes of the object.
         size: (3,), m, along x, y and z; of a cylinder, diameter, diameter and length.
         colour: red, green, blue, 0 to 1.
-        round: whether it is a cylinder.
+        is_round: whether it is a cylinder.
 
     """
 
     middle: Point
     size: Point
     colour: Colour
-    round: bool = False
+    is_round: bool = False
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ def look_of(told: Any, radius_m: float) -> CarriedLook:
         width, _, height = size
         grip = (0.015, 0.012, 0.6 * height)
         parts: tuple[ObjectPart, ...] = (
-            ObjectPart((0.0, 0.0, 0.0), size, colour, round=True),
+            ObjectPart((0.0, 0.0, 0.0), size, colour, is_round=True),
             ObjectPart((0.0, 0.5 * width + 0.025, 0.0), grip, colour),
             ObjectPart((0.0, 0.5 * width + 0.012, 0.25 * height), (0.015, 0.03, 0.012), colour),
             ObjectPart((0.0, 0.5 * width + 0.012, -0.25 * height), (0.015, 0.03, 0.012), colour),
@@ -128,7 +128,7 @@ def look_of(told: Any, radius_m: float) -> CarriedLook:
         )
         return CarriedLook(parts, length)
     rod = (2.0 * radius_m, 2.0 * radius_m, 1.0)
-    return CarriedLook((ObjectPart((0.0, 0.0, 0.0), rod, colour, round=True),))
+    return CarriedLook((ObjectPart((0.0, 0.0, 0.0), rod, colour, is_round=True),))
 
 
 def _three(given: Any, high: float) -> Point | None:

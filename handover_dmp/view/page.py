@@ -160,7 +160,7 @@ class _Drawing:
             length, depth, height = piece.size
             shape = (
                 _cylinder(length / 2, depth)
-                if piece.round
+                if piece.is_round
                 else self._geometry.Box([length, depth, height])
             )
             node.set_object(shape, self._material(piece.colour))
@@ -233,7 +233,7 @@ class _Drawing:
             node.set_object(self._surface(part), self._material(part.colour))
         node = self._root['object']
         for index, piece in enumerate(scene.object_parts):
-            round_one = _cylinder(piece.size[0] / 2, piece.size[2]) if piece.round else None
+            round_one = _cylinder(piece.size[0] / 2, piece.size[2]) if piece.is_round else None
             shape = round_one or self._geometry.Box(list(piece.size))
             node[str(index)].set_object(shape, self._material(piece.colour))
             node[str(index)].set_transform(_pose(np.array(piece.middle), NO_TURN))

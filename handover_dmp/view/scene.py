@@ -298,14 +298,14 @@ class Scene(Closing):
             (
                 piece,
                 below + turn.apply(piece.middle),
-                (turn * flat if piece.round else turn).as_quat(),
+                (turn * flat if piece.is_round else turn).as_quat(),
             )
             for piece in self._surroundings.pieces
         ]
 
     def _surround(self) -> None:
         for piece, position, orientation in self.around:
-            if piece.round:
+            if piece.is_round:
                 body = self._cylinder_body(piece.size[0] / 2, piece.size[1], piece.colour)
             else:
                 body = self._box_body(piece.size, piece.colour)
@@ -358,7 +358,7 @@ class Scene(Closing):
         self.object_parts = self._look.parts_of(self.object_length_m)
         self._object = [
             self._cylinder_body(part.size[0] / 2, part.size[2], part.colour)
-            if part.round
+            if part.is_round
             else self._box_body(part.size, part.colour)
             for part in self.object_parts
         ]

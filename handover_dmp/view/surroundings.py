@@ -39,14 +39,14 @@ class Piece:
         middle: (3,), m, in axes of the surroundings.
         size: (3,), m, along x, y and z; of a cylinder, diameter, length and diameter.
         colour: red, green, blue, 0 to 1.
-        round: whether it is a cylinder.
+        is_round: whether it is a cylinder.
 
     """
 
     middle: Point
     size: Point
     colour: Colour
-    round: bool = False
+    is_round: bool = False
 
 
 @dataclass(frozen=True)
@@ -68,8 +68,8 @@ class Surroundings:
 
 
 def _wheel(x: float, y: float, z: float) -> tuple[Piece, Piece]:
-    tyre = Piece((x, y, z), (0.60, 0.20, 0.60), TYRE, round=True)
-    return tyre, Piece((x, y, z), (0.34, 0.21, 0.34), IRON, round=True)
+    tyre = Piece((x, y, z), (0.60, 0.20, 0.60), TYRE, is_round=True)
+    return tyre, Piece((x, y, z), (0.34, 0.21, 0.34), IRON, is_round=True)
 
 
 CAR = Surroundings(

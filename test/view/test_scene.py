@@ -200,7 +200,7 @@ def test_what_is_around_the_person_is_drawn_and_in_the_picture():
         picture, camera = scene.image(0.5, *SIZE), scene.camera(*SIZE)
         assert len(scene.around) == len(around.pieces)
         eye = camera.eye
-        wheels = [place for piece, place, _ in scene.around if piece.round]
+        wheels = [place for piece, place, _ in scene.around if piece.is_round]
         near_wheel = min(wheels, key=lambda place: float(np.linalg.norm(place - eye)))
         places = camera.project(np.array([place for _, place, _ in scene.around]))
         x, y = camera.project(near_wheel[None])[0]
