@@ -21,6 +21,7 @@ motion; and the same result every time.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -83,7 +84,7 @@ class Period(NamedTuple):
     object_state: ObjectState | None = None
 
 
-class LockstepLoop(Closing):
+class LockstepLoop(Closing, ABC):
     """
     The objects of the graph around a controller and a simulated arm, stepped period by period.
 
@@ -137,6 +138,7 @@ class LockstepLoop(Closing):
         """Return the simulated time, s."""
         return self._time_ns / NANOSECONDS
 
+    @abstractmethod
     def hands_at(self, now_s: float) -> list[list[HandSample]]:
         """
         Give, of each tracker, the poses that arrive in a period.
@@ -148,7 +150,6 @@ class LockstepLoop(Closing):
             The poses, in order.
 
         """
-        raise NotImplementedError
 
     def before_control(self, now_s: float) -> None:
         """
