@@ -23,7 +23,7 @@ from tempfile import TemporaryDirectory
 
 from handover_dmp.cli.main import main as handover_dmp
 from handover_dmp.handover.approach_figure import draw_approach
-from handover_dmp.handover.scenario import example_model
+from handover_dmp.handover.recordings import example_model
 
 IMAGES = Path(__file__).resolve().parents[1] / 'docs' / 'images'
 MAX_BYTES = 3_000_000

@@ -31,7 +31,7 @@ from handover_dmp.common.threads import use_one_thread
 from handover_dmp.dmp import save_model
 from handover_dmp.evaluation.cases import make_cases
 from handover_dmp.evaluation.few_demonstrations import draw_learning_curve, few_demonstrations
-from handover_dmp.handover.scenario import example_model, example_trials
+from handover_dmp.handover.recordings import example_model, example_trials
 from handover_dmp.mocap import HandoverTrial, read_data_set, write_trial
 import numpy as np
 

@@ -35,6 +35,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from math import hypot, log, sqrt
+from statistics import NormalDist
 from typing import Any, NamedTuple
 
 from handover_dmp.common.errors import DataError
@@ -54,7 +55,6 @@ from handover_dmp.dmp.decoupled import DecoupledDmp
 from handover_dmp.dmp.state import DmpState
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import ndtri
 
 Array = NDArray[np.float64]
 
@@ -302,7 +302,8 @@ class OrientationPrimitive:
         u = -log(phase) / parameters.alpha
         by_time = turning.goal_weight_at(u + phase_rate * dt / turning.duration_s)
         if goal_weight > by_time + EQUAL_WEIGHTS:
-            later = parameters.mu + parameters.sigma * float(ndtri(min(goal_weight, 1.0 - 1e-15)))
+            gaussian = NormalDist(parameters.mu, parameters.sigma)
+            later = gaussian.inv_cdf(min(goal_weight, 1.0 - 1e-15))
             after = turning.step_as_late(state.turned, aim, rate, dt, phase_rate, later)
         else:
             after = turning.step(state.turned, aim, rate, dt, phase_rate)

@@ -22,7 +22,6 @@ from handover_dmp.common.arrays import Array
 from handover_dmp.evaluation.cases import Hands
 from handover_dmp.tracking import GoalEstimator
 import numpy as np
-from scipy.signal import lfilter
 
 
 def smooth_velocity(hands: Hands, time_constant_s: float) -> Hands:
@@ -90,5 +89,8 @@ def estimated(hands: Hands) -> Hands:
 def _low_pass(signals: Array, times: Array, time_constant_s: float) -> Array:
     kept = float(np.exp(-(times[1] - times[0]) / time_constant_s))
     start = kept * signals[:, :1]
+    # takes longer to load than the rest of the package
+    from scipy.signal import lfilter
+
     filtered, _ = lfilter([1.0 - kept], [1.0, -kept], signals, axis=1, zi=start)
     return np.asarray(filtered)

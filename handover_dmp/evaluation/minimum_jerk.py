@@ -19,7 +19,6 @@ from __future__ import annotations
 from handover_dmp.common.arrays import Array
 from handover_dmp.mocap.typical import SAMPLES
 import numpy as np
-from scipy.interpolate import BPoly
 
 
 def minimum_jerk(start: Array, end: Array, samples: int = SAMPLES) -> Array:
@@ -39,5 +38,8 @@ def minimum_jerk(start: Array, end: Array, samples: int = SAMPLES) -> Array:
 
     """
     still = np.zeros_like(start)
+    # takes longer to load than the rest of the package
+    from scipy.interpolate import BPoly
+
     quintic = BPoly.from_derivatives([0.0, 1.0], [[start, still, still], [end, still, still]])
     return np.asarray(quintic(np.linspace(0.0, 1.0, samples)))

@@ -45,7 +45,6 @@ from handover_dmp.evaluation.scores import BANDS, Totals
 from handover_dmp.mocap import HandoverTrial, velocities
 from joblib import delayed, Parallel
 import numpy as np
-from scipy.stats import qmc
 
 MIN_TRIALS = 4
 CANDIDATES = 192
@@ -304,6 +303,9 @@ class _Search:
     def run(self) -> None:
         """Try the default, then candidates spread over the space, then near the best."""
         self._try([(self.default, np.full(len(SPACE), np.nan))])
+        # takes longer to load than the rest of the package
+        from scipy.stats import qmc
+
         spread = qmc.Sobol(len(SPACE), seed=self.random).random(
             2 ** max(3, int(np.log2(max(self.candidates, 16) / 3)))
         )

@@ -47,6 +47,9 @@ from handover_dmp.tracking.partner_model import (
     PartnerOptions,
 )
 
+AFTERWARDS_S = 0.2
+"""How long a handover is watched when it is over, s."""
+
 
 class HandoverState(str, Enum):
     """Where a handover stands; the values are what `/handover/state` says."""

@@ -29,6 +29,7 @@ from handover_dmp.common.arrays import Array
 from handover_dmp.common.closing import Closing
 from handover_dmp.common.quaternions import from_matrices, normalized, to_matrix
 from handover_dmp.handover.controller import (
+    AFTERWARDS_S,
     HandoverController,
     HandoverOptions,
     HandoverState,
@@ -49,7 +50,6 @@ import numpy as np
 
 NANOSECONDS = 1_000_000_000
 REPLAY_AT_S = 0.5
-AFTERWARDS_S = 0.2
 MAX_EXTRA_S = 5.0
 STILL = np.zeros(3)
 

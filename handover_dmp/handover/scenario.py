@@ -17,20 +17,22 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from handover_dmp.common.arrays import Array
-from handover_dmp.common.errors import DataError
 from handover_dmp.common.settings import defaults
-from handover_dmp.dmp import DecoupledDmp, load_model
+from handover_dmp.dmp import DecoupledDmp
 from handover_dmp.handover.approach import rollout_towards
 from handover_dmp.handover.object_profile import DEFAULT_OBJECT, object_profile, ObjectProfile
+from handover_dmp.handover.recordings import (
+    example_trials,
+    read_model,
+    recorded_trial,
+    scaled,
+)
 from handover_dmp.handover.teaching import hand_goal, learn_from_trials
-from handover_dmp.mocap import condition, HandoverTrial, read_trial, synthesize
-from handover_dmp.mocap.session import read_session, RecordedSession
-from handover_dmp.mocap.synthetic_session import synthesize_sessions
-from handover_dmp.mocap.wrists import WristMotion
+from handover_dmp.mocap import condition, HandoverTrial
 from handover_dmp.robot.descriptions import ArmChoice
 from handover_dmp.robot.errors import UnreachableError
 from handover_dmp.robot.model import BasePlacement, RobotModel
@@ -38,15 +40,8 @@ from handover_dmp.robot.orientation_task import orthogonal_directions
 from handover_dmp.robot.placement import choose_base_placement
 import numpy as np
 
-EXAMPLE = ('engine_bay', 'give')
-EXAMPLE_SESSION = ('engine_bay', 3)
-"""Configuration and number of the synthetic session; in this one, both hands move."""
-MAX_REST_S = 0.5
-"""A recording that is longer than its handover by more than this is cut, s."""
-MIN_SAMPLES = 5
 ROLLS = 8
 """Rolls about the direction to the hand that are tried for a posture that points at it."""
-ROUNDING_S = 1e-6
 
 
 @dataclass(frozen=True)
@@ -77,188 +72,6 @@ class Scenario:
     def orientation(self) -> str:
         """Orientation task of the wrist."""
         return self.carried.task_for(self.model)
-
-
-def example_trials(
-    seed: int = 0, direction: str = EXAMPLE[1]
-) -> tuple[HandoverTrial, HandoverTrial]:
-    """
-    Make the handovers of the example: an assistant gives to a mechanic at an engine bay.
-
-    Args:
-        seed: of the synthetic data set.
-        direction: `give`, or `take` for what the assistant takes from the mechanic.
-
-    Returns:
-        One to learn from, and of the others the one whose partner moves farthest to run against.
-
-    """
-    example = EXAMPLE[0], direction
-    trials = [t for t in synthesize(seed) if (t.configuration, t.direction) == example]
-    taught, *others = trials
-    return taught, max(others, key=lambda t: float(np.linalg.norm(t.partner[-1] - t.partner[0])))
-
-
-def example_model(seed: int = 0, direction: str = EXAMPLE[1]) -> DecoupledDmp:
-    """
-    Learn the movement of the example.
-
-    Args:
-        seed: of the synthetic data set.
-        direction: `give` or `take`.
-
-    Returns:
-        The learnt movement.
-
-    """
-    learnt: DecoupledDmp = learn_from_trials([example_trials(seed, direction)[0]])
-    return learnt
-
-
-def read_model(path: Path) -> DecoupledDmp:
-    """
-    Read a learnt movement that can hand over.
-
-    Args:
-        path: model file.
-
-    Returns:
-        The movement.
-
-    Raises:
-        DataError: the file cannot be used, or holds another kind of primitive or dimension.
-
-    """
-    model = load_model(path)
-    if not isinstance(model, DecoupledDmp) or len(model.start) != 3:
-        raise DataError(f'{path}: not a decoupled movement primitive of three dimensions')
-    return model
-
-
-def recorded_trial(
-    path: str | Path, *, cutoff_hz: float | None = None, span_s: tuple[float, float] | None = None
-) -> HandoverTrial:
-    """
-    Read a handover that is to be replayed.
-
-    Args:
-        path: CSV file or bag; empty: the one of the example.
-        cutoff_hz: low-pass, zero phase; 0 leaves it as it is; that of `config/` if left out.
-        span_s: beginning and end of the handover in a bag, s from its first pose of the hand; it
-            is found if left out.
-
-    Returns:
-        The handover at 200 Hz, filtered; its source tells what was cut out of a bag.
-
-    Raises:
-        DataError: the file cannot be used, or a bag holds several handovers.
-
-    """
-    if cutoff_hz is None:
-        cutoff_hz = defaults('hand_tracker')['cutoff_hz']
-    if not str(path):
-        trial = example_trials()[1]
-    elif Path(path).suffix.lower() != '.csv':
-        trial = _trial_of_bag(Path(path), span_s)
-    else:
-        trial = read_trial(Path(path))
-    return condition(trial, cutoff_hz=cutoff_hz) if cutoff_hz else trial
-
-
-def recorded_session(path: str | Path, *, cutoff_hz: float | None = None) -> RecordedSession:
-    """
-    Read a session that is to be replayed.
-
-    Args:
-        path: CSV file or bag; empty: a synthetic one.
-        cutoff_hz: low-pass, zero phase; 0 leaves it as it is; that of `config/` if left out.
-
-    Returns:
-        The session, filtered.
-
-    Raises:
-        DataError: the file cannot be used, or no exchange is in it.
-
-    """
-    if cutoff_hz is None:
-        cutoff_hz = defaults('hand_tracker')['cutoff_hz']
-    if str(path):
-        session = read_session(path)
-    else:
-        configuration, number = EXAMPLE_SESSION
-        session = synthesize_sessions(0, number, configurations=[configuration])[-1]
-    return session.low_passed(cutoff_hz)
-
-
-def _trial_of_bag(path: Path, span_s: tuple[float, float] | None) -> HandoverTrial:
-    from handover_dmp.mocap.bag import describe_bag, read_bag_wrists
-
-    wrists = read_bag_wrists(path)
-    configuration, direction, number = describe_bag(path)
-    source = str(path)
-    if span_s is None:
-        span_s = _handover_in(wrists)
-    first, end = 0, len(wrists.times)
-    if span_s is not None:
-        first, end = (
-            int(np.searchsorted(wrists.times, time_s + margin))
-            for time_s, margin in zip(span_s, (-ROUNDING_S, ROUNDING_S), strict=True)
-        )
-        source += f', {span_s[0]:.2f} s to {span_s[1]:.2f} s'
-        if end - first < MIN_SAMPLES:
-            raise DataError(f'{source}: {max(end - first, 0)} samples make no handover')
-    return HandoverTrial(
-        wrists.times[first:end] - wrists.times[first],
-        wrists.partner[first:end],
-        wrists.demonstrator[first:end],
-        configuration=configuration,
-        direction=direction or 'give',
-        number=number,
-        source=source,
-        **{
-            name: quaternions[first:end]
-            for name in ('partner_orientation', 'demonstrator_orientation')
-            if (quaternions := getattr(wrists, name)) is not None
-        },
-    )
-
-
-def _handover_in(wrists: WristMotion) -> tuple[float, float] | None:
-    """Find the one handover in a longer recording; None where that is all there is."""
-    from handover_dmp.mocap.segmentation import segment
-
-    duration_s = float(wrists.times[-1] - wrists.times[0])
-    found = segment(wrists).segments
-    if len(found) > 1:
-        at = ', '.join(f'{one.start_s:.2f} to {one.exchange_s:.2f} s' for one in found)
-        raise DataError(
-            f'{wrists.source}: {len(found)} handovers, {at}: say which, as by from:= and to:='
-        )
-    if found and found[0].exchange_s - found[0].start_s < duration_s - MAX_REST_S:
-        return found[0].start_s, found[0].exchange_s
-    return None
-
-
-def scaled(trial: HandoverTrial, factor: float, centre: Array | None = None) -> HandoverTrial:
-    """
-    Make a handover larger or smaller about the place where P2's hand ends.
-
-    Args:
-        trial: the handover.
-        factor: of all distances; 1 leaves it as it is.
-        centre: (3,) m, about another place than that.
-
-    Returns:
-        The scaled handover.
-
-    """
-    centre = trial.demonstrator[-1] if centre is None else centre
-    return replace(
-        trial,
-        partner=centre + factor * (trial.partner - centre),
-        demonstrator=centre + factor * (trial.demonstrator - centre),
-        way_back=trial.way_back and scaled(trial.way_back, factor, centre),
-    )
 
 
 def make_scenario(

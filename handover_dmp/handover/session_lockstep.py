@@ -27,9 +27,8 @@ from dataclasses import dataclass
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.settings import defaults
-from handover_dmp.handover.controller import HandoverOptions, HandoverState
+from handover_dmp.handover.controller import AFTERWARDS_S, HandoverOptions, HandoverState
 from handover_dmp.handover.lockstep import (
-    AFTERWARDS_S,
     LockstepLoop,
     Period,
     REPLAY_AT_S,

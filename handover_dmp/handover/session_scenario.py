@@ -24,7 +24,8 @@ from handover_dmp.common.errors import DataError
 from handover_dmp.common.settings import defaults
 from handover_dmp.handover.approach import rollout_towards
 from handover_dmp.handover.object_profile import DEFAULT_OBJECT, object_profile, ObjectProfile
-from handover_dmp.handover.scenario import EXAMPLE_SESSION, read_model, starting_joints
+from handover_dmp.handover.recordings import EXAMPLE_SESSION, read_model
+from handover_dmp.handover.scenario import starting_joints
 from handover_dmp.handover.session import SessionModels
 from handover_dmp.handover.teaching import hand_goal, learn_from_trials
 from handover_dmp.mocap import HandoverTrial

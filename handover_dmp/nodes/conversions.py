@@ -25,7 +25,6 @@ from handover_dmp.common.quaternions import IDENTITY, Quaternion
 from handover_dmp.topics import FRAME, label_of, names_of_values, position_covariance
 import numpy as np
 from numpy.typing import NDArray
-import pinocchio
 from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension
 
 NANOSECONDS = 1_000_000_000
@@ -141,12 +140,16 @@ def position_of(message: PoseStamped) -> tuple[float, float, float]:
 
 def quaternion_of(rotation: NDArray[np.float64]) -> Quaternion:
     """Return a rotation, (3, 3), as a quaternion."""
+    import pinocchio
+
     x, y, z, w = pinocchio.Quaternion(rotation).coeffs().tolist()
     return x, y, z, w
 
 
 def rotation_of(message: PoseStamped) -> NDArray[np.float64] | None:
     """Return the rotation of a pose, (3, 3); None where its quaternion is none."""
+    import pinocchio
+
     turn = message.pose.orientation
     quaternion = pinocchio.Quaternion(turn.w, turn.x, turn.y, turn.z)
     if not abs(quaternion.norm() - 1.0) < 1e-3:

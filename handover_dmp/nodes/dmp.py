@@ -33,6 +33,7 @@ from handover_dmp.dmp import DecoupledDmp
 from handover_dmp.dmp.parameters import DmpParameters
 from handover_dmp.handover.approach import ApproachOptions
 from handover_dmp.handover.controller import (
+    AFTERWARDS_S,
     HandoverController,
     HandoverOptions,
     HandoverState,
@@ -40,10 +41,9 @@ from handover_dmp.handover.controller import (
     MOVING,
     WristCommand,
 )
-from handover_dmp.handover.lockstep import AFTERWARDS_S
+from handover_dmp.handover.recordings import example_model, read_model
 from handover_dmp.handover.rehearsal import rehearse
 from handover_dmp.handover.release import ReleaseOptions
-from handover_dmp.handover.scenario import example_model, read_model
 from handover_dmp.handover.session import (
     SessionController,
     SessionModels,

@@ -21,7 +21,7 @@ from time import sleep
 
 from geometry_msgs.msg import PoseStamped
 from handover_dmp.common.errors import UsageError
-from handover_dmp.handover.scenario import recorded_session, recorded_trial
+from handover_dmp.handover.recordings import recorded_session, recorded_trial
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds, pose_message, stamp
 from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.lockstep import Lockstep

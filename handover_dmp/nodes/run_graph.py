@@ -21,7 +21,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from handover_dmp.handover.lockstep import AFTERWARDS_S, MAX_EXTRA_S, REPLAY_AT_S
+from handover_dmp.handover.controller import AFTERWARDS_S
+from handover_dmp.handover.lockstep import MAX_EXTRA_S, REPLAY_AT_S
 from handover_dmp.handover.scenario import Scenario
 from handover_dmp.handover.session_lockstep import MAX_WAIT_S
 from handover_dmp.handover.session_scenario import SessionScenario

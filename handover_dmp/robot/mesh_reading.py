@@ -17,9 +17,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from html import escape
 from pathlib import Path
 import re
-from xml.sax.saxutils import quoteattr
 
 import coal
 from handover_dmp.common.quiet_pybullet import silenced
@@ -48,7 +48,7 @@ def why_not_collided(path: Path, scale: Sequence[float]) -> str:
 
     """
     place = ' '.join(map(repr, map(float, scale)))
-    shape = f'<mesh filename={quoteattr(str(path))} scale="{place}"/>'
+    shape = f'<mesh filename="{escape(str(path))}" scale="{place}"/>'
     link = f'<link name="l"><collision><geometry>{shape}</geometry></collision></link>'
     try:
         # the loader keeps what Pinocchio has it read, and that alone

@@ -19,7 +19,7 @@ from pathlib import Path
 import sys
 
 from handover_dmp.cli.main import main
-from handover_dmp.handover.scenario import recorded_trial
+from handover_dmp.handover.recordings import recorded_trial
 from handover_dmp.mocap import HandoverTrial, write_data_set
 from handover_dmp.recording import message_definition, read_bag
 import numpy as np

@@ -27,7 +27,7 @@ from handover_dmp.handover.controller import (
     HandoverState,
     RETURN_SPEED,
 )
-from handover_dmp.handover.scenario import example_model
+from handover_dmp.handover.recordings import example_model
 import numpy as np
 import pytest
 

@@ -31,7 +31,8 @@ from handover_dmp.handover.controller import (
     WristCommand,
 )
 from handover_dmp.handover.lockstep import Handover
-from handover_dmp.handover.scenario import example_model, example_trials, make_scenario
+from handover_dmp.handover.recordings import example_model, example_trials
+from handover_dmp.handover.scenario import make_scenario
 from handover_dmp.handover.teaching import learn_from_trials, rollout_against
 from handover_dmp.tracking import GoalEstimator
 from handover_dmp.tracking.partner_model import PartnerOptions

@@ -19,8 +19,8 @@ from __future__ import annotations
 from time import process_time
 
 from handover_dmp.handover.controller import HandoverController, HandoverOptions, movement_for
+from handover_dmp.handover.recordings import example_model
 from handover_dmp.handover.rehearsal import rehearse
-from handover_dmp.handover.scenario import example_model
 
 
 def test_what_is_made_once_is_made_before_the_first_period() -> None:

@@ -25,7 +25,7 @@ from handover_dmp.bench.faults import STATES_OF_SESSIONS
 from handover_dmp.common.errors import DataError
 from handover_dmp.dmp import DecoupledDmp
 from handover_dmp.handover.controller import HandoverController, HandoverOptions, HandoverState
-from handover_dmp.handover.scenario import example_model
+from handover_dmp.handover.recordings import example_model
 from handover_dmp.handover.session import Leg, SessionController, SessionModels, SessionOptions
 from hypothesis import given, settings
 from hypothesis import strategies as st

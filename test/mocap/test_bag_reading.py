@@ -20,7 +20,7 @@ import json
 import re
 
 from handover_dmp.common.errors import DataError
-from handover_dmp.handover.scenario import recorded_trial
+from handover_dmp.handover.recordings import recorded_trial
 from handover_dmp.mocap import synthesize
 from handover_dmp.mocap.bag import describe_bag, read_bag_wrists
 from handover_dmp.mocap.filtering import interpolate

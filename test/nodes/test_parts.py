@@ -30,7 +30,7 @@ from typing import Any
 from builtin_interfaces.msg import Time as RosTime
 from geometry_msgs.msg import PoseStamped
 from handover_dmp.common.errors import DataError
-from handover_dmp.handover.scenario import example_model, example_trials
+from handover_dmp.handover.recordings import example_model, example_trials
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
 from handover_dmp.nodes.dmp import MAX_STALL_S
 from handover_dmp.nodes.graph import Graph

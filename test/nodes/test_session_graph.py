@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from handover_dmp.handover.lockstep import REPLAY_AT_S
-from handover_dmp.handover.scenario import example_model
+from handover_dmp.handover.recordings import example_model
 from handover_dmp.handover.session import SessionModels
 from handover_dmp.handover.session_lockstep import simulate_session
 from handover_dmp.handover.session_scenario import make_session_scenario, SessionScenario
