@@ -129,7 +129,10 @@ def test_gives_the_same_motion_as_one_process(
     check_motion(undisturbed_bag, lockstep_path)
 
 
-@pytest.mark.parametrize(('factor', 'executor'), [(0.5, 'events'), (2.0, 'default')])
+@pytest.mark.parametrize(
+    ('factor', 'executor'),
+    [(0.5, 'events'), pytest.param(2.0, 'default', marks=pytest.mark.slow)],
+)
 def test_gives_the_same_motion_at_any_speed(
     prepare: Any, lockstep_path: dict[int, np.ndarray], factor: float, executor: str
 ) -> None:
@@ -472,7 +475,11 @@ SLOW = {'tracker.rate_hz': 24.0}
 
 @pytest.mark.parametrize(
     ('source', 'tolerance_m'),
-    [pytest.param('trial', 1e-4, marks=pytest.mark.slow), ('bag', 1e-6), ('24 Hz', 0.02)],
+    [
+        pytest.param('trial', 1e-4, marks=pytest.mark.slow),
+        ('bag', 1e-6),
+        pytest.param('24 Hz', 0.02, marks=pytest.mark.slow),
+    ],
 )
 def test_the_hand_may_come_from_a_bag_or_from_a_slow_tracker(
     prepare: Any, trial_bag: Path, source: str, tolerance_m: float,
@@ -615,6 +622,7 @@ def test_a_bag_that_is_not_there_is_told_in_one_line(bag: str, code: int, fault:
     assert len(done.stderr.splitlines()) == 1
 
 
+@pytest.mark.slow
 def test_hands_over_to_a_hand_that_is_seen_badly(
     prepare: Any, lockstep_path: dict[int, np.ndarray]
 ) -> None:
