@@ -50,6 +50,8 @@ from launch_ros.actions import Node
 
 PACKAGE = 'handover_dmp'
 NODES = ('recorder', 'hand_tracker', 'dmp', 'priority_ik', 'robot_sim')
+END_S = '20.0'
+"""How long a node has for its end, s: longer than after which it ends itself (`nodes/spin.py`)."""
 BOOLEAN = ('true', 'false', 'True', 'False', '1', '0')
 ARGUMENTS: dict[str, tuple[str, str, tuple[str, ...] | None]] = {
     'namespace': ('', 'of all nodes, topics and services, within that of a group around', None),
@@ -118,6 +120,8 @@ def nodes(context: LaunchContext) -> list[Node]:
             condition=IfCondition(chosen['record']) if name == 'recorder' else None,
             # The arm brakes by itself; four nodes without the fifth are of no use.
             on_exit=partial(end, name),
+            sigterm_timeout=END_S,
+            sigkill_timeout=END_S,
         )
         for name in NODES
     ]

@@ -24,11 +24,14 @@ import subprocess
 import sys
 from tempfile import TemporaryDirectory
 from time import monotonic, time
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
+from handover_dmp.bench.empty_graph import EmptyGraph, keep_messages
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import HandoverError
 from handover_dmp.handover.scenario import Scenario
+from handover_dmp.nodes.graph import Graph
+from handover_dmp.nodes.run_graph import graph_parameters
 from handover_dmp.recording import read_bag
 from handover_dmp.runs.folder import keep_inputs
 from handover_dmp.topics import (
@@ -40,11 +43,9 @@ from handover_dmp.topics import (
     STATE,
 )
 import numpy as np
+from psutil import Process
 
-if TYPE_CHECKING:
-    from handover_dmp.nodes.graph import Graph
-
-
+KEEPING_S = 10.0
 SETTLING_S = 3.0
 """Until the graph runs evenly with the probes beside it, s."""
 MAX_WAIT_S = 60.0
@@ -97,12 +98,31 @@ class LockstepRun:
         speed: of simulated time, in multiples of the wall clock's.
         ticks: node to (n, 2) when a period began, s of simulated time; its number.
         handovers: how many came to their end.
+        empty_speed: that of five nodes that exchange the same messages and do nothing else.
 
     """
 
     speed: float
     ticks: dict[str, Array]
     handovers: int
+    empty_speed: float
+
+
+@dataclass(frozen=True)
+class IdleRun:
+    """
+    What a graph costs that waits for a handover, on the wall clock.
+
+    Attributes:
+        shares: node to its processor time, % of a core.
+        empty_shares: the same of five nodes that exchange the same messages at the same time.
+        growth_kb: by how much the bag grows in a minute, kB.
+
+    """
+
+    shares: dict[str, float]
+    empty_shares: dict[str, float]
+    growth_kb: float
 
 
 def run_by_the_wall_clock(
@@ -141,14 +161,17 @@ def run_by_the_wall_clock(
 
 
 def run_in_lockstep(
-    scenario: Scenario, duration_s: float, progress: Callable[[str], None]
+    scenario: Scenario, duration_s: float, messages: Path, progress: Callable[[str], None]
 ) -> LockstepRun:
     """
     Run the five nodes on simulated time as fast as it goes, one handover after the other.
 
+    Then the same with five nodes that do nothing.
+
     Args:
         scenario: what is run.
         duration_s: how long to measure, s of simulated time.
+        messages: file that gets a message of each kind.
         progress: is told what goes on.
 
     Returns:
@@ -161,13 +184,74 @@ def run_in_lockstep(
     with TemporaryDirectory() as name:
         folder = Path(name)
         with _graph(folder, scenario, progress, lockstep=True) as graph:
+            keep_messages(graph, messages, KEEPING_S)
             progress(f'measuring for {duration_s:.0f} s of simulated time')
-            begun_s, simulated_s = monotonic(), graph.time_s
-            graph.linger(duration_s)
-            speed = (graph.time_s - simulated_s) / (monotonic() - begun_s)
+            speed = _speed(graph, duration_s)
         progress('reading the bag')
         ticks, handovers = _ticks(folder)
-    return LockstepRun(speed, ticks, handovers)
+        progress('the same with five empty nodes')
+        with EmptyGraph(folder / 'empty', messages, lockstep=True) as empty:
+            empty.pause(False)
+            empty.linger(SETTLING_S)
+            empty_speed = _speed(empty, duration_s)
+    return LockstepRun(speed, ticks, handovers, empty_speed)
+
+
+def run_idle(
+    scenario: Scenario, duration_s: float, messages: Path, progress: Callable[[str], None]
+) -> IdleRun:
+    """
+    Run the five nodes on the wall clock without a handover, and five empty nodes beside them.
+
+    Args:
+        scenario: what is not begun.
+        duration_s: how long to measure, s.
+        messages: file with a message of each kind.
+        progress: is told what goes on.
+
+    Returns:
+        What it costs.
+
+    """
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        keep_inputs(folder, scenario)
+        parameters = graph_parameters(folder, scenario, {}, False)
+        parameters['recorder']['rest_s'] = SETTLING_S
+        progress('starting an idle graph, and an empty one')
+        with (
+            Graph(folder, parameters, lockstep=False, namespace='/idle') as idle,
+            EmptyGraph(folder / 'empty', messages, lockstep=False, namespace='/empty') as empty,
+        ):
+            progress(f'measuring for {duration_s:.0f} s')
+            idle.linger(2 * SETTLING_S)
+            begun_s, size = monotonic(), _size(folder / 'bag')
+            used_s = [_processor_s(graph) for graph in (idle, empty)]
+            idle.linger(duration_s)
+            took_s = monotonic() - begun_s
+            shares, empty_shares = (
+                {node: 100.0 * (now_s - before[node]) / took_s for node, now_s in now.items()}
+                for before, now in zip(used_s, map(_processor_s, (idle, empty)), strict=True)
+            )
+            growth_kb = (_size(folder / 'bag') - size) / 1e3 * 60.0 / took_s
+    return IdleRun(shares, empty_shares, growth_kb)
+
+
+def _speed(graph: Graph, duration_s: float) -> float:
+    """Measure how fast simulated time runs, in multiples of the wall clock's, for s of it."""
+    begun_s, simulated_s = monotonic(), graph.time_s
+    graph.linger(duration_s)
+    return (graph.time_s - simulated_s) / (monotonic() - begun_s)
+
+
+def _processor_s(graph: Graph) -> dict[str, float]:
+    """Return the processor time that each node has used, s."""
+    times = {name: Process(one.pid).cpu_times() for name, one in graph.processes.items()}
+    return {name: float(time.user + time.system) for name, time in times.items()}
+
+
+def _size(folder: Path) -> int:
+    return sum(file.stat().st_size for file in folder.iterdir())
 
 
 @contextmanager
@@ -179,9 +263,6 @@ def _graph(
     lockstep: bool = False,
 ) -> Iterator[Graph]:
     """Run the five nodes, one handover after the other; the first is over when this is entered."""
-    from handover_dmp.nodes.graph import Graph
-    from handover_dmp.nodes.run_graph import graph_parameters
-
     keep_inputs(folder, scenario)
     parameters = graph_parameters(folder, scenario, {}, lockstep)
     # the conductor says when to start, once the hand is back

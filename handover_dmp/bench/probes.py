@@ -46,7 +46,7 @@ from std_srvs.srv import Trigger
 PERIOD_S = 0.005
 JOINTS = 7
 LOOK_S = 0.02
-MAX_HANDOVER_S = 5.0
+MAX_HANDOVER_S = 20.0
 # The hand jumps back to its start, so `dmp` is to forget it after that, and only then to begin.
 AGAIN = (
     ('/robot_sim/reset', '/robot_sim/resume', '/hand_tracker/replay'),

@@ -18,10 +18,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import os
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from handover_dmp.bench.graph_run import (
+    IdleRun,
     LockstepRun,
     run_by_the_wall_clock,
+    run_idle,
     run_in_lockstep,
     WallClockRun,
 )
@@ -37,6 +41,10 @@ MAX_LATENCY_MS = 5.0
 """From a pose of the hand to joint velocities, in the median."""
 MESSAGES_IN_TURN = 4
 """Of a period in lockstep: joint states, wrist, its command, joint velocities."""
+MIN_SPEED = 1.6
+MAX_IDLE = 50.0
+MAX_GROWTH_KB = 50.0
+EMPTY = 'five empty nodes, the same messages'
 IN_MOTION = 80.0
 """Share of the periods that is to be in motion for the figures to tell anything, %."""
 
@@ -46,23 +54,29 @@ def run(progress: Callable[[str], None]) -> list[Measurement]:
     Run the five nodes on the wall clock and the probes beside them, all at the same time.
 
     The arm is in motion nearly all the time: one handover follows the other. For a third of the
-    time more the same is run in lockstep, as fast as it goes.
+    time more the same is run in lockstep, as fast as it goes, and for as long the graph is idle,
+    each beside five nodes that exchange the same messages and do nothing else.
 
     Args:
         progress: is told what goes on.
 
     Returns:
-        Period errors, drift and latency; speed and lost periods in lockstep.
+        Period errors, drift and latency; speed and lost periods in lockstep; the cost at rest.
 
     """
     scenario = make_scenario()
     timed = run_by_the_wall_clock(scenario, DURATION_S, progress)
-    simulated = run_in_lockstep(scenario, max(DURATION_S / 3.0, MIN_S), progress)
+    shorter_s = max(DURATION_S / 3.0, MIN_S)
+    with TemporaryDirectory() as folder:
+        messages = Path(folder) / 'messages.json'
+        simulated = run_in_lockstep(scenario, shorter_s, messages, progress)
+        idle = run_idle(scenario, shorter_s, messages, progress)
     return [
         *_motion(timed),
         *_periods(timed),
         *_latency(timed),
         *_lockstep(simulated, float(np.median(timed.probes['ping']))),
+        *_idle(idle),
     ]
 
 
@@ -175,10 +189,11 @@ def _lockstep(run: LockstepRun, round_trip_s: float) -> list[Measurement]:
             name='five nodes in lockstep',
             value=run.speed,
             unit='times real time',
-            target=1.0,
+            target=MIN_SPEED,
             floor=PERIOD_S / (MESSAGES_IN_TURN / 2 * round_trip_s),
+            peers={EMPTY: run.empty_speed},
             higher_is_better=True,
-            note=f'as fast as it goes, {run.handovers} handovers, one after the other; '
+            note=f'as fast as it goes, {run.handovers} handovers, one after the other; {_load()}; '
             'floor: nothing but the four messages of a period that wait for each other',
         ),
         *(
@@ -192,6 +207,30 @@ def _lockstep(run: LockstepRun, round_trip_s: float) -> list[Measurement]:
             for node, rows in run.ticks.items()
         ),
     ]
+
+
+def _idle(run: IdleRun) -> list[Measurement]:
+    nodes = ', '.join(f'{node} {share:.1f}' for node, share in run.shares.items())
+    return [
+        Measurement(
+            name='five idle nodes on the wall clock, processor time',
+            value=sum(run.shares.values()),
+            unit='% of a core',
+            target=MAX_IDLE,
+            peers={EMPTY: sum(run.empty_shares.values())},
+            note=f'{nodes}; {_load()}',
+        ),
+        Measurement(
+            name='bag of an idle graph, growth',
+            value=run.growth_kb,
+            unit='kB/min',
+            target=MAX_GROWTH_KB,
+        ),
+    ]
+
+
+def _load() -> str:
+    return f'load of the machine {os.getloadavg()[0]:.1f}'
 
 
 def _latencies_ms(run: WallClockRun) -> Array:

@@ -180,6 +180,19 @@ class Graph:
             name, code = next(iter(wrong.items()))
             raise GraphError(f'{name} ended with code {code}{self._last_words(name)}')
 
+    def words(self, name: str) -> list[str]:
+        """
+        Tell Python what to run for a node.
+
+        Args:
+            name: which.
+
+        Returns:
+            Its arguments.
+
+        """
+        return ['-m', f'handover_dmp.nodes.{name}']
+
     def start(self, name: str) -> None:
         """
         Start one node.
@@ -192,7 +205,7 @@ class Graph:
         with log:
             self.processes[name] = subprocess.Popen(
                 [
-                    sys.executable, '-m', f'handover_dmp.nodes.{name}',
+                    sys.executable, *self.words(name),
                     # a log that is not empty is one to be read
                     '--ros-args', '--log-level', 'warn',
                     '--params-file', str(self._folder / 'parameters.yaml'),

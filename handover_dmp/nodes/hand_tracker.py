@@ -107,6 +107,13 @@ class HandTracker(HandoverNode):
         ),
         Parameter('lead_s', 'from the signal to the start, s', 0.0, 60.0, read_only=True),
         Parameter('rate_hz', 'of the tracker, Hz', 1.0, 1000.0, read_only=True),
+        Parameter(
+            'rate_at_rest_hz',
+            'of its poses of a hand that stands, to the last bit, on the wall clock, Hz',
+            1.0,
+            1000.0,
+            read_only=True,
+        ),
         TRACKERS,
         TOPIC,
         *SENSOR,
@@ -121,11 +128,16 @@ class HandTracker(HandoverNode):
         self._periods = Periods(1.0 / values['rate_hz'])
         self._messages: list[tuple[Publisher, PoseStamped]] = []
         self._told: dict[Publisher, tuple[list[float], int]] = {}
-        self._again_every = max(1, round(values['rate_hz'] * AGAIN_S))
+        self._kept: dict[Publisher, PoseStamped] = {}
         topics = [values[f'{name}.topic'] for name in values['trackers']]
         self._hand_poses = [self.advertise(HAND_POSE, name) for name in topics]
         self._truth = self.advertise(HAND_TRUTH)
         self._demonstrator_pose = self.advertise(DEMONSTRATOR_POSE)
+        again_every = max(1, round(values['rate_hz'] * AGAIN_S))
+        self._again_every = {self._truth: again_every, self._demonstrator_pose: again_every}
+        if values['source'] != 'bag':  # whose poses are told as they were
+            at_rest = max(1, round(values['rate_hz'] / values['rate_at_rest_hz']))
+            self._again_every |= dict.fromkeys(self._hand_poses, at_rest)
         self._signal = self.advertise(SIGNAL)
         self.serve('replay', self._replay)
         if values['replay_at_s'] >= 0.0:
@@ -206,11 +218,12 @@ class HandTracker(HandoverNode):
             (self._demonstrator_pose, played.demonstrator(now_s)),
         ]
         self._messages = [
-            (publisher, self._message(sample))
+            (publisher, self._message(sample, None if number else self._kept.get(publisher)))
             for publisher, samples in streams
-            for sample in samples
-            if self.lockstep or publisher in self._hand_poses or self._is_news(publisher, sample)
+            for number, sample in enumerate(samples)
+            if self.lockstep or self._is_news(publisher, sample)
         ]
+        self._kept |= dict(self._messages)
         self._send_signals()
         self._publish()
 
@@ -218,14 +231,15 @@ class HandTracker(HandoverNode):
         """Whether somebody has moved, or has stood still for so long that it is said again."""
         place = sample.position.tolist()
         told, at = self._told.get(publisher, (None, 0))
-        if place == told and self._periods.count - at < self._again_every:
+        if place == told and self._periods.count - at < self._again_every.get(publisher, 0):
             return False
         self._told[publisher] = place, self._periods.count
         return True
 
-    def _message(self, sample: HandSample) -> PoseStamped:
+    def _message(self, sample: HandSample, older: PoseStamped | None) -> PoseStamped:
         time, frame = stamp(round(sample.stamp_s * NANOSECONDS)), sample.frame or self.frame
-        return pose_message(time, sample.position, sample.orientation, frame=frame)
+        into = older if older is not None and older.header.frame_id == frame else None
+        return pose_message(time, sample.position, sample.orientation, frame=frame, into=into)
 
     def _publish(self) -> None:
         for publisher, message in self._messages:

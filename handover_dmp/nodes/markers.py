@@ -21,6 +21,7 @@ Hand, wrist, their trails, the learnt path, where they are expected to meet, the
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import dist
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point
@@ -36,15 +37,19 @@ GOLD = (0.9, 0.7, 0.1)
 GREEN = (0.17, 0.63, 0.17)
 TRAIL_LENGTH = 200
 EVERY = 10
+AGAIN = 200
+"""Periods after which what has not moved is shown again, to who looks since."""
+MOVED_M = 0.001
 BALL_M = 0.05
 LINE_M = 0.008
 
 Position = Sequence[float]
+Places = tuple[Position | None, ...]
 Colour = tuple[float, float, float]
 
 
 class Markers:
-    """Publishes the scene at a tenth of the rate that it is fed at."""
+    """Publishes the scene at a tenth of the rate that it is fed at, while something moves."""
 
     def __init__(self, node: HandoverNode, learnt_path: Sequence[Position]) -> None:
         """
@@ -67,6 +72,8 @@ class Markers:
         self._wrist = _Trail('wrist', BLUE)
         self._exchanged = False
         self._count = 0
+        self._shown_at = -AGAIN
+        self._shown: Places = (None,) * 4
 
     def update(
         self,
@@ -90,6 +97,10 @@ class Markers:
         self._count += 1
         if self._count % EVERY or not self._publisher.get_subscription_count():
             return
+        places = hand, wrist, exchange_position, meeting_point
+        if self._count - self._shown_at < AGAIN and not _moved(self._shown, places):
+            return
+        self._shown, self._shown_at = places, self._count
         markers = [self._path]
         if self._exchanged and exchange_position is None:  # another handover
             self._hand.clear()
@@ -140,6 +151,14 @@ def _marker(name: str, kind: int, colour: Colour, size_m: float) -> Marker:
     red, green, blue = colour
     marker.color = ColorRGBA(r=red, g=green, b=blue, a=1.0)
     return marker
+
+
+def _moved(before: Places, now: Places) -> bool:
+    return any(
+        (one is None) != (other is None)
+        or (one is not None and other is not None and dist(one, other) > MOVED_M)
+        for one, other in zip(before, now, strict=True)
+    )
 
 
 def _point(place: Position) -> Point:

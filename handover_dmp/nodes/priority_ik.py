@@ -56,7 +56,11 @@ from handover_dmp.robot.partner import Partner
 from handover_dmp.robot.priority_ik import PriorityIk
 from handover_dmp.robot.task_stack import TASKS
 from handover_dmp.robot.tasks import WristTarget
-from handover_dmp.robot.wrist_controller import WristController, WristControllerOptions
+from handover_dmp.robot.wrist_controller import (
+    JointCommand,
+    WristController,
+    WristControllerOptions,
+)
 from handover_dmp.topics import (
     IK_STATUS,
     JOINT_COMMAND,
@@ -100,6 +104,13 @@ class PriorityIkNode(HandoverNode):
             1000.0,
             read_only=True,
         ),
+        Parameter(
+            'status_rate_at_rest_hz',
+            'of wrist/ik_status while the arm stands where it is told to, on the wall clock, Hz',
+            0.1,
+            1000.0,
+            read_only=True,
+        ),
     )
 
     OF_EACH_TRACKER = ONE_TRACKER
@@ -135,6 +146,9 @@ class PriorityIkNode(HandoverNode):
         self._refused = 0
         self._refusal = ''
         self._twist_awaited = self._rests = False
+        self._told_s = -inf
+        self._told_every_s = 1.0 / self.values['status_rate_at_rest_hz'] - 0.5 * self._period_s
+        self._tells = False
         self._watched_s = 0.0
         self._clock_steps_s: list[float] = []
         self._connect()
@@ -365,6 +379,14 @@ class PriorityIkNode(HandoverNode):
             self._rests = not (self.lockstep or self._fault or any(velocities))
         if self._rests:
             self._periods.rest()
+        self._active = command.solution.active_limits if command.solution else ()
+        self._tells = not (self._rests and 0.0 <= now_s - self._told_s < self._told_every_s)
+        if self._tells:
+            self._told_s = now_s
+            self._tell(command, now_s, time_ns)
+        self._publish()
+
+    def _tell(self, command: JointCommand, now_s: float, time_ns: int) -> None:
         followed = {
             'command_stamp_s': self._followed_s,
             'command_age_s': now_s - self._follows_since_s,
@@ -372,13 +394,11 @@ class PriorityIkNode(HandoverNode):
         }
         numbers = {**command.status_values(time_ns / NANOSECONDS), **followed}
         self._status = to_float_array(numbers, into=self._status)
-        self._active = command.solution.active_limits if command.solution else ()
-        self._publish()
 
     def _publish(self) -> None:
         if self._commands:
             self._joint_command.publish(self._command)
-        if self._status is not None:
+        if self._tells and self._status is not None:
             self._ik_status.publish(self._status)
 
     def finish(self) -> None:

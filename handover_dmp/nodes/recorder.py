@@ -32,7 +32,7 @@ from handover_dmp.nodes.diagnostics import Attendance, Diagnostics, full_name, P
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import ARM, DRIVER, Parameter
 from handover_dmp.nodes.qos import message_class, qos_profile
-from handover_dmp.nodes.rest import is_left_out_at_rest, Rest
+from handover_dmp.nodes.rest import is_left_out_at_rest, Reports, Rest
 from handover_dmp.nodes.spin import run
 from handover_dmp.nodes.transforms import tf_is_installed, TransformRecorder
 from handover_dmp.recording import BagWriter, Qos
@@ -60,6 +60,8 @@ OF_ALL_GRAPHS = {'/rosout', '/parameter_events'} | {
     topic.name for topic in TOPICS if topic.is_global
 }
 LOOK_S = 0.5
+LOOKS_UNTIL_CERTAIN = 10
+"""Looks after which publishers are asked what they offer, though they are as many as before."""
 LOOK_AGAIN_S = 0.01
 QUEUE = 2000
 ON_THE_WAY_S = 0.05
@@ -123,6 +125,8 @@ class Recorder(HandoverNode):
         self._types: dict[str, str] = {}
         self._offered: dict[str, list[Qos]] = {}
         self._not_installed: set[str] = set()
+        self._publisher_counts: dict[str, int] = {}
+        self._looks = 0
         self._failure = ''
         self._rest = Rest(values['rest_s'])
         self._streams = {t.within(self._space) for t in TOPICS if is_left_out_at_rest(t)}
@@ -222,12 +226,20 @@ class Recorder(HandoverNode):
         """Find topics that appeared since, and publishers that offer less than was asked for."""
         if self._transforms is not None:
             self._transforms.look()
-        for name, _ in self.get_topic_names_and_types():
-            if name in self._moved or not self._is_wanted(name):
+        publishers = {
+            name: self.count_publishers(name)
+            for name, _ in self.get_topic_names_and_types()
+            if name not in self._moved and self._is_wanted(name)
+        }
+        before, self._publisher_counts = self._publisher_counts, publishers
+        self._looks += 1
+        for name, count in publishers.items():
+            if count == before.get(name) and self._looks % LOOKS_UNTIL_CERTAIN:
                 continue
-            offered = self._look_at(name)
+            ends = self.get_publishers_info_by_topic(name)
+            offered = self._note_offered(name, [end.qos_profile for end in ends])
             # not those of subscriptions, of which one is ours and may be a guess
-            types = {end.topic_type for end in self.get_publishers_info_by_topic(name)}
+            types = {end.topic_type for end in ends}
             if not offered or len(types) != 1:
                 continue
             type_name, subscription = types.pop(), self._heard.get(name)
@@ -242,9 +254,8 @@ class Recorder(HandoverNode):
                     self.destroy_subscription(subscription)
                 self._subscribe(name, type_name, _weakest(offered))
 
-    def _look_at(self, name: str) -> list[QoSProfile]:
-        """Ask what the publishers of a topic offer, and keep it for the bag."""
-        offered = [info.qos_profile for info in self.get_publishers_info_by_topic(name)]
+    def _note_offered(self, name: str, offered: list[QoSProfile]) -> list[QoSProfile]:
+        """Keep for the bag what the publishers of a topic offer."""
         known = self._offered.setdefault(name, [])
         now = [Qos.from_profile(profile) for profile in offered]
         # who has gone did offer it
@@ -276,25 +287,29 @@ class Recorder(HandoverNode):
         )
 
     def _writing(self, name: str, type_name: str) -> Callable[[bytes], None]:
-        clock, writer, attendance = self.get_clock(), self._writer, self._attendance
-        rest, streams = self._rest, name in self._streams
+        writer, attendance = self._writer, self._attendance
+        rest, streams, reports = self._rest, name in self._streams, Reports()
         tells_state = name == STATE.within(self._space)
 
         def write(data: bytes) -> None:
             if self._failure:
                 return
-            time_ns = clock.now().nanoseconds
+            time_ns = self.now_ns()
             try:
                 if name not in writer.topics:
-                    self._look_at(name)
+                    ends = self.get_publishers_info_by_topic(name)
+                    self._note_offered(name, [end.qos_profile for end in ends])
                     writer.add_topic(name, type_name, self._offered[name] or self._by_table(name))
                 if tells_state:
                     for kept in rest.hear(deserialize_message(data, String).data, time_ns):
                         self._keep(*kept)
-                if not (streams and rest.keeps(name, data, time_ns)):
-                    self._keep(name, data, time_ns)
+                left_out = streams
                 if name == DIAGNOSTICS.name:
-                    attendance.hear(deserialize_message(data, DiagnosticArray))
+                    told = deserialize_message(data, DiagnosticArray)
+                    attendance.hear(told)
+                    left_out = not reports.are_news(told, time_ns)
+                if not (left_out and rest.keeps(name, data, time_ns)):
+                    self._keep(name, data, time_ns)
             except DataError as error:
                 self._fail(error)
 

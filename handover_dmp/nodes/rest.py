@@ -17,13 +17,18 @@
 from __future__ import annotations
 
 from collections import deque
+from math import inf
+import re
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from handover_dmp.handover.controller import HandoverState, MOVING
 from handover_dmp.nodes.conversions import NANOSECONDS
 from handover_dmp.topics import MARKERS, Quality, Topic
 
 BEFORE_S = 1.0
 """What was said so long before a handover is recorded all the same, s."""
+REPEATED_S = 60.0
+"""How often the same report of a node is recorded at rest, s."""
 OFTEN_SAID = (Quality.SENSOR, Quality.COMMAND)
 KeptMessage = tuple[str, bytes, int]
 
@@ -100,4 +105,38 @@ class Rest:
         self._kept.append((topic, data, time_ns))
         while time_ns - self._kept[0][2] > BEFORE_S * NANOSECONDS:
             self._kept.popleft()
+        return True
+
+
+class Reports:
+    """Tells which reports on `/diagnostics` say something new, whatever numbers are in them."""
+
+    def __init__(self) -> None:
+        """Begin without any."""
+        self._told: dict[str, tuple[tuple[object, ...], float]] = {}
+
+    def are_news(self, reports: DiagnosticArray, time_ns: int) -> bool:
+        """
+        Take in reports.
+
+        Args:
+            reports: of some nodes.
+            time_ns: when they came, ns.
+
+        Returns:
+            Whether one of them differs from the last news of its node, or that is a minute ago.
+
+        """
+        time_s = time_ns / NANOSECONDS
+        # of all of them, since each is taken note of
+        news = [self._is_news(status, time_s) for status in reports.status]
+        return any(news)
+
+    def _is_news(self, status: DiagnosticStatus, time_s: float) -> bool:
+        stage = [value.value for value in status.values if value.key == 'stage']
+        says = (bytes(status.level), re.sub(r'[\d.]+', '', status.message), *stage)
+        told, told_s = self._told.get(status.name, ((), -inf))
+        if says == told and 0.0 <= time_s - told_s < REPEATED_S:
+            return False
+        self._told[status.name] = says, time_s
         return True

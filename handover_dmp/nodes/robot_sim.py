@@ -77,6 +77,13 @@ class RobotSim(HandoverNode):
         *ARM,
         *CHANGEABLE,
         Parameter('rate_hz', 'of the joint states, Hz', 10.0, 1000.0, read_only=True),
+        Parameter(
+            'rate_at_rest_hz',
+            'of the joint states of an arm that stands, on the wall clock, Hz',
+            1.0,
+            1000.0,
+            read_only=True,
+        ),
         *parameters_from(ArmOptions),
         Parameter('paused', 'whether time stands still at the start', read_only=True),
         *OBJECT,
@@ -114,6 +121,9 @@ class RobotSim(HandoverNode):
             self.every(LOOK_S, self._wait, wall=True)
         else:
             self._stepped_s = self.arrival_s()
+            self._told_s = -inf
+            # half a period sooner, since it is looked at once a period
+            self._told_every_s = 1.0 / self.values['rate_at_rest_hz'] - 0.5 * self._period_s
             self.every(self._period_s, self._step_by_the_clock)
         Diagnostics(self, self._periods, self._condition)
         self.warn_when_in_vain(self._missing)
@@ -150,6 +160,7 @@ class RobotSim(HandoverNode):
     def _connect(self, model: RobotModel) -> None:
         # on the wall clock nobody needs it, and `ros2 bag play --clock` publishes its own
         self._time_publisher = self.advertise(CLOCK) if self.lockstep else None
+        self._time = Clock()
         self._states = self.advertise(JOINT_STATES)
         self._message = JointState(name=list(model.joint_names))
         self._still = [0.0] * model.dof
@@ -226,14 +237,17 @@ class RobotSim(HandoverNode):
         elapsed_s = now_s - self._stepped_s
         self._stepped_s = now_s
         leapt = self.simulated and not 0.0 <= elapsed_s <= MAX_STEP_S
+        rests = self._arm.rests
         if not (self._paused or leapt):
             # a clock that is told 40 times a second goes on by several periods at once
             jump_s = max(0.0, elapsed_s - self._period_s) if self.simulated else 0.0
-            if self._arm.rests:
+            if rests:
                 self._arm.wait(elapsed_s)
             else:
                 self._arm.advance(elapsed_s, jump_s)
-        self._publish()
+        if not (rests and 0.0 <= now_s - self._told_s < self._told_every_s):
+            self._told_s = now_s
+            self._publish()
 
     def _time_s(self) -> float:
         return self._tick_ns / NANOSECONDS if self.lockstep else self.arrival_s()
@@ -241,14 +255,16 @@ class RobotSim(HandoverNode):
     def _publish(self) -> None:
         self._asked_s = monotonic()
         time = stamp(self._tick_ns if self.lockstep else self.now_ns())
-        if self._time_publisher is not None:
-            self._time_publisher.publish(Clock(clock=time))
         self._message.header.stamp = time
         self._message.position = self._arm.joint_positions.tolist()
         # an arm that is paused while time goes on does not move, whatever it will go on with
         moves = self.lockstep or not self._paused
         self._message.velocity = self._arm.joint_velocities.tolist() if moves else self._still
+        # the arm first: what answers it has the longer way
         self._states.publish(self._message)
+        if self._time_publisher is not None:
+            self._time.clock = time
+            self._time_publisher.publish(self._time)
         self._transforms.tell(time, self._arm.joint_positions)
         self._object.tell(time)
 

@@ -95,8 +95,12 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
         faulthandler.dump_traceback_later(MAX_END_S, exit=True, file=STDERR)
         getattr(node, 'finish', once_per_second.finish)()
         executor.shutdown()
-        shut_down(node)
-    exit_code = int(getattr(node, 'exit_code', 0))
+        exit_code = int(getattr(node, 'exit_code', 0))
+        if not shut_down(node, or_not=sys.exc_info()[0] is None):
+            # all is said and written; to leave DDS out of turn may take for ever
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(exit_code)
     # Extension modules complain at exit of what is still there.
     del node, executor
     gc.unfreeze()

@@ -184,7 +184,7 @@ class VelocityDriver:
     @property
     def moving(self) -> bool:
         """Whether the arm moves or has been told to."""
-        return bool(np.any(self._target)) or bool(np.any(np.abs(self._velocity) > 1e-6))
+        return bool(self._target.any()) or bool(np.abs(self._velocity).max() > 1e-6)
 
     @property
     def report(self) -> ArmReport:

@@ -16,7 +16,8 @@
 
 from __future__ import annotations
 
-from handover_dmp.nodes.rest import is_left_out_at_rest, Rest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from handover_dmp.nodes.rest import is_left_out_at_rest, REPEATED_S, Reports, Rest
 from handover_dmp.topics import DIAGNOSTICS, INFO, ROBOT_DESCRIPTION, SIGNAL, STATE, TOPICS
 
 PERIOD_NS = 5_000_000
@@ -58,3 +59,24 @@ def test_a_recorder_alone_leaves_nothing_out() -> None:
 def test_what_is_rarely_said_is_never_left_out() -> None:
     rare = {topic for topic in TOPICS if not is_left_out_at_rest(topic)}
     assert {DIAGNOSTICS, INFO, ROBOT_DESCRIPTION, SIGNAL, STATE} <= rare
+
+
+def report(name: str, message: str = 'ok', stage: str = 'running') -> DiagnosticArray:
+    values = [KeyValue(key='stage', value=stage), KeyValue(key='age (s)', value='0.1')]
+    return DiagnosticArray(status=[DiagnosticStatus(name=name, message=message, values=values)])
+
+
+def test_a_report_is_news_where_it_says_something_else_or_after_a_while() -> None:
+    reports = Reports()
+    told = [
+        reports.are_news(report(node), second * SECOND_NS)
+        for second in range(130)
+        for node in ('dmp', 'robot_sim')
+    ]
+    assert [i // 2 for i, news in enumerate(told) if news] == [0, 0, 60, 60, 120, 120]
+    assert REPEATED_S == 60.0
+    now_ns = 130 * SECOND_NS
+    assert reports.are_news(report('dmp', 'no fresh hand: braking (2 times)'), now_ns)
+    assert not reports.are_news(report('dmp', 'no fresh hand: braking (31 times)'), now_ns)
+    assert not reports.are_news(report('robot_sim'), now_ns)
+    assert reports.are_news(report('robot_sim', stage='end'), now_ns)
