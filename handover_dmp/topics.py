@@ -198,7 +198,7 @@ OBJECT_HOLDER = Topic(
     '/object/holder',
     'std_msgs/msg/String',
     Quality.LATCHED,
-    'who holds the object: robot, partner, both or nobody',
+    'who holds the object: robot, partner, both, table or nobody',
 )
 MARKERS = Topic(
     '/handover/markers',

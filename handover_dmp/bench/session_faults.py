@@ -193,7 +193,7 @@ def row(scenario: SessionScenario, fault: str) -> FaultRow:
 
 
 def _strike(scenario: SessionScenario, fault: str, stages: Sequence[str]) -> FaultRow:
-    carried = CarriedObjectOptions.between(scenario.models.give.goal_offset, MASS_KG)
+    carried = scenario.carried(MASS_KG)
     with FaultySession(scenario, carried=carried) as session:
         session.arm_for(scenario, carried)
         return _run(session, fault, stages)

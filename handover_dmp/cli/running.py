@@ -80,6 +80,12 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='KG',
         help='of the object of a session; 0: none; default: as in config/objects.yaml',
     )
+    parser.add_argument(
+        '--no-pick-up',
+        action='store_true',
+        help='a session begins with the object in the gripper; default: the arm fetches it from '
+        'where the recorded person picked it up, where the recording tells that',
+    )
 
 
 def run_and_report(
@@ -108,7 +114,11 @@ def run_and_report(
     """
     if options.session:
         return _run_session(options, trial, model, run_session)
-    for word, value in (('--take-model', options.take_model), ('--mass', options.mass)):
+    for word, value in (
+        ('--take-model', options.take_model),
+        ('--mass', options.mass),
+        ('--no-pick-up', options.no_pick_up or None),
+    ):
         if value is not None:
             raise UsageError(f'{word} is for a --session')
     from handover_dmp.cli.progress import progress_bar
@@ -186,6 +196,7 @@ def _run_session(
             seed=options.seed,
             partner_model=options.partner_model,
             profile=profile,
+            pick_up=mass_kg > 0.0 and not options.no_pick_up,
         )
         _remark(bar, scenario.robot)
         folder = new_run_folder(options.output, 'session', scenario.session.configuration)

@@ -79,15 +79,14 @@ def _conduct_session(
 ) -> None:
     from handover_dmp.handover.session_lockstep import simulate_session
     from handover_dmp.runs.bag import write_session_bag
-    from handover_dmp.simulation.carried_object import CarriedObjectOptions
     from handover_dmp.topics import HAND_POSE
 
-    mass_kg, offset = float(info['object_mass_kg']), scenario.models.give.goal_offset
+    mass_kg = float(info['object_mass_kg'])
     periods = simulate_session(
         scenario,
         lambda share: tell('giving and taking back', 0.6 * share),
         trackers,
-        CarriedObjectOptions.between(offset, mass_kg) if mass_kg else None,
+        scenario.carried(mass_kg),
     )
     topics = [one.absolute_topic for one in trackers] or [HAND_POSE.name]
     write_session_bag(folder / 'bag', scenario, periods, info, topics)

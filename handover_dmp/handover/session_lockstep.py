@@ -111,7 +111,7 @@ class SessionLoop(LockstepLoop):
             scenario: session, movements and arm.
             options: the rules of each handover; the defaults, as the scenario has them, if left
                 out.
-            session: the rules of the session; the defaults of `config/` if left out.
+            session: the rules of the session; those of the scenario if left out.
             trackers: that see the hand; a perfect one if left out.
             carried: what is handed over; if left out, or without a mass, distance and speed alone
                 tell when an exchange is over.
@@ -128,7 +128,7 @@ class SessionLoop(LockstepLoop):
         super().__init__(
             scenario.robot,
             scenario.q_start,
-            SessionController(scenario.models, rules, estimator, session),
+            SessionController(scenario.models, rules, estimator, session or scenario.rules),
             orientation=scenario.orientation,
             tracker_names=[one.name for one in trackers],
             rate_hz=rate_hz,

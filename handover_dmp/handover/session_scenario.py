@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+import math
 from pathlib import Path
 
 from handover_dmp.common.arrays import Array
@@ -26,8 +27,9 @@ from handover_dmp.handover.approach import rollout_towards
 from handover_dmp.handover.object_profile import DEFAULT_OBJECT, object_profile, ObjectProfile
 from handover_dmp.handover.recordings import EXAMPLE_SESSION, read_model
 from handover_dmp.handover.scenario import starting_joints
-from handover_dmp.handover.session import SessionModels
+from handover_dmp.handover.session import SessionModels, SessionOptions
 from handover_dmp.handover.teaching import hand_goal, learn_from_trials
+from handover_dmp.handover.withdrawal import WithdrawalOptions
 from handover_dmp.mocap import HandoverTrial
 from handover_dmp.mocap.segmentation import Segmentation, SegmentedMotion
 from handover_dmp.mocap.session import read_session, RecordedSession
@@ -52,6 +54,7 @@ class SessionScenario:
         seed: of all that is drawn at random.
         partner_model: `auto`, to expect of the hand what a movement knows of it, or `off`.
         profile: of what is handed over; the movements are those that carry it.
+        pick_up: (3,), of the wrist where it picks the object up first, m; None: it has it.
 
     """
 
@@ -62,6 +65,7 @@ class SessionScenario:
     seed: int
     partner_model: str = field(default_factory=lambda: defaults('dmp')['partner_model'])
     profile: ObjectProfile = field(default_factory=lambda: object_profile(DEFAULT_OBJECT))
+    pick_up: Array | None = None
 
     @property
     def orientation(self) -> str:
@@ -69,9 +73,26 @@ class SessionScenario:
         return self.profile.task_for(self.models.give)
 
     @property
-    def carried(self) -> CarriedObjectOptions:
-        """Return the object between the wrists that meet, as heavy as its profile says."""
-        return CarriedObjectOptions.between(self.models.give.goal_offset, self.profile.mass_kg)
+    def rules(self) -> SessionOptions:
+        """Rules of the session; those of `config/`, but for where the object is picked up."""
+        if self.pick_up is None:
+            return SessionOptions()
+        x, y, z = self.pick_up.tolist()
+        return SessionOptions(pick_up=True, pick_up_position=(x, y, z))
+
+    def carried(self, mass_kg: float | None = None) -> CarriedObjectOptions:
+        """
+        Tell what is handed over: an object between the wrists that meet.
+
+        Args:
+            mass_kg: kg; that of its profile if left out.
+
+        Returns:
+            The object, in the gripper or on the table where it is picked up.
+
+        """
+        mass_kg = self.profile.mass_kg if mass_kg is None else mass_kg
+        return CarriedObjectOptions.between(self.models.give.goal_offset, mass_kg, self.pick_up)
 
 
 def example_sessions(seed: int = 0) -> tuple[RecordedSession, RecordedSession]:
@@ -139,6 +160,7 @@ def make_session_scenario(
     seed: int = 0,
     partner_model: str | None = None,
     profile: ObjectProfile | None = None,
+    pick_up: bool = False,
 ) -> SessionScenario:
     """
     Put together what a run needs.
@@ -157,6 +179,8 @@ def make_session_scenario(
         seed: of the synthetic data.
         partner_model: `auto` or `off`; that of `config/` if left out.
         profile: of what is handed over; a rod if left out.
+        pick_up: whether the object lies where the recorded person picked it up, and is to be
+            fetched first; no matter where the session does not tell that place.
 
     Returns:
         The scenario.
@@ -179,6 +203,10 @@ def make_session_scenario(
     learnt = SessionModels(carried.movement_with(learnt.give), carried.movement_with(learnt.take))
     replayed = replayed.low_passed(defaults('hand_tracker')['cutoff_hz'])
     wrist_path = expected_session_path(learnt, replayed)
+    place = replayed.pick_up if pick_up else None
+    if place is not None:
+        fetching = _fetching_path(wrist_path[0], place, replayed)
+        wrist_path = np.vstack([fetching, fetching[::-1], wrist_path])
     choice = arm or ArmChoice('lwr4')
     robot = RobotModel.load(
         choice.robot, wrist_frame=choice.wrist_frame, base_frame=choice.base_frame
@@ -195,6 +223,7 @@ def make_session_scenario(
         seed=seed,
         partner_model=partner_model or defaults('dmp')['partner_model'],
         profile=carried,
+        pick_up=place,
     )
 
 
@@ -219,3 +248,11 @@ def expected_session_path(models: SessionModels, session: RecordedSession) -> Ar
         there, _ = rollout_towards(movement, trial.times, goals, velocities, home)
         parts += [there, there[::-1]]
     return np.vstack(parts[:-1])
+
+
+def _fetching_path(home: Array, place: Array, session: RecordedSession) -> Array:
+    """Return the straight way to where the object lies, as often as the session is sampled."""
+    times = session.motion.times
+    step_m = WithdrawalOptions().speed * float(times[1] - times[0])
+    count = max(2, math.ceil(float(np.linalg.norm(place - home)) / step_m))
+    return np.linspace(home, place, count)

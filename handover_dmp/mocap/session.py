@@ -27,6 +27,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 import re
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.filtering import smooth
 from handover_dmp.mocap.segmentation import ORDERS, Segment, segment, Segmentation
@@ -36,6 +37,12 @@ from handover_dmp.mocap.wrists import WristMotion
 import numpy as np
 
 SESSIONS_NAME = 'sessions.csv'
+STILL_SPEED = 0.05
+"""A wrist that is slower stands, m/s; while it picks something up it does so"""
+STILL_S = 0.15
+"""for at least so long, s,"""
+AWAY_M = 0.1
+"""and so far from where its reach begins, m."""
 _WHAT = ('file', 'configuration', 'trial', 'exchange')
 _TIMES = ('start_s', 'exchange_s', 'parting_s', 'way_back_from_s', 'way_back_to_s')
 
@@ -62,6 +69,28 @@ class RecordedSession:
     def file_name(self) -> str:
         """Return the name of its file, `<configuration>_<number>.csv`."""
         return f'{self.configuration}_{self.number}.csv'
+
+    @property
+    def pick_up(self) -> Array | None:
+        """
+        Where P2's wrist picks up the object, (3,), m: where it last stands before the first give.
+
+        None where the recording begins after that, or with a take.
+        """
+        times, first = self.motion.times, self.exchanges[0]
+        before = times < first.start_s
+        if first.direction != 'give' or not np.any(before):
+            return None
+        wrist = self.motion.demonstrator[before]
+        speeds = np.linalg.norm(np.gradient(wrist, times[before], axis=0), axis=1)
+        away = np.linalg.norm(wrist - wrist[-1], axis=1) > AWAY_M
+        stands = np.flatnonzero(np.diff([0, *((speeds < STILL_SPEED) & away), 0]))
+        for begin, end in reversed(stands.reshape(-1, 2).tolist()):
+            # where a recording begins nobody knows what was done before
+            if begin > 0 and times[end - 1] - times[begin] >= STILL_S:
+                place: Array = wrist[begin:end].mean(axis=0)
+                return place
+        return None
 
     def low_passed(self, cutoff_hz: float) -> RecordedSession:
         """

@@ -27,7 +27,6 @@ from handover_dmp.handover.scenario import Scenario
 from handover_dmp.handover.session_lockstep import MAX_WAIT_S
 from handover_dmp.handover.session_scenario import SessionScenario
 from handover_dmp.nodes.graph import Graph
-from handover_dmp.simulation.carried_object import CarriedObjectOptions
 from handover_dmp.tracking.tracker_preset import SENSOR, TrackerPreset
 
 
@@ -181,9 +180,12 @@ def session_parameters(
         'session.enabled': True,
         'session.take_model': str(folder / 'take_model.json'),
     }
-    mass_kg = float(info['object_mass_kg'])
-    carried = CarriedObjectOptions.between(scenario.models.give.goal_offset, mass_kg)
-    parameters['robot_sim'] |= carried.parameters
+    if scenario.pick_up is not None:
+        parameters['dmp'] |= {
+            'session.pick_up': True,
+            'session.pick_up_position': scenario.pick_up.tolist(),
+        }
+    parameters['robot_sim'] |= scenario.carried(float(info['object_mass_kg'])).parameters
     for node, values in scenario.profile.node_parameters(scenario.models.give).items():
         parameters[node] |= values
     return parameters

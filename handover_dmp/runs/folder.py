@@ -37,6 +37,7 @@ from handover_dmp.handover.session_scenario import SessionScenario
 from handover_dmp.mocap import write_trial
 from handover_dmp.mocap.session import write_sessions
 from handover_dmp.robot.descriptions import ArmChoice
+from handover_dmp.simulation.carried_object import Holder
 import numpy as np
 from numpy.typing import NDArray
 
@@ -134,6 +135,8 @@ def session_info(
 
     """
     session, models = scenario.session, scenario.models
+    carried = scenario.carried(mass_kg)
+    table = list(carried.table) if carried.holder == Holder.TABLE.value else None
     release = ReleaseOptions()
     movements = {'give': models.give, 'take': models.take}
     return {
@@ -145,6 +148,7 @@ def session_info(
         'object': scenario.profile.as_dict(),
         'orientation': scenario.orientation,
         'object_mass_kg': mass_kg,
+        'object_table_m': table,
         'release': {'share': release.share, 'pull_n': release.pull_n},
         'goal_offset_m': list(models.give.goal_offset),
         'learnt_from': [movement.source for movement in movements.values()],

@@ -16,8 +16,10 @@
 The object that changes hands, as a rigid body of the world.
 
 While the gripper is closed on it, a fixed joint holds it to the arm; what that joint transmits is
-what a force sensor in the wrist would feel. The partner's hand is a spring on it. Held by nobody,
-it falls to the floor.
+what a force sensor in the wrist would feel. Wherever the gripper closes on it, it draws it to the
+one place where it holds it, so that after many handovers it lies there as after the first. The
+partner's hand is a spring on it. Held by nobody, it falls to the floor, but for the table that it
+lies on at the start.
 """
 
 from __future__ import annotations
@@ -32,6 +34,7 @@ from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import UsageError
 from handover_dmp.common.quiet_pybullet import pybullet
 from handover_dmp.common.settings import setting
+from handover_dmp.simulation.gripper import Gripper
 from handover_dmp.simulation.partner_grip import PartnerGrip, PartnerGripOptions
 from handover_dmp.simulation.world import World
 import numpy as np
@@ -40,10 +43,12 @@ LIGHTEST_KG = 0.01
 """With less, the spring of the partner's hand would shake in steps of 1 ms, kg."""
 HAND_TURNS = 30.0
 """How fast the hand turns the object back to how it was gripped, rad/s."""
-JOINT_FORCE_N = 1e6
-"""More than the joint ever has to bear: a fixed one does not give way, N."""
 SEED = 0
 """Of the sensor's noise: the same run is the same again."""
+TABLE_SIDE_M = 0.4
+"""Of the square table on which it may lie, m."""
+LAID_DOWN_M = 0.03
+"""What is let go of no higher over the table than this is laid down, m."""
 FLOOR_M = 0.0
 """Height of the floor in the room, m."""
 
@@ -54,7 +59,12 @@ class Holder(str, Enum):
     ROBOT = 'robot'
     PARTNER = 'partner'
     BOTH = 'both'
+    TABLE = 'table'
     NOBODY = 'nobody'
+
+
+HOLDERS = (Holder.ROBOT.value, Holder.PARTNER.value, Holder.TABLE.value)
+"""Who may have it at the start."""
 
 
 class Wrench(NamedTuple):
@@ -125,14 +135,36 @@ class CarriedObjectOptions:
     holder: str = setting(
         'robot_sim',
         'object.holder',
-        'who has it at the start, robot or partner',
-        choices=('robot', 'partner'),
+        'who has it at the start: robot, partner or table',
+        choices=('robot', 'partner', 'table'),
+        read_only=True,
+    )
+    table: Sequence[float] = setting(
+        'robot_sim',
+        'object.table',
+        '(3,), of its middle on the table, where that has it at the start, m',
         read_only=True,
     )
     reach_m: float = setting(
         'robot_sim',
         'object.reach_m',
         'from the wrist to its middle, for the gripper to close on it, m',
+        0.001,
+        5.0,
+        read_only=True,
+    )
+    grip_s: float = setting(
+        'robot_sim',
+        'object.grip_s',
+        'within which the closed gripper draws it to its place in it, s;',
+        0.01,
+        60.0,
+        read_only=True,
+    )
+    grip_speed: float = setting(
+        'robot_sim',
+        'object.grip_speed',
+        'but no faster than this, m/s',
         0.001,
         5.0,
         read_only=True,
@@ -153,19 +185,30 @@ class CarriedObjectOptions:
             raise UsageError(f'object.mass_kg is {self.mass_kg}: 0, or at least {LIGHTEST_KG}')
         if len(self.size) != 3 or not all(0.0 < side < np.inf for side in self.size):
             raise UsageError(f'object.size is {list(self.size)}: three lengths over 0')
-        if len(self.position) != 3 or not all(map(isfinite, self.position)):
-            raise UsageError(f'object.position is {list(self.position)}: three lengths')
-        if self.holder not in (Holder.ROBOT.value, Holder.PARTNER.value):
-            raise UsageError(f'object.holder is {self.holder!r}: robot or partner')
+        for name, place in (('position', self.position), ('table', self.table)):
+            if len(place) != 3 or not all(map(isfinite, place)):
+                raise UsageError(f'object.{name} is {list(place)}: three lengths')
+        for name, value in (('grip_s', self.grip_s), ('grip_speed', self.grip_speed)):
+            if not 0.0 < value < np.inf:
+                raise UsageError(f'object.{name} is {value}: it must be positive')
+        if self.holder not in HOLDERS:
+            raise UsageError(f'object.holder is {self.holder!r}: {", ".join(HOLDERS)}')
 
     @classmethod
-    def between(cls, goal_offset: Sequence[float] | Array, mass_kg: float) -> CarriedObjectOptions:
+    def between(
+        cls,
+        goal_offset: Sequence[float] | Array,
+        mass_kg: float,
+        pick_up: Sequence[float] | Array | None = None,
+    ) -> CarriedObjectOptions:
         """
         Put an object in the robot's gripper so that its middle is between the wrists that meet.
 
         Args:
             goal_offset: (3,), from the partner's wrist to the robot's at the exchange, m.
             mass_kg: kg.
+            pick_up: (3,), of the robot's wrist where it picks the object up from a table, m; None:
+                it has it at the start.
 
         Returns:
             What is handed over, all else as in `config/`.
@@ -174,8 +217,11 @@ class CarriedObjectOptions:
             UsageError: a mass that is none.
 
         """
-        x, y, z = (-0.5 * float(part) for part in goal_offset)
-        return cls(mass_kg=mass_kg, position=(x, y, z))
+        position = [-0.5 * float(part) for part in goal_offset]
+        if pick_up is None:
+            return cls(mass_kg=mass_kg, position=position)
+        table = [float(at) + off for at, off in zip(pick_up, position, strict=True)]
+        return cls(mass_kg=mass_kg, position=position, holder=Holder.TABLE.value, table=table)
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -183,6 +229,8 @@ class CarriedObjectOptions:
         return {
             'object.mass_kg': float(self.mass_kg),
             'object.position': list(map(float, self.position)),
+            'object.holder': self.holder,
+            'object.table': list(map(float, self.table)),
         }
 
     @property
@@ -212,9 +260,7 @@ class CarriedObject:
 
         """
         self.options = options
-        self._world = world
         self._client = {'physicsClientId': world.client}
-        self._link = world.joints[-1]
         self._weight_n = options.mass_kg * -world.options.gravity
         self._grip = PartnerGrip(options.mass_kg, -world.options.gravity, options.partner)
         self._body = int(
@@ -228,7 +274,9 @@ class CarriedObject:
             angularDamping=0,
             **self._client,
         )
-        self._joint: int | None = None
+        self._gripper = Gripper(
+            world, self._body, max(options.size), options.grip_s, options.grip_speed
+        )
 
     def reset(self, wrist: Array) -> None:
         """
@@ -238,18 +286,21 @@ class CarriedObject:
             wrist: (3,), m, of the arm at rest.
 
         """
-        self._unhand()
+        self._gripper.open()
         self._grip.reset()
         self._gripper_closed = self.options.holder == Holder.ROBOT.value
-        self._is_waiting = not self._gripper_closed
+        self._is_waiting = self.options.holder == Holder.PARTNER.value
         self._quaternion: Sequence[float] = (0.0, 0.0, 0.0, 1.0)
         self._felt = np.zeros(6)
         self._pull = np.zeros(3)
         self._random = np.random.default_rng(SEED)
         self.begin()
-        self._place(wrist + self.options.position)
+        held_at = wrist + self.options.position
+        self._gripper.hold_at(held_at)
+        has_table = self.options.holder == Holder.TABLE.value
+        self._place(np.array(self.options.table) if has_table else held_at)
         if self._gripper_closed:
-            self._hand_to_robot()
+            self._gripper.close()
             # before the first step, too, the wrist feels what it holds
             self._felt[2] = -self._weight_n
 
@@ -270,9 +321,11 @@ class CarriedObject:
     def holder(self) -> Holder:
         """Who has the object."""
         partner = self._grip.holds or self._is_waiting
-        if self._joint is not None:
+        if self._gripper.holds:
             return Holder.BOTH if partner else Holder.ROBOT
-        return Holder.PARTNER if partner else Holder.NOBODY
+        if partner:
+            return Holder.PARTNER
+        return Holder.TABLE if self._is_on_table(self.pose[0]) else Holder.NOBODY
 
     @property
     def pose(self) -> tuple[Array, Array]:
@@ -298,7 +351,7 @@ class CarriedObject:
         """
         mean = self._impulse / self._elapsed_s if self._elapsed_s > 0.0 else self._felt
         force, torque = mean[:3], mean[3:]
-        lever = self.pose[0] - wrist
+        lever = self._gripper.place - wrist
         return Wrench(force + self._noise, torque + np.cross(lever, force))
 
     def set_gripper(self, closed: bool, wrist: Array) -> None:
@@ -314,11 +367,11 @@ class CarriedObject:
             return
         self._gripper_closed = closed
         if not closed:
-            self._unhand()
+            self._gripper.open()
             return
         near = float(np.linalg.norm(self.pose[0] - wrist)) <= self.options.reach_m
         if near and not self._is_waiting:
-            self._hand_to_robot()
+            self._gripper.close()
 
     def set_partner_hand(self, position: Array, velocity: Array | None = None) -> None:
         """
@@ -360,12 +413,13 @@ class CarriedObject:
 
         """
         self._pull = np.zeros(3)
+        self._gripper.draw(time_step_s)
         if self._is_waiting:
             self._place(self.pose[0])
             return
         position, quaternion = self.pose
         linear, angular = pybullet.getBaseVelocity(self._body, **self._client)
-        lift_n = None if self._joint is None else -float(self._felt[2])
+        lift_n = -float(self._felt[2]) if self._gripper.holds else None
         held = self._grip.holds
         force = self._grip.force(position, np.array(linear), lift_n, time_step_s)
         if self._grip.holds:
@@ -373,8 +427,8 @@ class CarriedObject:
                 self._quaternion = quaternion.tolist()
             self._pull = force
             self._apply(force, position, quaternion, np.array(angular))
-        elif self._joint is None:
-            self._rest_on_floor(position)
+        elif not self._gripper.holds:
+            self._rest(position)
 
     def _apply(self, force: Array, position: Array, quaternion: Array, angular: Array) -> None:
         """Pull on the object, and turn it back to how it was gripped."""
@@ -392,8 +446,19 @@ class CarriedObject:
             body, -1, (self._grip.strength * torque).tolist(), pybullet.WORLD_FRAME, **client
         )
 
-    def _rest_on_floor(self, position: Array) -> None:
-        height = FLOOR_M + 0.5 * min(self.options.size)
+    def _is_on_table(self, position: Array) -> bool:
+        """Tell whether it lies on the table, or just above it; there is one if it began there."""
+        if self.options.holder != Holder.TABLE.value:
+            return False
+        x, y, z = np.abs(position - self.options.table)
+        return bool(max(x, y) <= 0.5 * TABLE_SIDE_M and z <= LAID_DOWN_M)
+
+    def _rest(self, position: Array) -> None:
+        """Let table and floor bear what falls on them."""
+        if self._is_on_table(position):
+            height = float(self.options.table[2])
+        else:
+            height = FLOOR_M + 0.5 * min(self.options.size)
         if position[2] <= height and float(self.velocity[2]) <= 0.0:
             self._place(np.array([position[0], position[1], height]))
 
@@ -405,10 +470,7 @@ class CarriedObject:
             time_step_s: its length, s.
 
         """
-        if self._joint is None:
-            self._felt = np.zeros(6)
-        else:
-            self._felt = np.array(pybullet.getConstraintState(self._joint, **self._client))
+        self._felt = self._gripper.transmitted()
         self._impulse += time_step_s * self._felt
         self._pulled += time_step_s * self._pull
         self._elapsed_s += time_step_s
@@ -420,25 +482,3 @@ class CarriedObject:
             self._body, position.tolist(), quaternion, **self._client
         )
         pybullet.resetBaseVelocity(self._body, [0, 0, 0], [0, 0, 0], **self._client)
-
-    def _hand_to_robot(self) -> None:
-        """Fix the object to the last link, as it lies in the gripper now."""
-        robot, position_and_turn = self._world.robot, self.pose
-        link = pybullet.getLinkState(
-            robot, self._link, computeForwardKinematics=True, **self._client
-        )
-        into = pybullet.invertTransform(link[0], link[1])
-        position, quaternion = (part.tolist() for part in position_and_turn)
-        place, turn = pybullet.multiplyTransforms(*into, position, quaternion)
-        self._joint = int(
-            pybullet.createConstraint(
-                robot, self._link, self._body, -1, pybullet.JOINT_FIXED, [0, 0, 0],
-                place, [0, 0, 0], turn, [0, 0, 0, 1], **self._client,
-            )
-        )  # fmt: skip
-        pybullet.changeConstraint(self._joint, maxForce=JOINT_FORCE_N, **self._client)
-
-    def _unhand(self) -> None:
-        joint, self._joint = self._joint, None
-        if joint is not None:
-            pybullet.removeConstraint(joint, **self._client)

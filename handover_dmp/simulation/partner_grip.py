@@ -18,7 +18,8 @@ The partner's hand on the object: it takes what is held out to it, and lets go o
 The hand moves as it is told, whatever the object does; between the two is a spring with a damper,
 slack at the moment of the grip, that becomes as stiff as the arm of a person within a short time.
 Within the same time the hand takes over the weight. Where the robot takes, it is the reverse: once
-the robot has closed, the hand gives up the weight, and opens when the robot has enough of it.
+the robot has closed, the hand gives up the weight, lets the object slide in it where the robot
+draws it, and opens when the robot has enough of it.
 """
 
 from __future__ import annotations
@@ -246,6 +247,10 @@ class PartnerGrip:
         self.lift = _towards(self.lift, float(bears), step)
         if not self.holds:
             return np.zeros(3)
+        if self._is_closed and not bears:
+            # a hand that gives is loose: what the robot draws at slides in it
+            slid = dt_s / (dt_s + self.options.grip_s)
+            self._anchor = self._anchor + slid * (position - self._hand - self._anchor)
         drawn = self._hand + self._anchor - position
         if float(np.linalg.norm(drawn)) > self.options.slip_m:
             # what has slipped out of the hand, it takes again where it can

@@ -17,6 +17,7 @@ The partner of a recorded session, played back, who waits at each exchange.
 
 The recording runs as it is, until the hand is held out and would be taken back. There it slows to
 a standstill until the object has passed, and then goes on; so a robot that is late drops nothing.
+Where the object lies on a table yet, the partner asks for it, and waits until it is picked up.
 """
 
 from __future__ import annotations
@@ -36,6 +37,8 @@ import numpy as np
 
 RECEIVERS = {'give': 'partner', 'take': 'robot'}
 """Who holds the object after an exchange, as `object/holder` says it."""
+NOT_FETCHED = 'table'
+"""As `object/holder` says it, before it is picked up."""
 SIGNAL_AHEAD_S = 0.1
 """How long before a reach its signal is given, so that nobody hears of it too late, s."""
 BEFORE_PARTING_S = 0.1
@@ -114,6 +117,7 @@ class SessionPlayback:
         self._at_exchange = 0
         self._signalled = 0
         self._told = False
+        self._asks = False
         self._partner = Replay(math.inf, path=lambda elapsed_s: self._places(elapsed_s)[:3])
         self._hands = [
             TrackedHand(self._partner, sensor, tells_lost=tells_lost) for sensor in sensors
@@ -141,11 +145,11 @@ class SessionPlayback:
             hand.start(at_s)
         self._clock = WaitingClock(self._first_s, self._last_s)
         self._at_exchange = self._signalled = 0
-        self._told = False
+        self._told = self._asks = False
 
     def is_waiting(self, now_s: float) -> bool:
         """Tell whether the partner holds out the hand and waits for the object, at a time, s."""
-        if self.next_exchange is None or not self._told:
+        if self.next_exchange is None or not self._told or self._asks:
             return False
         return self.start_s + self._clock.when(_waiting_place(self.next_exchange)) <= now_s
 
@@ -155,8 +159,8 @@ class SessionPlayback:
 
         Args:
             now_s: the time, s.
-            holder: who holds the object: `robot`, `partner`, `both` or `nobody`; None: it is not
-                known.
+            holder: who holds the object: `robot`, `partner`, `both`, `table` or `nobody`; None: it
+                is not known.
 
         Returns:
             Poses and signals.
@@ -183,7 +187,14 @@ class SessionPlayback:
                 self._at_exchange += 1
             return
         if not self._told:
-            self._told = True
+            self._told, self._asks = True, holder == NOT_FETCHED
+            place = part.start_s if self._asks else _waiting_place(part)
+            self._clock.go_on(elapsed_s, place)
+        if self._asks:
+            asked_s = elapsed_s - self._clock.when(part.start_s)
+            if holder == NOT_FETCHED and asked_s <= self._patience_s:
+                return
+            self._asks = False
             self._clock.go_on(elapsed_s, _waiting_place(part))
         waited_s = elapsed_s - self._clock.when(_waiting_place(part))
         begun = self._clock.recorded(elapsed_s) >= part.start_s

@@ -165,6 +165,10 @@ class _Drawing:
             )
             node.set_object(shape, self._material(piece.colour))
             node.set_transform(_pose(position, turn))
+        for index, (piece, position) in enumerate(scene.table):
+            node = root[f'table/{index}']
+            node.set_object(self._geometry.Box(list(piece.size)), self._material(piece.colour))
+            node.set_transform(_pose(position, NO_TURN))
         away = FARTHER * (camera.eye - camera.target)  # the bar takes some of the page
         eye = root['/Cameras/default/rotated/<object>']
         # The viewer's camera lives in axes of its own, y up.

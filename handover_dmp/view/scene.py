@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+import itertools
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -32,6 +33,7 @@ from handover_dmp.common.errors import DataError
 from handover_dmp.common.quiet_pybullet import pybullet, silenced
 from handover_dmp.common.settings import setting
 from handover_dmp.robot.model import RobotModel
+from handover_dmp.simulation.carried_object import TABLE_SIDE_M
 from handover_dmp.simulation.partner_figure import FigureBodies, PartnerFigure
 from handover_dmp.simulation.stances import LYING, Stance, UPRIGHT
 from handover_dmp.simulation.world import joint_numbers, load_robot
@@ -60,8 +62,15 @@ ASIDE_DEG = 78.0
 """From the line between the two to the camera; the person's right hand is on the near side."""
 VIEWS = {LYING: (52.0, 28.0)}
 """The same, and the elevation in deg, where a body is seen better from elsewhere."""
+PAST_THE_ROBOT_M, MOST_FURTHER_DEG = 0.30, 45
+"""So far beside the robot's base a table is in the picture; the camera goes round for that."""
 GRID_M = 0.5
 PEDESTAL_RADIUS_M = 0.22
+TABLE_COLOUR: Colour = (0.62, 0.50, 0.38)
+TABLE_TOP_M, TABLE_LEG_M = 0.025, 0.06
+"""Thickness of the top of the table, and of its leg."""
+GRIP_S = 0.3
+"""Within which the gripper draws what it picks up to its place in it, s."""
 PALM_M = 0.09  # from the wrist along the fingers
 TRAIL_RADIUS_M = 0.008
 OUT_OF_SIGHT = (0.0, 0.0, -1000.0)
@@ -184,6 +193,7 @@ class Scene(Closing):
         direction: str = 'give',
         exchange_time_s: float | None = None,
         back_time_s: float | None = None,
+        pick_up_time_s: float | None = None,
         floor_height_m: float | None = None,
         stance: Stance = UPRIGHT,
         surroundings: Surroundings | None = None,
@@ -202,6 +212,7 @@ class Scene(Closing):
             direction: `give` (the robot has the object first) or `take` (the partner has it).
             exchange_time_s: when the object changes hands; None: never.
             back_time_s: when it changes them again, in a session; None: never.
+            pick_up_time_s: when the robot takes it from a table first; None: it has it.
             floor_height_m: z of the floor; None: chosen to suit the human figure.
             stance: how the person is.
             surroundings: what is around the person; None: nothing.
@@ -222,6 +233,7 @@ class Scene(Closing):
         self.times = np.asarray(times, dtype=float)
         self.exchange_time_s = np.inf if exchange_time_s is None else exchange_time_s
         self.back_time_s = np.inf if back_time_s is None else back_time_s
+        self.pick_up_time_s = -np.inf if pick_up_time_s is None else pick_up_time_s
         self._robot_gives = direction == 'give'
         self._joints = np.asarray(joint_positions, dtype=float)
         self._hand_path = np.asarray(hand_path, dtype=float)
@@ -266,6 +278,7 @@ class Scene(Closing):
             self._pedestal(radius, low, high)
         self._surround()
         self._plan_grasp()
+        self._lay_on_table()
 
     @property
     def pedestal(self) -> tuple[tuple[float, float, float], ...]:
@@ -363,6 +376,34 @@ class Scene(Closing):
             for part in self.object_parts
         ]
 
+    def _lay_on_table(self) -> None:
+        """Let the object lie where the robot's flange is when it picks it up, on a table."""
+        self.table: tuple[tuple[Piece, Array], ...] = ()
+        if not np.isfinite(self.pick_up_time_s):
+            return
+        held = self._flange_pose(self.pick_up_time_s) @ self._grasp.by_robot
+        upwards = np.array([0.0, 0.0, 1.0])
+        axis = upwards if self._look.stands else np.append(held.rotation[:2, 2], 0.0)
+        turn, _ = Rotation.align_vectors([axis], [held.rotation[:, 2]])
+        self._lying = _Pose(held.position, turn.as_matrix() @ held.rotation)
+        depths = [
+            self._lying.rotation[2] @ part.middle
+            - 0.5 * np.abs(self._lying.rotation[2]) @ part.size
+            for part in self.object_parts
+        ]
+        top = float(held.position[2] + min(depths)) - self.floor_height_m
+        for size, height in (
+            ((TABLE_SIDE_M, TABLE_SIDE_M, TABLE_TOP_M), top - 0.5 * TABLE_TOP_M),
+            ((TABLE_LEG_M, TABLE_LEG_M, top - TABLE_TOP_M), 0.5 * (top - TABLE_TOP_M)),
+        ):
+            place = np.array([*held.position[:2], self.floor_height_m + height])
+            self.table += ((Piece((0.0, 0.0, 0.0), size, TABLE_COLOUR), place),)
+            body = self._box_body(size, TABLE_COLOUR)
+            pybullet.resetBasePositionAndOrientation(
+                body, place, [0, 0, 0, 1], physicsClientId=self._client
+            )
+            self._pieces.append(body)
+
     def _between(self, time_s: float) -> tuple[_Pose, _Pose, float, Array]:
         """Give flange and hand at a time, and gap and direction from flange to palm."""
         hand, flange = self._hand_pose(time_s), self._flange_pose(time_s)
@@ -436,6 +477,10 @@ class Scene(Closing):
 
     def _object_at(self, time_s: float, flange: _Pose, hand: _Pose) -> _Pose:
         """Put the object into the hold of the one who has it."""
+        gripped_s = time_s - self.pick_up_time_s
+        if gripped_s < GRIP_S:
+            share = _smooth_step(max(gripped_s, 0.0) / GRIP_S)
+            return self._lying.towards(flange @ self._grasp.by_robot, share)
         passed = int(time_s >= self.exchange_time_s) + int(time_s >= self.back_time_s)
         grasp = (self._grasp, self._grasp, self._grasp_back)[passed]
         if passed == 1 and np.isfinite(self.back_time_s):
@@ -525,7 +570,7 @@ class Scene(Closing):
             if self.figure.stance is UPRIGHT
             else self.figure.heading
         )
-        azimuth = facing - np.radians(aside_deg)
+        azimuth = facing - np.radians(aside_deg + self._past_the_robot(facing, aside_deg))
         elevation = np.radians(elevation_deg)
         back = np.array(
             [
@@ -556,6 +601,20 @@ class Scene(Closing):
             target = target + half * (off[0] * width / height * right + off[1] * up)
         return Camera(target + far * back, target, width, height)
 
+    def _past_the_robot(self, facing: float, aside_deg: float) -> float:
+        """Say by how much farther round a camera sees the table past the robot, deg."""
+        if not self.table:
+            return 0.0
+        away = self.table[0][1][:2] - np.array(self.model.base.position[:2])
+
+        def aside_m(further_deg: float) -> float:
+            azimuth = facing - np.radians(aside_deg + further_deg)
+            return float(abs(away @ [-np.sin(azimuth), np.cos(azimuth)]))
+
+        further = sorted(range(-MOST_FURTHER_DEG, MOST_FURTHER_DEG + 1, 5), key=abs)
+        clear = [deg for deg in further if aside_m(deg) >= PAST_THE_ROBOT_M]
+        return float(clear[0] if clear else max(further, key=aside_m))
+
     def _extent(self) -> Array:
         """Points around everything that is ever to be seen, (n, 3)."""
         clouds = [self._hand_path, self._wrist_path]
@@ -568,6 +627,11 @@ class Scene(Closing):
                 clouds.append(np.array([low, high]))
         clouds += [
             np.array(pybullet.getAABB(body, physicsClientId=self._client)) for body in self._pieces
+        ]
+        clouds += [
+            place + 0.5 * np.array(piece.size) * corner
+            for piece, place in self.table
+            for corner in itertools.product((-1.0, 1.0), repeat=3)
         ]
         person, base, floor = self.figure.pelvis, self.model.base.position, self.floor_height_m
         clouds.append(_ring(base, PEDESTAL_RADIUS_M, floor))

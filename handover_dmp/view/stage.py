@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 from handover_dmp.common.arrays import Array
@@ -29,6 +30,7 @@ from handover_dmp.report.session import is_session, release_of
 from handover_dmp.robot.descriptions import ArmChoice, Description, known_arms, read_description
 from handover_dmp.robot.errors import RobotDescriptionError
 from handover_dmp.robot.model import BasePlacement, RobotModel
+from handover_dmp.simulation.carried_object import Holder
 from handover_dmp.simulation.stances import stance_of
 from handover_dmp.topics import ROBOT_DESCRIPTION
 from handover_dmp.view.scene import Scene
@@ -63,7 +65,13 @@ class Stage:
     def span_s(self) -> tuple[float, float]:
         """From a little before the robot moves to the end of the recording, s."""
         first, last = float(self.scene.times[0]), float(self.scene.times[-1])
-        begin = self.record.reaching_time_s
+        begins = [
+            time_s
+            for time_s, state in self.record.states
+            if state == 'picking_up'
+            and (self.record.reaching_time_s is None or time_s < self.record.reaching_time_s)
+        ]
+        begin = begins[0] if begins else self.record.reaching_time_s
         return (first if begin is None else max(first, begin - BEFORE_S)), last
 
     def frame_times(self, rate_hz: float) -> Array:
@@ -135,6 +143,7 @@ def set_up(
         direction='give' if is_session(record) else record.info.get('exchange') or 'give',
         exchange_time_s=first_s,
         back_time_s=back_s,
+        pick_up_time_s=_pick_up(record),
         stance=stance_of(configuration),
         surroundings=SURROUNDINGS.get(configuration),
         carried=record.info.get('object'),
@@ -152,6 +161,14 @@ def _passes(record: RunRecord) -> tuple[float | None, float | None]:
         if leg.run.handed_over and span is not None:
             passes[number] = release['passed_s'] or release['gripper_s'] or span[1]
     return passes[0], passes[1]
+
+
+def _pick_up(record: RunRecord) -> float | None:
+    """Tell when the robot took the object from the table first, s."""
+    for (_, before), (time_s, after) in pairwise(record.holders):
+        if (before, after) == (Holder.TABLE.value, Holder.ROBOT.value):
+            return time_s
+    return None
 
 
 def _robot(record: RunRecord, choice: ArmChoice) -> RobotModel:

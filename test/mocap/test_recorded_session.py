@@ -16,17 +16,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import hashlib
 
 from handover_dmp.common.errors import DataError
 from handover_dmp.handover.teaching import learn_from_trials, reproduction_error
 from handover_dmp.mocap import read_data_set, read_trial, synthesize, write_data_set
+from handover_dmp.mocap.garage import SCENES
 from handover_dmp.mocap.segmentation import segment, Segmentation
 from handover_dmp.mocap.session import (
     read_session,
     session_files,
     write_sessions,
 )
+from handover_dmp.mocap.synthetic import REST_SPREAD_M
 from handover_dmp.mocap.synthetic_session import synthesize_sessions
 from handover_dmp.mocap.wrists import WristMotion
 from hypothesis import given, Phase, settings
@@ -165,6 +168,27 @@ def test_what_is_no_session_is_refused_in_one_line(folder, tmp_path, sessions):
         (tmp_path / 'sessions.csv').write_text('\n'.join([index[0], line]) + '\n')
         with pytest.raises(DataError, match=word):
             read_session(good)
+
+
+def test_it_tells_where_the_tool_was_picked_up(sessions):
+    for session in sessions:
+        place = session.low_passed(6.0).pick_up
+        tool = np.array(SCENES[session.configuration].tool)
+        assert np.all(np.abs(place - tool) < 3.5 * REST_SPREAD_M)
+        # there the assistant stood
+        before = session.motion.times < session.exchanges[0].start_s
+        off_m = np.linalg.norm(session.motion.demonstrator[before] - place, axis=1)
+        assert np.count_nonzero(off_m < 0.005) > 0.2 * 200.0
+        later = replace(session, exchanges=session.exchanges[1:])
+        assert later.pick_up is None
+        start = int(np.argmin(np.linalg.norm(session.motion.demonstrator - place, axis=1)))
+        cut = WristMotion(
+            session.motion.times[start:],
+            session.motion.partner[start:],
+            session.motion.demonstrator[start:],
+            'begins at the tool',
+        )
+        assert replace(session, motion=cut).low_passed(6.0).pick_up is None
 
 
 def test_the_way_back_goes_with_the_trial(tmp_path, sessions):

@@ -21,6 +21,7 @@ from typing import Any
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import UsageError
+from handover_dmp.common.quaternions import to_matrix
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.simulation.arm import SimulatedArm
 from handover_dmp.simulation.carried_object import CarriedObjectOptions, Holder
@@ -178,6 +179,65 @@ def test_what_nobody_holds_falls_and_lies() -> None:
         assert arm.holder is Holder.ROBOT
 
 
+def place_in_gripper(arm: SimulatedArm) -> tuple[Array, Array]:
+    """Where the object is in the wrist's axes, and its own axes there."""
+    wrist, rotation = MODEL.wrist_pose(arm.joint_positions)
+    position, quaternion = arm.object_pose
+    return rotation.T @ (position - wrist), rotation.T @ to_matrix(quaternion.tolist())
+
+
+@settings(max_examples=4)
+@given(st.tuples(*[st.floats(-0.04, 0.04)] * 3), st.tuples(*[st.floats(-0.1, 0.1)] * 7))
+def test_wherever_the_gripper_closes_it_holds_the_object_at_its_place(
+    off: tuple[float, ...], turns: tuple[float, ...]
+) -> None:
+    with SimulatedArm(MODEL, carried=held()) as arm:
+        place, axes = place_in_gripper(arm)
+        advance(arm, 0.6, BESIDE)
+        arm.set_gripper(False)
+        # the hand goes elsewhere with it, and the arm comes turned otherwise
+        way = np.array(off)
+        advance(arm, 0.5, lambda t: BESIDE + way * t / 0.5, velocity=np.array(turns))
+        misplaced = float(np.linalg.norm(place_in_gripper(arm)[0] - place))
+        arm.set_gripper(True)
+        holders, forces = [], []
+        for _ in range(400):
+            holders += advance(arm, PERIOD_S, BESIDE + off)
+            forces.append(arm.wrench.force)
+        assert in_turn(holders) == [Holder.BOTH, Holder.ROBOT]
+        now, turned = place_in_gripper(arm)
+        assert now == pytest.approx(place, abs=1e-4)
+        assert turned == pytest.approx(axes, abs=1e-4)
+        # it is drawn against the hand's spring, not torn
+        most_n = PartnerGripOptions().stiffness * misplaced + 2.0 * 0.8 * 9.81
+        assert np.abs(forces).max() < most_n
+
+
+def test_what_lies_on_a_table_is_picked_up_and_laid_down_there() -> None:
+    on_table = WRIST + [0.12, 0.01, 0.0]
+    options = held(holder='table', table=on_table.tolist())
+    with SimulatedArm(MODEL, carried=options) as arm:
+        assert set(advance(arm, 0.5)) == {Holder.TABLE}
+        assert arm.object_pose[0] == pytest.approx(on_table, abs=1e-4)
+        assert not np.any(arm.wrench.force)
+        place = MODEL.wrist_pose(arm.joint_positions)[1].T @ [0.1, 0.0, 0.02]
+        arm.set_gripper(True)
+        assert set(advance(arm, 0.6)) == {Holder.ROBOT}
+        assert place_in_gripper(arm)[0] == pytest.approx(place, abs=1e-4)
+        assert arm.wrench.force[2] == pytest.approx(-0.8 * 9.81, abs=1e-3)
+        # let go of just above the table, it is laid down on it
+        arm.set_gripper(False)
+        assert set(advance(arm, 0.5)) == {Holder.TABLE}
+        assert arm.object_pose[0][2] == pytest.approx(on_table[2], abs=1e-4)
+        arm.reset()
+        assert arm.holder is Holder.TABLE
+        arm.set_gripper(True)
+        advance(arm, 1.0, velocity=[0.0, -0.3, 0.0, 0.0, 0.0, 0.0, 0.0])
+        arm.set_gripper(False)
+        # from higher up it is dropped
+        assert advance(arm, PERIOD_S) == [Holder.NOBODY]
+
+
 @pytest.mark.parametrize(
     ('mass_kg', 'after_s', 'sag_m'),
     [(3.0, 0.17, None), (3.0, 0.26, 0.03), (0.8, 0.17, 0.04), (0.8, 0.4, 0.002)],
@@ -295,6 +355,8 @@ def test_an_object_between_two_wrists_is_within_the_reach_of_both() -> None:
     assert options.parameters == {
         'object.mass_kg': 0.8,
         'object.position': pytest.approx([0.18, -0.09, -0.03]),
+        'object.holder': 'robot',
+        'object.table': [0.0, 0.0, 0.0],
     }
     with SimulatedArm(MODEL, carried=options) as arm:
         assert advance(arm, 0.6, WRIST - offset)[-1] is Holder.BOTH
@@ -323,6 +385,9 @@ def test_the_sensor_has_noise_of_its_own() -> None:
         ({'size': (0.1, 0.0, 0.1)}, 'size'),
         ({'position': (0.1, 0.1)}, 'position'),
         ({'holder': 'nobody'}, 'holder'),
+        ({'table': (0.0, float('nan'), 0.0)}, 'table'),
+        ({'grip_s': 0.0}, 'grip_s'),
+        ({'grip_speed': -1.0}, 'grip_speed'),
     ],
 )
 def test_an_object_that_cannot_be_is_refused(changes: dict[str, Any], named: str) -> None:

@@ -148,3 +148,26 @@ def test_an_exchange_with_no_parting_is_waited_at_too():
     hand = playback.step(4000 * PERIOD_S, 'partner').truth.position
     row = round(last.exchange_s / PERIOD_S)
     np.testing.assert_allclose(hand, session.motion.partner[row], atol=1e-6)
+
+
+def test_who_asks_for_what_lies_on_a_table_waits_until_it_is_picked_up():
+    session = SESSIONS[0]
+    first = session.exchanges[0]
+    at_rest = session.motion.partner[round(first.start_s / PERIOD_S)]
+    for patience_s, fetched_s in ((math.inf, 6.0), (3.0, math.inf)):
+        playback = SessionPlayback(session, lead_s=1.0, patience_s=patience_s)
+        playback.start(0.0)
+        signals, asked_s, left_s = [], math.inf, math.inf
+        for count in range(2000):
+            now_s = count * PERIOD_S
+            told = playback.step(now_s, 'table' if now_s < asked_s + fetched_s else 'robot')
+            signals += told.signals
+            if signals:
+                asked_s = signals[0].stamp_s
+            off_m = np.linalg.norm(told.truth.position - at_rest)
+            if now_s > asked_s and off_m > 1e-6:
+                left_s = min(left_s, now_s)
+        assert [signal.direction for signal in signals] == ['give']
+        assert left_s - asked_s == pytest.approx(min(patience_s, fetched_s), abs=0.1)
+        # it holds out the hand then, until patience has an end here, too
+        assert playback.is_waiting(1999 * PERIOD_S) is math.isinf(patience_s)

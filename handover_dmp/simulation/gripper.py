@@ -1,0 +1,148 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The gripper as a fixed joint that holds an object at one place in it, wherever it has closed on it.
+
+Fingers that close on an object draw it to where they hold it. A gripper that held it as it lay at
+that moment would hold it elsewhere after each handover, a centimetre or two, until it reached no
+hand any more.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from handover_dmp.common.arrays import Array
+from handover_dmp.common.quaternions import exponential, logarithm
+from handover_dmp.common.quiet_pybullet import pybullet
+from handover_dmp.simulation.world import World
+import numpy as np
+
+JOINT_FORCE_N = 1e6
+"""More than the joint ever has to bear: a fixed one does not give way, N."""
+UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+PEAK = 1.875
+"""Greatest speed of a minimum-jerk motion, in means of it."""
+
+
+class Gripper:
+    """A fixed joint between the last link of an arm and an object, while it is closed on it."""
+
+    def __init__(
+        self, world: World, body: int, size_m: float, grip_s: float, speed: float
+    ) -> None:
+        """
+        Begin open.
+
+        Args:
+            world: of the arm.
+            body: number of the object in it.
+            size_m: longest side of the object, m.
+            grip_s: within which the object is drawn to its place, s,
+            speed: but no point of it faster than this, m/s.
+
+        """
+        self._robot, self._link = world.robot, world.joints[-1]
+        self._body = body
+        self._radius_m = 0.5 * size_m
+        self._grip_s, self._speed = grip_s, speed
+        self._client = {'physicsClientId': world.client}
+        self._joint: int | None = None
+        self._away = np.zeros(3)
+        self.hold_at(np.zeros(3))
+
+    @property
+    def holds(self) -> bool:
+        """Whether it is closed on the object."""
+        return self._joint is not None
+
+    @property
+    def place(self) -> Array:
+        """Where in the room the joint acts on the object, (3,), m."""
+        body = pybullet.getBasePositionAndOrientation(self._body, **self._client)
+        if not np.any(self._away):
+            return np.array(body[0])
+        return np.array(pybullet.multiplyTransforms(*body, self._away.tolist(), UPRIGHT)[0])
+
+    def hold_at(self, position: Array) -> None:
+        """
+        Say where the object is held.
+
+        Args:
+            position: (3,), of its middle in the room, m, upright, with the arm as it is now.
+
+        """
+        into = pybullet.invertTransform(*self._flange())
+        self._place = pybullet.multiplyTransforms(*into, position.tolist(), UPRIGHT)
+
+    def close(self) -> None:
+        """Take hold of the object as it lies, and begin to draw it to its place."""
+        body = pybullet.getBasePositionAndOrientation(self._body, **self._client)
+        into_object = pybullet.invertTransform(*body)
+        held_at = pybullet.multiplyTransforms(*self._flange(), *self._place)
+        away, turn = pybullet.multiplyTransforms(*into_object, *held_at)
+        self._away_at_first, self._turned = np.array(away), np.array(logarithm(turn))
+        self._away = self._away_at_first
+        way_m = float(np.linalg.norm(away)) + self._radius_m * float(np.linalg.norm(self._turned))
+        self._duration_s = max(self._grip_s, PEAK * way_m / self._speed)
+        self._since_s = 0.0
+        self._joint = int(
+            pybullet.createConstraint(
+                self._robot, self._link, self._body, -1, pybullet.JOINT_FIXED, [0, 0, 0],
+                self._place[0], away, self._place[1], turn, **self._client,
+            )
+        )  # fmt: skip
+        pybullet.changeConstraint(self._joint, maxForce=JOINT_FORCE_N, **self._client)
+
+    def open(self) -> None:
+        """Let go."""
+        joint, self._joint = self._joint, None
+        self._away = np.zeros(3)
+        if joint is not None:
+            pybullet.removeConstraint(joint, **self._client)
+
+    def draw(self, time_step_s: float) -> None:
+        """
+        Draw what it holds on towards its place.
+
+        Args:
+            time_step_s: length of the next step, s.
+
+        """
+        if self._joint is None or self._since_s >= self._duration_s:
+            return
+        self._since_s += time_step_s
+        u = min(self._since_s / self._duration_s, 1.0)
+        left = 1.0 - u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
+        self._away = left * self._away_at_first
+        pybullet.changeConstraint(
+            self._joint,
+            self._away.tolist(),
+            exponential((left * self._turned).tolist()),
+            maxForce=JOINT_FORCE_N,
+            **self._client,
+        )
+
+    def transmitted(self) -> Array:
+        """Return force and torque on the wrist in the last step, (6,), N and Nm; 0 where open."""
+        if self._joint is None:
+            return np.zeros(6)
+        return np.array(pybullet.getConstraintState(self._joint, **self._client))
+
+    def _flange(self) -> tuple[Any, Any]:
+        link = pybullet.getLinkState(
+            self._robot, self._link, computeForwardKinematics=True, **self._client
+        )
+        return link[0], link[1]
