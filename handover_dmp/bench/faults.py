@@ -77,6 +77,7 @@ def tracker_faults(seed: int) -> dict[str, SampleFault]:
         'stopped': lambda _samples: [],
         'frozen': _Frozen(),
         'jumped by 1 m': lambda samples: [_moved(s, np.array([1.0, 0.0, 0.0])) for s in samples],
+        'jumped by 1 m for 50 ms': _Leapt(np.array([1.0, 0.0, 0.0]), 0.05),
         'zeros': lambda samples: [s._replace(position=np.zeros(3)) for s in samples],
         'quaternion of norm 0': lambda samples: [
             s._replace(orientation=(0,) * 4) for s in samples
@@ -139,6 +140,24 @@ class _Frozen:
             self._first = samples[0]
         first = self._first
         return [s._replace(position=first.position) for s in samples] if first else []
+
+
+class _Leapt:
+    """Elsewhere for a moment, then where they were."""
+
+    def __init__(self, offset: np.ndarray, duration_s: float) -> None:
+        self._offset = offset
+        self._duration_s = duration_s
+        self._begun_s: float | None = None
+
+    def __call__(self, samples: Samples) -> Samples:
+        moved = []
+        for sample in samples:
+            if self._begun_s is None:
+                self._begun_s = sample.stamp_s
+            leapt = sample.stamp_s - self._begun_s < self._duration_s
+            moved.append(_moved(sample, self._offset) if leapt else sample)
+        return moved
 
 
 class _Slow:

@@ -54,8 +54,9 @@ TAKEN_UP_S = 0.3
 """How long after it somebody tells an arm to go on that has stopped, s."""
 MAX_S = 60.0
 """How long a session may take, s."""
-DELAY_S = {name: 0.4 if state is HandoverState.REACHING else 0.0 for name, state, _ in STAGES}
-"""How long after the beginning of each stage a fault strikes: a reach has to be in motion, s."""
+IN_MOTION = (HandoverState.PICKING_UP, HandoverState.REACHING)
+DELAY_S = {name: 0.4 if state in IN_MOTION else 0.0 for name, state, _ in STAGES}
+"""How long after the beginning of each stage a fault strikes: an arm has to be in motion, s."""
 TRACKER, JOINTS = 'tracker ', 'joint states '
 WRENCH_FAULTS = ('force sensor silent', 'force sensor at zero', 'force not finite')
 FAULTS = (
@@ -260,7 +261,7 @@ def run(progress: Callable[[str], None]) -> list[Measurement]:
 
     """
     progress('making the session')
-    scenario = make_session_scenario()
+    scenario = make_session_scenario(pick_up=True)
     rows: list[FaultRow] = []
     for fault in FAULTS:
         progress(f'{len(rows)} of {len(FAULTS)}: {fault}')

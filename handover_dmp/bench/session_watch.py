@@ -28,6 +28,7 @@ from handover_dmp.handover.session import Leg
 from handover_dmp.simulation.carried_object import Holder
 
 STAGES = (
+    ('picking up', HandoverState.PICKING_UP, Leg.GIVE),
     ('reaching to give', HandoverState.REACHING, Leg.GIVE),
     ('exchange of the give', HandoverState.EXCHANGE, Leg.GIVE),
     ('released', HandoverState.RELEASED, Leg.GIVE),
@@ -38,6 +39,8 @@ STAGES = (
     ('withdrawing with it', HandoverState.WITHDRAWING, Leg.TAKE),
 )
 """Name of each stage of a session, its state, and which of its two handovers is on."""
+LEGS = {HandoverState.PICKING_UP.value: Leg.GIVE, HandoverState.WAITING.value: Leg.TAKE}
+"""Which handover comes after a state, whatever the gripper does."""
 STANDS_S = 0.4
 """After so long without a hand the wrist stands or goes away: the time-out, and braking, s."""
 NEARER_M = 0.005
@@ -63,8 +66,8 @@ class StageWatch:
         """
         if state != self._state and state == HandoverState.REACHING.value:
             self._leg = Leg.GIVE if gripper_closed else Leg.TAKE
-        if state == HandoverState.WAITING.value:
-            self._leg = Leg.TAKE
+        if state in LEGS:
+            self._leg = LEGS[state]
         self._state = state
 
     @property

@@ -50,12 +50,23 @@ STOPPED_S = 0.6
 STILL_RAD_S = 0.01
 MAX_GROWTH = 5.0
 
-JOINT_STATE_FAULTS = ('stale', 'lack a joint', 'not finite', 'permuted', 'among unknown joints')
+JOINT_STATE_FAULTS = (
+    'stale',
+    'lack a joint',
+    'lack a position',
+    'name a joint twice',
+    'not finite',
+    'permuted',
+    'among unknown joints',
+    'of other joints alone',
+)
 TARGET_FAULTS = ('dmp silent', 'wrist command not finite')
 COMMAND_FAULTS = (
     'priority_ik silent',
     'joint command not finite',
+    'joint command infinite',
     'joint command too short',
+    'joint command empty',
     'joint command over the limits',
     'joint commands in a flood',
 )
@@ -106,6 +117,12 @@ class FaultyWristController(WristController):
             return False
         if self._fails('lack a joint', arrival_s):
             names, place, speed = names[:-1], place[:-1], speed[:-1]
+        if self._fails('lack a position', arrival_s):
+            place = place[:-1]
+        if self._fails('name a joint twice', arrival_s):
+            names = [names[0], *names[:-1]]
+        if self._fails('of other joints alone', arrival_s):
+            names, place, speed = ['gripper'], np.array([7.0]), np.array([7.0])
         if self._fails('not finite', arrival_s):
             place[2] = np.nan
         if self._fails('permuted', arrival_s):
@@ -138,8 +155,12 @@ class FaultyArm(SimulatedArm):
                     return CommandOutcome.IGNORED
                 if span.name == 'joint command not finite':
                     sent = np.full(len(sent), np.nan)
+                elif span.name == 'joint command infinite':
+                    sent = np.full(len(sent), np.inf)
                 elif span.name == 'joint command too short':
                     sent = sent[:-1]
+                elif span.name == 'joint command empty':
+                    sent = sent[:0]
                 elif span.name == 'joint command over the limits':
                     sent = sent * 100.0 + 10.0 * np.sign(sent)
                 elif span.name == 'joint commands in a flood':

@@ -74,12 +74,13 @@ class Gripper:
         Close it, or open it.
 
         Args:
-            closed: whether it is to be closed; nothing is said where it has been told so.
+            closed: whether it is to be closed; nothing is said where it has been told so, and a
+                node that was started anew, which cannot know what is in it, does not open it.
 
         """
-        if closed is self._closed:
+        before, self._closed = self._closed, closed
+        if closed is before or (before is None and not closed):
             return
-        self._closed = closed
         self._topic.publish(Bool(data=closed))
         self._node.say(f'gripper: {"close" if closed else "open"}')
         if self._client is not None and self._action is not None:

@@ -34,7 +34,7 @@ from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import UsageError
 from handover_dmp.common.quiet_pybullet import pybullet
 from handover_dmp.common.settings import setting
-from handover_dmp.simulation.gripper import Gripper
+from handover_dmp.simulation.gripper_joint import GripperJoint
 from handover_dmp.simulation.partner_grip import PartnerGrip, PartnerGripOptions
 from handover_dmp.simulation.world import World
 import numpy as np
@@ -274,7 +274,7 @@ class CarriedObject:
             angularDamping=0,
             **self._client,
         )
-        self._gripper = Gripper(
+        self._gripper = GripperJoint(
             world, self._body, max(options.size), options.grip_s, options.grip_speed
         )
 

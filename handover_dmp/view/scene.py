@@ -62,7 +62,7 @@ ASIDE_DEG = 78.0
 """From the line between the two to the camera; the person's right hand is on the near side."""
 VIEWS = {LYING: (52.0, 28.0)}
 """The same, and the elevation in deg, where a body is seen better from elsewhere."""
-PAST_THE_ROBOT_M, MOST_FURTHER_DEG = 0.30, 45
+PAST_THE_ROBOT_M, FURTHEST_DEG = 0.30, 45
 """So far beside the robot's base a table is in the picture; the camera goes round for that."""
 GRID_M = 0.5
 PEDESTAL_RADIUS_M = 0.22
@@ -611,7 +611,7 @@ class Scene(Closing):
             azimuth = facing - np.radians(aside_deg + further_deg)
             return float(abs(away @ [-np.sin(azimuth), np.cos(azimuth)]))
 
-        further = sorted(range(-MOST_FURTHER_DEG, MOST_FURTHER_DEG + 1, 5), key=abs)
+        further = sorted(range(-FURTHEST_DEG, FURTHEST_DEG + 1, 5), key=abs)
         clear = [deg for deg in further if aside_m(deg) >= PAST_THE_ROBOT_M]
         return float(clear[0] if clear else max(further, key=aside_m))
 

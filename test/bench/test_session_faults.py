@@ -61,7 +61,8 @@ def test_a_dropped_object_is_told() -> None:
 def test_stages_are_told_by_state_and_gripper() -> None:
     watch, seen = StageWatch(), []
     for state, closed in (
-        ('idle', True), ('reaching', True), ('exchange', True), ('released', False),
+        ('idle', False), ('picking_up', False), ('picking_up', True),
+        ('reaching', True), ('exchange', True), ('released', False),
         ('withdrawing', False), ('waiting', False), ('reaching', False), ('exchange', False),
         ('exchange', True), ('withdrawing', True), ('done', True),
     ):  # fmt: skip
@@ -75,7 +76,7 @@ def test_stages_are_told_by_state_and_gripper() -> None:
 @pytest.mark.parametrize('fault', ['tracker stopped', 'force sensor at zero', 'dmp silent'])
 def test_a_fault_at_every_stage_drops_nothing(fault: str) -> None:
     assert fault in FAULTS
-    found = row(make_session_scenario(), fault)
+    found = row(make_session_scenario(pick_up=True), fault)
     assert found.broken == ()
     assert found.done
     assert len(found.stages) == len(STAGES)
@@ -88,6 +89,6 @@ def test_a_gripper_that_opens_by_itself_is_noticed(monkeypatch: pytest.MonkeyPat
         session.fault = session.fault.__class__('opens', session.time_s, session.time_s)
 
     monkeypatch.setattr(FaultySession, 'strike', opens)
-    found = row(make_session_scenario(), 'opens')
+    found = row(make_session_scenario(pick_up=True), 'opens')
     assert any('dropped' in line for line in found.broken)
     assert measured([found])[0].value > 0.0

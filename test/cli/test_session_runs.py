@@ -30,6 +30,7 @@ import pytest
     [
         (['--mass', '1'], '--mass is for a --session'),
         (['--take-model', 'x.json'], '--take-model is for a --session'),
+        (['--no-pick-up'], '--no-pick-up is for a --session'),
         (['--session', '--mass', '70'], '--mass 70 is not between'),
         (['--session', '--mass', 'nan'], '--mass nan is not between'),
         (['--session', '--scale', '0.5'], '--scale is for one handover'),
@@ -76,10 +77,11 @@ def test_a_whole_session_without_ros(tmp_path: Path, capsys: pytest.CaptureFixtu
         *wanted, 'withdrawing', 'done',
     ]  # fmt: skip
     record = load_run(run)
-    assert record.holders[0][1] == record.holders[-1][1] == 'robot'
+    assert (record.holders[0][1], record.holders[-1][1]) == ('table', 'robot')
+    assert 'picking_up' in states
     assert {'partner', 'both'} <= {who for _, who in record.holders}
     film = Image.open(run / 'session.webp')
-    # ten pictures a second, from just before the first reach to the end
+    # ten pictures a second, from just before the arm first moves to the end
     assert film.n_frames == pytest.approx(10 * (record.end_time_s - 1.2), rel=0.25)
     assert 'meshcat' in (run / 'session.html').read_text().lower()
     for name in ('start', 'give', 'use', 'take', 'end'):

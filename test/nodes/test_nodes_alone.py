@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 import fcntl
+from importlib.util import find_spec
 import os
 from pathlib import Path
 import signal
@@ -340,6 +341,12 @@ def priorities(pid: int) -> set[int]:
         ('dmp', ['-p', 'partner_model:=on'], 'auto, off'),
         ('dmp', ['-p', 'partner.following:=1.0'], 'partner.following'),
         ('recorder', ['-p', 'compression:=rar'], 'rar'),
+        pytest.param(
+            'dmp',
+            ['-p', 'session.enabled:=true', '-p', 'session.gripper_action:=/gripper/move'],
+            'control_msgs, which is not installed',
+            marks=pytest.mark.skipif(find_spec('control_msgs') is not None, reason='it is there'),
+        ),
     ],
 )
 def test_a_wrong_parameter_gives_one_line_and_no_traceback(

@@ -37,7 +37,7 @@ PEAK = 1.875
 """Greatest speed of a minimum-jerk motion, in means of it."""
 
 
-class Gripper:
+class GripperJoint:
     """A fixed joint between the last link of an arm and an object, while it is closed on it."""
 
     def __init__(
@@ -93,8 +93,8 @@ class Gripper:
         into_object = pybullet.invertTransform(*body)
         held_at = pybullet.multiplyTransforms(*self._flange(), *self._place)
         away, turn = pybullet.multiplyTransforms(*into_object, *held_at)
-        self._away_at_first, self._turned = np.array(away), np.array(logarithm(turn))
-        self._away = self._away_at_first
+        self._first_away, self._turned = np.array(away), np.array(logarithm(turn))
+        self._away = self._first_away
         way_m = float(np.linalg.norm(away)) + self._radius_m * float(np.linalg.norm(self._turned))
         self._duration_s = max(self._grip_s, PEAK * way_m / self._speed)
         self._since_s = 0.0
@@ -126,7 +126,7 @@ class Gripper:
         self._since_s += time_step_s
         u = min(self._since_s / self._duration_s, 1.0)
         left = 1.0 - u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
-        self._away = left * self._away_at_first
+        self._away = left * self._first_away
         pybullet.changeConstraint(
             self._joint,
             self._away.tolist(),
