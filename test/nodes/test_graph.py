@@ -581,6 +581,7 @@ def farthest(way: np.ndarray, other: np.ndarray) -> float:
     return float(apart.min(axis=1).max())
 
 
+@pytest.mark.slow
 def test_a_bag_that_is_played_moves_the_arm_as_the_tracker_does(
     prepare: Any,
     trial_bag: Path,
