@@ -22,8 +22,8 @@ from functools import cache
 from typing import Any
 
 from handover_dmp.common.errors import HandoverError
+from handover_dmp.common.plain_yaml import load_plain
 from handover_dmp.common.resources import share_path
-import yaml
 
 ANYWHERE = '/**/'
 """Before the name of a node, in a parameter file: whatever namespace it is in."""
@@ -41,7 +41,7 @@ def defaults(node: str) -> dict[str, Any]:
         Parameter name to value; names of nested parameters are joined by dots, as ROS 2 does.
 
     """
-    tree = yaml.safe_load(share_path('config/handover.yaml').read_text(encoding='utf-8'))
+    tree = _table()
     of_all, own = (tree[section]['ros__parameters'] for section in ('/**', ANYWHERE + node))
     return dict(_flatten(of_all) + _flatten(own))
 
@@ -49,8 +49,12 @@ def defaults(node: str) -> dict[str, Any]:
 @cache
 def node_names() -> tuple[str, ...]:
     """Return the names of all nodes that have parameters in `config/handover.yaml`."""
-    tree = yaml.safe_load(share_path('config/handover.yaml').read_text(encoding='utf-8'))
-    return tuple(name.removeprefix(ANYWHERE) for name in tree if name != '/**')
+    return tuple(name.removeprefix(ANYWHERE) for name in _table() if name != '/**')
+
+
+@cache
+def _table() -> Any:
+    return load_plain(share_path('config/handover.yaml').read_text(encoding='utf-8'))
 
 
 @dataclass(frozen=True)

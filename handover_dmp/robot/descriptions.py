@@ -24,12 +24,12 @@ from pathlib import Path
 import sys
 from typing import Any
 
+from handover_dmp.common.plain_yaml import load_plain
 from handover_dmp.common.quiet_pybullet import silenced
 from handover_dmp.common.resources import share_path
 from handover_dmp.robot.effective_limits import DefaultLimits, KnownLimits, QUANTITIES
 from handover_dmp.robot.errors import RobotDescriptionError
 from handover_dmp.robot.mesh_files import find_package, LOOKED_IN
-import yaml
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class ArmEntry:
 
 @cache
 def _table() -> tuple[dict[str, ArmEntry], DefaultLimits]:
-    tree = yaml.safe_load(share_path('config/robots.yaml').read_text(encoding='utf-8'))
+    tree = load_plain(share_path('config/robots.yaml').read_text(encoding='utf-8'))
     defaults = tree.pop('default')
     return {name: _entry(name, entry) for name, entry in tree.items()}, DefaultLimits(
         position_rad=float(defaults.pop('position')),

@@ -25,6 +25,7 @@ import subprocess
 import sys
 import time
 
+from handover_dmp.cli.main import main
 from handover_dmp.handover.lockstep import simulate
 from handover_dmp.handover.scenario import make_scenario
 from handover_dmp.nodes.graph import NODES
@@ -131,14 +132,13 @@ def test_says_so_when_a_node_dies(tmp_path: Path) -> None:
     ],
 )
 def test_bad_trials_give_one_line_and_leave_nothing(
-    tmp_path: Path, verb: str, content: str | None, fault: str
+    tmp_path: Path, verb: str, content: str | None, fault: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     trial = tmp_path / 'trial.csv'
     if content is not None:
         trial.write_text(content)
-    done = run(verb, '--trial', str(trial), '-o', 'run', folder=tmp_path)
-    assert done.returncode == 1
-    (line,) = done.stderr.strip().splitlines()
+    assert main([verb, '--trial', str(trial), '-o', str(tmp_path / 'run')]) == 1
+    (line,) = capsys.readouterr().err.strip().splitlines()
     assert str(trial) in line
     assert fault in line
     assert not (tmp_path / 'run').exists()

@@ -83,6 +83,17 @@ WRONG = {
 
 
 @pytest.mark.parametrize('name', WRONG)
+def test_an_odd_arm_is_refused_in_one_line(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = str(odd_arm(name, tmp_path).path)
+    assert main(['robot', file]) == 1
+    line = capsys.readouterr().err.splitlines()[-1]
+    assert line.startswith(f'handover_dmp robot: {file}: ') and WRONG[name] in line
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['odd.urdf']
+
+
+@pytest.mark.parametrize('name', ['two arms', 'a ball joint'])
 def test_every_command_says_the_same_line_before_anything_starts(
     name: str, recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

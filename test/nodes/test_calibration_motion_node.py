@@ -119,6 +119,7 @@ def move_on_the_wall_clock(folder: Path) -> bool:
     return True
 
 
+@pytest.mark.slow
 def test_on_the_wall_clock_too(tmp_path: Path) -> None:
     """With patience, and again where a busy machine measured so late that the verb says no."""
     for number in range(5):
