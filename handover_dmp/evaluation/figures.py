@@ -482,3 +482,5 @@ def _write(figure: Figure, stem: Path) -> None:
     for suffix, options in _FORMATS.items():
         with replacing(stem.with_name(stem.name + suffix)) as temporary:
             figure.savefig(temporary, **options)
+        # found once, it holds for every format
+        figure.set_layout_engine('none')

@@ -21,10 +21,13 @@ from html import escape
 from io import StringIO
 
 from handover_dmp.mocap.review import Review
+from matplotlib import rc_context
 from matplotlib.figure import Figure
 import numpy as np
 from numpy.typing import NDArray
 
+# laid out anew for each trial, a page of a hundred would take a minute more
+_MARGINS = {'left': 0.06, 'right': 0.99, 'bottom': 0.17, 'top': 0.9, 'wspace': 0.38}
 _COLOURS = (('P1', 'tab:blue'), ('P2', 'tab:orange'))
 _STYLE = (
     'body{font:16px/1.5 sans-serif;max-width:62em;margin:2em auto;padding:0 1em;color:#222}'
@@ -81,8 +84,8 @@ def _section(one: Review, number: int) -> str:
 
 def _drawing(one: Review) -> str:
     lines = [_broken(one, who) for who, _ in _COLOURS]
-    figure = Figure(figsize=(9.5, 3.2), layout='constrained')
-    *over_time, above = figure.subplots(1, 4, width_ratios=(1, 1, 1, 1.3))
+    figure = Figure(figsize=(9.5, 3.2))
+    *over_time, above = figure.subplots(1, 4, width_ratios=(1, 1, 1, 1.3), gridspec_kw=_MARGINS)
     for axis, name in enumerate('xyz'):
         axes = over_time[axis]
         for (who, colour), line in zip(_COLOURS, lines, strict=True):
@@ -101,7 +104,8 @@ def _drawing(one: Review) -> str:
         axes.grid(alpha=0.25)
         axes.spines[['top', 'right']].set_visible(False)
     text = StringIO()
-    figure.savefig(text, format='svg')
+    with rc_context({'svg.fonttype': 'none'}):
+        figure.savefig(text, format='svg')
     return text.getvalue().partition('<svg')[1] + text.getvalue().partition('<svg')[2]
 
 
