@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 PATIENCE_S = 2.0
 """A progress bar appears when something takes longer."""
 
-ARM_WIDTH = 116
-"""Characters that the table of an arm needs."""
 CACHE = 'arm_cache'
 """Folder of the finished trials of an arm."""
 
@@ -59,7 +57,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser: parser of the verb.
 
     """
-    parser.add_argument('data_set', type=Path, metavar='DATASET', help='folder with trials.csv')
+    parser.add_argument(
+        'data_set',
+        type=Path,
+        metavar='DATASET',
+        help='folder with trials.csv, or with the sessions.csv of recordings',
+    )
     parser.add_argument(
         '-o', '--output', type=Path, required=True, metavar='DIR', help='where the results go'
     )
@@ -107,6 +110,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default='off',
         help='auto: show the decoupled primitive with the partner model, too, as a method of its '
         'own (default: off, since it is not in the paper and takes longer)',
+    )
+    parser.add_argument(
+        '--sessions',
+        type=Path,
+        action='append',
+        default=[],
+        metavar='PATH',
+        help='recordings of a give and a take in a row, for how fluent they are: a folder with '
+        'sessions.csv, a CSV file or a bag; may be given again (default: those of DATASET)',
     )
     add_running_arguments(parser)
     arm = parser.add_argument_group('with an arm')
@@ -259,8 +271,13 @@ def run(options: argparse.Namespace) -> int:
     from handover_dmp.evaluation.cases import index_of, make_cases
     from handover_dmp.evaluation.protocol import evaluate, Protocol
     from handover_dmp.evaluation.report import write_evaluation
+    from handover_dmp.evaluation.sessions import (
+        evaluate_sessions,
+        read_recorded,
+        read_trials,
+        sessions_table,
+    )
     from handover_dmp.evaluation.table import renderable, WIDTH
-    from handover_dmp.mocap import read_data_set
     from handover_dmp.robot.descriptions import ArmChoice
     from handover_dmp.tracking.partner_model import PartnerOptions
     from rich.console import Console
@@ -275,7 +292,8 @@ def run(options: argparse.Namespace) -> int:
         seed=options.seed,
         min_width_m=options.min_width,
     )
-    trials = read_data_set(options.data_set)
+    trials = read_trials(options.data_set)
+    recorded = read_recorded(options.data_set, options.sessions)
     for number in (options.learnt, options.tested):
         if number is not None:
             for case in make_cases(trials, cutoff_hz=options.low_pass):
@@ -284,7 +302,7 @@ def run(options: argparse.Namespace) -> int:
         evaluation = evaluate(
             trials, protocol, jobs=options.jobs, progress=progress('learning and rolling out')
         )
-        arm = None
+        arm = choice = None
         if options.arm:
             choice = ArmChoice(options.arm, options.wrist_frame, options.base_frame)
             arm = evaluate_arm(
@@ -294,6 +312,14 @@ def run(options: argparse.Namespace) -> int:
                 jobs=options.jobs,
                 progress=progress('moving the arm'),
             )
+        sessions = evaluate_sessions(
+            recorded,
+            learning,
+            choice,
+            options.output / CACHE,
+            jobs=options.jobs,
+            progress=progress('going through the sessions') if recorded else None,
+        )
         figures: list[tuple[str, str]] = []
         if not options.no_figures:
             from handover_dmp.evaluation.panels import write_panels
@@ -304,8 +330,12 @@ def run(options: argparse.Namespace) -> int:
                 progress('drawing'),
                 learnt=options.learnt,
                 tested=options.tested,
+                arm=arm,
+                sessions=sessions,
             )
-    text = write_evaluation(evaluation, options.data_set.name, options.output, figures, arm)
+    text = write_evaluation(
+        evaluation, options.data_set.name, options.output, figures, arm, sessions
+    )
     if options.json is not None:
         write_text(options.json, text)
     console = Console()
@@ -313,8 +343,10 @@ def run(options: argparse.Namespace) -> int:
     console.print(renderable(evaluation.rows, evaluation.summary))
     if arm is not None:
         table = arm_table(arm)
-        console.width = max(console.width, ARM_WIDTH)
-        console.print(table.as_renderable(), table.note, highlight=False)
+        table.show(console)
+        console.print(table.note, highlight=False)
+    if sessions:
+        sessions_table(sessions, options.seed).show(console)
     print(options.output / 'index.html')
     return 0
 

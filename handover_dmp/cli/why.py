@@ -24,8 +24,6 @@ from typing import Any
 from handover_dmp.common.errors import DataError, UsageError
 
 TABLE = 'table.json'
-WIDTH = 132
-"""Characters that the table needs."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -75,10 +73,9 @@ def run(options: argparse.Namespace) -> int:
         told = [case for case in rejections if case['learn'] in chosen]
         write_text(options.json, json.dumps(told, indent=1) + '\n')
     console = Console()
-    console.width = max(console.width, WIDTH)
     tables = [why_table(rejections, learn) for learn in chosen]
     for table in tables:
-        console.print(table.as_renderable())
+        table.show(console)
     console.print(tables[0].note)
     return 0
 

@@ -16,21 +16,24 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from math import isfinite, isinf, isnan
 from pathlib import Path
 from typing import Any
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.dmp import DecoupledDmp
+from handover_dmp.evaluation.arm_limits import mean_limits, reach_limits, ReachLimits
 from handover_dmp.evaluation.cases import Case
+from handover_dmp.evaluation.motions import measure_beside, MotionBeside
 from handover_dmp.evaluation.protocol import band_of, CaseScores, Evaluation, Progress, Protocol
-from handover_dmp.evaluation.rollouts import learn_from_case, plan, RolloutTask
+from handover_dmp.evaluation.rollouts import learn_from_case, plan, roll_out, RolloutTask
 from handover_dmp.evaluation.scores import BANDS, judge, Scores
 from handover_dmp.handover.lockstep import Handover, REPLAY_AT_S
 from handover_dmp.handover.scenario import expected_path, Scenario
+from handover_dmp.mocap.filtering import smooth, velocities
 from handover_dmp.mocap.typical import nearest_to_mean, time_normalise
 from handover_dmp.robot.descriptions import ArmChoice
 from handover_dmp.robot.errors import UnreachableError
@@ -46,16 +49,15 @@ class ArmReach:
     What the arm did in one trial.
 
     Attributes:
-        curve: (101, 3) m, its measured wrist, time-normalised; None where the arm does not reach
-            where the person started.
-        limited: share of the reach in which each joint was at a limit.
-        any_limited: share in which any of them was.
+        curve: (101, 3) m, its measured wrist, time-normalised.
+        limits: what held it back.
+        motion: its measures.
 
     """
 
-    curve: Array | None
-    limited: dict[str, float]
-    any_limited: float
+    curve: Array
+    limits: ReachLimits
+    motion: MotionBeside
 
 
 @dataclass(frozen=True)
@@ -68,9 +70,10 @@ class ArmCase:
         primitive: the primitive alone, in the trials that the arm reaches.
         arm: what the arm did in them.
         apart_m: root-mean-square distance between the two, m.
-        limited: share of the time in which each joint was at a limit, those that ever were.
-        any_limited: share of the time in which any joint was.
+        limits: what held the arm back; None where it reached the start of no trial.
+        start_speed: of P2 where the recordings begin, median, m/s; the arm is at rest there.
         unreached: numbers of the trials whose start the arm does not reach.
+        motions: number of each other trial to the measures of the motion.
 
     """
 
@@ -78,21 +81,34 @@ class ArmCase:
     primitive: Scores
     arm: Scores
     apart_m: float
-    limited: dict[str, float]
-    any_limited: float
+    limits: ReachLimits | None
+    start_speed: float
     unreached: tuple[int, ...]
+    motions: dict[int, MotionBeside]
 
     def as_json(self) -> dict[str, Any]:
         """Return everything as plain types."""
+        held = self.limits
         return {
             'configuration': self.case.configuration,
             'exchange': self.case.direction,
             'primitive': figures(self.primitive),
             'arm': figures(self.arm),
-            'apart_m': self.apart_m,
-            'limited': self.limited,
-            'any_limited': self.any_limited,
+            'apart_m': self.apart_m if isfinite(self.apart_m) else None,
+            'limited': {} if held is None else held.joints,
+            'any_limited': 0.0 if held is None else held.any_joint,
+            'limits': {} if held is None else held.kinds,
+            'limited_by': None if held is None or isnan(held.half_by) else held.half_by,
+            'slowed_s': None if held is None else held.slowed_s,
+            'acceleration_asked': None if held is None else held.asked,
+            'acceleration_possible': (
+                None if held is None or isinf(held.possible) else held.possible
+            ),
+            'start_speed': self.start_speed,
             'unreached': list(self.unreached),
+            'measures': [
+                {'trial': number, **motion.as_json()} for number, motion in self.motions.items()
+            ],
         }
 
 
@@ -114,6 +130,15 @@ class ArmEvaluation:
     cases: list[ArmCase]
     refused: list[tuple[str, str, str]]
 
+    @property
+    def motions(self) -> dict[tuple[str, str, int], MotionBeside]:
+        """Configuration, direction and number to the measures of the motion."""
+        return {
+            (one.case.configuration, one.case.direction, number): motion
+            for one in self.cases
+            for number, motion in one.motions.items()
+        }
+
     def as_json(self) -> dict[str, Any]:
         """Return everything as plain types."""
         return {
@@ -132,20 +157,24 @@ def figures(scores: Scores) -> dict[str, Any]:
     Sum scores up.
 
     Args:
-        scores: of one case.
+        scores: of one case, with the best shift in time of each rollout.
 
     Returns:
-        Percentages within 1σ, 2σ and 3σ, distance and final gap in m.
+        Percentages within 1σ, 2σ and 3σ, distance, final gap and distance after the best shift in
+        m, that shift in s.
 
     """
-    counted = scores.counted
-    if not counted.any():
-        return {'within': None, 'rms_m': None, 'final_gap_m': None}
-    sigmas = scores.sigmas[counted]
+    if not scores.counted.any():
+        return dict.fromkeys(
+            ('within', 'rms_m', 'final_gap_m', 'shifted_rms_m', 'lateness_s'),
+        )
+    once = scores.totals(np.ones((1, scores.counted.shape[1])))
     return {
-        'within': {str(k): 100.0 * float((sigmas <= k).mean()) for k in BANDS},
-        'rms_m': float(np.sqrt(scores.squared_m2[counted].mean())),
-        'final_gap_m': float(scores.gap_m[counted].mean()),
+        'within': {str(k): float(once.within_percent[0, c]) for c, k in enumerate(BANDS)},
+        'rms_m': float(once.rms_m[0]),
+        'final_gap_m': float(once.gap_m[0]),
+        'shifted_rms_m': float(once.shifted_rms_m[0]),
+        'lateness_s': float(once.lateness_s[0]),
     }
 
 
@@ -181,23 +210,27 @@ def evaluate_arm(
     """
     protocol = evaluation.protocol
     learn = 'mean' if 'mean' in protocol.learn else protocol.learn[0]
-    run = Memory(cache, verbose=0).cache(reach)
-    units: list[tuple[CaseScores, RolloutTask, int, tuple[Any, ...]]] = []
+    memory = Memory(cache, verbose=0)
+    together = Parallel(n_jobs=jobs, return_as='generator')
+    placed = together(
+        delayed(memory.cache(place))(judged.case, choice, protocol) for judged in evaluation.cases
+    )
+    units: list[tuple[CaseScores, RolloutTask, int, BasePlacement]] = []
     refused = []
-    for judged in evaluation.cases:
+    for judged, base in zip(evaluation.cases, placed, strict=True):
         case = judged.case
-        try:
-            base = place(case, choice, protocol)
-        except UnreachableError as error:
-            refused.append((case.configuration, case.direction, str(error)))
+        if isinstance(base, str):
+            refused.append((case.configuration, case.direction, base))
             continue
         for task in plan(case, learn, leave_one_out=protocol.leave_one_out):
-            for index in task.tested:
-                arguments = (case, task.sources, index, choice, base, protocol)
-                units.append((judged, task, index, arguments))
-    reached: list[ArmReach] = []
-    calls = (delayed(run)(*arguments) for *_, arguments in units)
-    for one in Parallel(n_jobs=jobs, return_as='generator')(calls):
+            units += [(judged, task, index, base) for index in task.tested]
+    reached: list[ArmReach | None] = []
+    run = memory.cache(reach)
+    calls = (
+        delayed(run)(judged.case, task.sources, index, choice, base, protocol)
+        for judged, task, index, base in units
+    )
+    for one in together(calls):
         reached.append(one)
         if progress is not None:
             progress(len(reached), len(units))
@@ -213,7 +246,7 @@ def evaluate_arm(
     return ArmEvaluation(choice.robot, learn, cases, refused)
 
 
-def place(case: Case, choice: ArmChoice, protocol: Protocol) -> BasePlacement:
+def place(case: Case, choice: ArmChoice, protocol: Protocol) -> BasePlacement | str:
     """
     Place an arm for a case, by the trial nearest to the mean.
 
@@ -223,17 +256,17 @@ def place(case: Case, choice: ArmChoice, protocol: Protocol) -> BasePlacement:
         protocol: how the movement is learnt.
 
     Returns:
-        Where its base stands.
-
-    Raises:
-        UnreachableError: it reaches the way from nowhere.
+        Where its base stands; if it reaches the path from nowhere, why.
 
     """
     index = nearest_to_mean(case.curves)
     model = _learn(case, (index,), protocol)
     trial = case.trials[index]
     path = expected_path(model, trial)
-    return choose_base_placement(path, _arm(choice), partner=trial.partner[-1])
+    try:
+        return choose_base_placement(path, _arm(choice), partner=trial.partner[-1])
+    except UnreachableError as error:
+        return str(error)
 
 
 def reach(
@@ -243,7 +276,7 @@ def reach(
     choice: ArmChoice,
     base: BasePlacement,
     protocol: Protocol,
-) -> ArmReach:
+) -> ArmReach | None:
     """
     Let the arm go through one trial.
 
@@ -256,7 +289,7 @@ def reach(
         protocol: how the movement is learnt.
 
     Returns:
-        What it did.
+        What it did; None where it does not reach where the person started.
 
     """
     trial = case.trials[index]
@@ -264,7 +297,7 @@ def reach(
     try:
         q_start = robot.inverse(trial.demonstrator[0])
     except UnreachableError:
-        return ArmReach(None, {}, 0.0)
+        return None
     model = _learn(case, sources, protocol)
     handover = Handover(Scenario(trial, model, robot, q_start, protocol.seed))
     try:
@@ -277,24 +310,21 @@ def reach(
     times = np.array([1e-9 * period.time_ns - REPLAY_AT_S for period in periods])
     kept = np.flatnonzero(times > -1e-9)
     wrist = np.array([periods[i].wrist_position for i in kept])
-    held: Counter[str] = Counter()
-    any_held = 0
-    for i in kept:
-        solution = periods[i].answer.solution
-        active = () if solution is None else solution.active_limits
-        joints = {name for name in robot.joint_names if any(a.split()[0] == name for a in active)}
-        held.update(joints)
-        any_held += bool(joints)
+    calm, places, _ = smooth(times[kept], wrist)
+    motion = np.column_stack([np.interp(trial.times, calm, column) for column in places.T])
+    alone = roll_out(model, np.asarray(model.goal_offset), case, [index])[0]
     return ArmReach(
         curve=time_normalise(times[kept], wrist),
-        limited={name: held[name] / len(kept) for name in robot.joint_names if held[name]},
-        any_limited=any_held / len(kept),
+        limits=reach_limits(
+            [periods[i] for i in kept], robot, handover.period_s, alone[: len(trial.times)]
+        ),
+        motion=measure_beside(trial, motion),
     )
 
 
 def _judge(
     judged: CaseScores,
-    reached: Sequence[tuple[RolloutTask, int, ArmReach]],
+    reached: Sequence[tuple[RolloutTask, int, ArmReach | None]],
     learn: str,
     protocol: Protocol,
 ) -> ArmCase:
@@ -302,37 +332,50 @@ def _judge(
     alone = judged.scores[learn, 'decoupled']
     band = band_of(case, leave_one_out=protocol.leave_one_out)
     shape = alone.gap_m.shape
+    shifted, lateness = np.zeros((2, *shape))
+    counted = np.zeros(shape, dtype=np.bool_)
     arm = Scores(
-        np.zeros((*shape, 3)), np.zeros(shape), np.zeros(shape), np.zeros(shape, dtype=np.bool_)
+        np.zeros((*shape, 3)), np.zeros(shape), np.zeros(shape), counted, shifted, lateness
     )
-    apart, unreached = [], []
+    apart, unreached, went = [], [], []
+    motions: dict[int, MotionBeside] = {}
     for task, index, one in reached:
-        if one.curve is None:
+        if one is None:
             unreached.append(case.trials[index].number)
             continue
-        scores = judge(one.curve[None, None], case.curves[[index]], band.at([index]))
+        went.append(one.limits)
+        motions.setdefault(case.trials[index].number, one.motion)
+        scores = judge(
+            one.curve[None, None],
+            case.curves[[index]],
+            band.at([index]),
+            durations_s=case.durations_s[[index]],
+        )
+        assert scores.shifted_m2 is not None and scores.lateness_s is not None
         spot = task.row, index
         arm.sigmas[spot] = scores.sigmas[0, 0]
         arm.squared_m2[spot] = scores.squared_m2[0, 0]
         arm.gap_m[spot] = scores.gap_m[0, 0]
-        arm.counted[spot] = True
+        shifted[spot] = scores.shifted_m2[0, 0]
+        lateness[spot] = scores.lateness_s[0, 0]
+        counted[spot] = True
         drawn = np.flatnonzero((judged.kept[learn] == spot).all(axis=1))
         if len(drawn):
             away = one.curve - judged.curves[learn][drawn[0]]
             apart.append(float((away**2).sum(axis=1).mean()))
-    went = [one for _, _, one in reached if one.curve is not None]
-    names = dict.fromkeys(name for one in went for name in one.limited)
-    limited = {
-        name: float(np.mean([one.limited.get(name, 0.0) for one in went])) for name in names
-    }
+    starts = [
+        float(np.linalg.norm(velocities(trial.times, trial.demonstrator)[0]))
+        for trial in case.trials
+    ]
     return ArmCase(
         case=case,
-        primitive=Scores(alone.sigmas, alone.squared_m2, alone.gap_m, arm.counted),
+        primitive=replace(alone, counted=counted),
         arm=arm,
         apart_m=float(np.sqrt(np.mean(apart))) if apart else float('nan'),
-        limited=limited,
-        any_limited=float(np.mean([one.any_limited for one in went])) if went else 0.0,
+        limits=mean_limits(went) if went else None,
+        start_speed=float(np.median(starts)),
         unreached=tuple(unreached),
+        motions=motions,
     )
 
 

@@ -22,10 +22,14 @@ from html import escape
 from typing import Any
 
 from rich import box
+from rich.console import Console
 from rich.table import Table
 
 TEXT_COLUMNS = 2
 """Configuration and exchange; the others are numbers."""
+NEW_LINE = '\n'
+MAX_WIDTH = 400
+"""Characters that no table needs."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +40,10 @@ class CaseTable:
     Attributes:
         title: its heading.
         note: what the columns mean, in sentences.
-        head: of the columns; the first two are configuration and exchange.
+        head: of the columns; the first two are configuration and exchange; none: no table.
         lines: cells, a line a case.
         total: cells over all cases; none where that means nothing.
+        remarks: sentences below the table, a paragraph each.
 
     """
 
@@ -47,6 +52,7 @@ class CaseTable:
     head: tuple[str, ...]
     lines: Sequence[Sequence[str]]
     total: Sequence[str] = ()
+    remarks: Sequence[str] = ()
 
     def as_renderable(self) -> Table:
         """Lay it out for rich."""
@@ -61,18 +67,35 @@ class CaseTable:
             table.add_row(*self.total, style='bold')
         return table
 
+    def show(self, console: Console) -> None:
+        """
+        Print it with its remarks.
+
+        Args:
+            console: where to; made as wide as the table needs.
+
+        """
+        table = self.as_renderable()
+        needed = console.measure(table, options=console.options.update(width=MAX_WIDTH)).maximum
+        console.width = max(console.width, needed)
+        console.print(table, *self.remarks, sep='\n', highlight=False)
+
     def as_html(self) -> str:
-        """Lay it out for the page: heading, note, table."""
+        """Lay it out for the page: heading, note, table, remarks."""
+        title = f'<h2>{escape(self.title)}</h2>\n<p class="soft">{escape(self.note)}</p>'
+        if not self.head:
+            return title
         head = ''.join(
-            f'<th{_kind(number)}>{escape(name)}</th>' for number, name in enumerate(self.head)
+            f'<th{_kind(number)}>{escape(name).replace(NEW_LINE, "<br>")}</th>'
+            for number, name in enumerate(self.head)
         )
         body = ''.join(f'<tr>{_cells(line)}</tr>' for line in self.lines)
         if self.total:
             body += f'<tr class="sum">{_cells(self.total)}</tr>'
         return (
-            f'<h2>{escape(self.title)}</h2>\n<p class="soft">{escape(self.note)}</p>\n'
-            f'<div class="wide"><table><thead><tr>{head}</tr></thead>'
+            f'{title}\n<div class="wide"><table><thead><tr>{head}</tr></thead>'
             f'<tbody>{body}</tbody></table></div>'
+            + ''.join(f'\n<p>{escape(remark)}</p>' for remark in self.remarks)
         )
 
 

@@ -25,9 +25,10 @@ from typing import Any
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.files import replacing
 from handover_dmp.common.plot_style import EXCHANGE_COLOUR, PLOT_STYLE
+from handover_dmp.evaluation.beside import Beside, PERSON
 from handover_dmp.evaluation.cases import Case
 from handover_dmp.evaluation.envelope import Envelope
-from handover_dmp.evaluation.motions import MEASURES, pairs_of, TrialMeasures
+from handover_dmp.evaluation.motions import ALONE, ARM
 from handover_dmp.evaluation.rejections import Rejections
 from handover_dmp.evaluation.scores import BANDS
 from matplotlib import rc_context
@@ -40,6 +41,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 PARTNER_COLOUR, DEMONSTRATOR_COLOUR, DMP_COLOUR = '#c8372d', '#2f8f4e', '#1f5fb4'
+MOVER_COLOURS = {ALONE: DMP_COLOUR, ARM: '#b9770e', PERSON: DEMONSTRATOR_COLOUR}
 INSIDE_COLOUR, OUTSIDE_COLOUR = '#2f9e55', '#d64533'
 BAND_COLOURS = {3: '#e1e6ec', 1: '#aab6c4'}
 AXES = 'XYZ'
@@ -162,21 +164,23 @@ def draw(panels: Sequence[Panel], folder: Path) -> Iterator[tuple[str, str]]:
         yield name, f'{title}: when curves leave the band of people, and how wide it is there'
 
 
-def draw_measures(trials: Sequence[TrialMeasures], folder: Path) -> tuple[str, str]:
+def draw_beside(
+    measures: Sequence[Beside], folder: Path, name: str, title: str, columns: int = 5
+) -> None:
     """
-    Draw the measures of all trials, the primitive beside P2.
+    Draw measures of P2 and of what moves in its place, a panel each.
 
     Args:
-        trials: measured.
-        folder: where the files go.
-
-    Returns:
-        Name and caption.
+        measures: what to draw; those that nothing has get no panel.
+        folder: where the files go, NAME.png and NAME.svg.
+        name: of the files.
+        title: of the figure.
+        columns: panels beside each other.
 
     """
+    shown = [one for one in measures if len(one.pairs)]
     with rc_context(STYLE):
-        _write(_measures(trials), folder / 'measures')
-    return 'measures', 'The motions of the primitive and of P2, a line a trial; bars: medians'
+        _write(_beside(shown, title, columns), folder / name)
 
 
 def figure_count(panels: Sequence[Panel]) -> int:
@@ -374,28 +378,37 @@ def _why(group: Sequence[Panel], title: str) -> Figure:
     return figure
 
 
-def _measures(trials: Sequence[TrialMeasures]) -> Figure:
-    figure, axes = _grid(4, rows=2, width=12.0, height=6.2, top=1.05)
-    for axis, (name, words, _) in zip(axes.ravel(), MEASURES, strict=True):
-        values = pairs_of(trials, name)
-        axis.plot([0, 1], values.T, color='#9aa4af', lw=0.6, alpha=0.5)
-        for place, (column, colour) in enumerate(
-            zip(values.T, (DMP_COLOUR, DEMONSTRATOR_COLOUR), strict=True)
-        ):
+def _beside(measures: Sequence[Beside], title: str, columns: int) -> Figure:
+    rows = -(-len(measures) // columns)
+    figure, axes = _grid(
+        columns, rows=rows, width=2.9 * columns, height=1.35 + 2.3 * rows, top=1.05, row_gap=0.62
+    )
+    for axis in axes.ravel()[len(measures):]:  # fmt: skip
+        axis.remove()
+    names = list(measures[0].values)
+    for axis, one in zip(axes.ravel(), measures, strict=False):
+        pairs = one.pairs
+        places = np.arange(len(names))
+        axis.plot(places, pairs.T, color='#9aa4af', lw=0.6, alpha=0.5)
+        for place, who in enumerate(names):
+            column = pairs[:, place]
+            colour = MOVER_COLOURS[who]
             axis.plot(np.full(len(column), place), column, 'o', ms=3.5, color=colour, alpha=0.5)
-            if len(column):
-                middle = float(np.median(column))
-                axis.plot([place - 0.2, place + 0.2], [middle, middle], color='#111827', lw=2.2)
-        axis.set_title(words, loc='left')
-        axis.set_xlim(-0.4, 1.4)
-        axis.set_xticks([0, 1], ['DMP', 'P2'])
+            middle = float(np.median(column))
+            axis.plot([place - 0.2, place + 0.2], [middle, middle], color='#111827', lw=2.2)
+        axis.set_title(one.words, loc='left', fontsize=9)
+        axis.set_xlim(-0.4, len(names) - 0.6)
+        axis.set_xticks(places, names)
+        axis.tick_params(labelbottom=True)
         axis.yaxis.set_major_locator(MaxNLocator(5))
     _legend(
         figure,
-        'The motions of the DMP beside those of P2',
+        title,
         [
-            Line2D([], [], color=DMP_COLOUR, marker='o', ls='', ms=5, label='DMP'),
-            Line2D([], [], color=DEMONSTRATOR_COLOUR, marker='o', ls='', ms=5, label='P2'),
+            *(
+                Line2D([], [], color=MOVER_COLOURS[who], marker='o', ls='', ms=5, label=who)
+                for who in names
+            ),
             Line2D([], [], color='#111827', lw=2.2, label='median'),
         ],
     )
@@ -410,6 +423,7 @@ def _grid(
     top: float,
     rows: int = 3,
     same_scale: bool = False,
+    row_gap: float = _ROW_GAP,
 ) -> tuple[Figure, Any]:
     """
     Make rows of axes with fixed margins; finding them by measuring takes most of the time.
@@ -421,6 +435,7 @@ def _grid(
         height: of the figure, inch.
         top: room for title and legend, inch.
         same_scale: whether the axes of a row share their scale, and only the first has numbers.
+        row_gap: between two rows, inch.
 
     Returns:
         The figure and its axes, (rows, columns).
@@ -430,7 +445,7 @@ def _grid(
     between = 0.12 if same_scale else 0.65
     figure = Figure(figsize=(width, height))
     each = (width - left - right - between * (columns - 1)) / columns
-    row = (height - top - bottom - (rows - 1) * _ROW_GAP) / rows
+    row = (height - top - bottom - (rows - 1) * row_gap) / rows
     axes = figure.subplots(
         rows,
         columns,
@@ -443,7 +458,7 @@ def _grid(
             'bottom': bottom / height,
             'top': 1.0 - top / height,
             'wspace': between / each,
-            'hspace': _ROW_GAP / row,
+            'hspace': row_gap / row,
         },
     )
     for axis in axes[:, 0]:

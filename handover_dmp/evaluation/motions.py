@@ -12,26 +12,34 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The primitive's motions beside people's, by the measures that studies of handovers report."""
+"""The motions of the primitive and of an arm beside people's, by the measures of studies."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from handover_dmp.common.arrays import Array
-from handover_dmp.evaluation.bootstrap import draw_samples, interval
+from handover_dmp.evaluation.beside import Beside, beside_table, NOTE, PERSON
 from handover_dmp.evaluation.case_table import CaseTable
 from handover_dmp.evaluation.cases import Case
 from handover_dmp.evaluation.rollouts import learn_from_case, Learning, roll_out
-from handover_dmp.mocap import velocities
+from handover_dmp.mocap import HandoverTrial, velocities
 from handover_dmp.mocap.filtering import RATE_HZ
-from handover_dmp.mocap.measures import measure_motion, MotionMeasures, Synchrony, synchrony
+from handover_dmp.mocap.measures import (
+    Fluency,
+    fluency,
+    measure_motion,
+    MotionMeasures,
+    Synchrony,
+    synchrony,
+)
 from handover_dmp.mocap.typical import nearest_to_mean
 import numpy as np
 
 MEASURES = (
+    ('path_m', 'path, m', 2),
     ('path_ratio', 'path, in parts of the straight line', 3),
     ('peak_speed', 'peak speed, m/s', 2),
     ('time_to_peak_s', 'onset to peak speed, s', 2),
@@ -40,16 +48,60 @@ MEASURES = (
     ('spectral_arc_length', 'spectral arc length', 2),
     ('log_dimensionless_jerk', 'log dimensionless jerk', 2),
     ('lag_s', 'speed later than the partner’s, s', 2),
+    ('correlation', 'correlation of the two speeds', 2),
+    ('distance_min_m', 'least distance to the partner, m', 3),
+    ('relative_speed_m_s', 'speed against each other at the end, m/s', 2),
+    ('robot_idle', 'idle, share of the reach', 2),
+    ('concurrent', 'both active, share of the reach', 2),
+    ('functional_delay', 'functional delay, share of the reach', 2),
 )
 """Name in `table.json`, in words, digits."""
 
-OF_TWO = ('lag_s', 'correlation')
+ALONE = 'DMP'
+ARM = 'arm'
 
-NOTE = (
-    'The primitive learnt from the trial nearest to the mean against every hand, beside what P2 '
-    'did there; medians, and the mean difference in pairs with its 95 % interval from resampled '
-    'trials. docs/method.md has the formulas.'
+TITLE = 'How smooth, how fluent: motions beside those of P2'
+WHAT = (
+    'DMP: the primitive learnt from the trial nearest to the mean, against every hand. Spectral '
+    'arc length and log dimensionless jerk: the greater, the smoother. Active: faster than 0.05 '
+    'm/s. Functional delay: from the end of each one’s motion to the beginning of the other’s; '
+    'negative where the other begins before.'
 )
+WITH_ARM = ' arm: what the simulated arm did with the movement that it had learnt (table above).'
+
+
+@dataclass(frozen=True)
+class MotionBeside:
+    """
+    A motion in the place of P2.
+
+    Attributes:
+        motion: by itself; None where nothing moves.
+        synchrony: with the motion of P1; None where one of the two speeds never changes.
+        fluency: of P1 as the person and this as the robot.
+        distance_min_m: to P1, at the least, m.
+        relative_speed_m_s: to P1, at the end, m/s.
+
+    """
+
+    motion: MotionMeasures | None
+    synchrony: Synchrony | None
+    fluency: Fluency
+    distance_min_m: float
+    relative_speed_m_s: float
+
+    def as_json(self) -> dict[str, Any]:
+        """Return every measure by its name; None where there is none."""
+        empty = dict.fromkeys(name for name, *_ in MEASURES)
+        parts = [asdict(one) for one in (self.motion, self.synchrony, self.fluency) if one]
+        found: dict[str, Any] = {
+            **empty,
+            'distance_min_m': self.distance_min_m,
+            'relative_speed_m_s': self.relative_speed_m_s,
+        }
+        for part in parts:
+            found |= part
+        return _finite(found)
 
 
 @dataclass(frozen=True)
@@ -60,30 +112,22 @@ class TrialMeasures:
     Attributes:
         case: its case.
         number: its number.
-        primitive: motion of the primitive; None where it does not move.
+        primitive: motion of the primitive.
         person: of P2.
-        partner: of P1.
-        primitive_synchrony: of the primitive with P1.
-        person_synchrony: of P2 with P1.
+        partner: of P1; None where nothing moves.
 
     """
 
     case: Case
     number: int
-    primitive: MotionMeasures | None
-    person: MotionMeasures | None
+    primitive: MotionBeside
+    person: MotionBeside
     partner: MotionMeasures | None
-    primitive_synchrony: Synchrony | None
-    person_synchrony: Synchrony | None
 
-    def pair(self, name: str) -> tuple[float, float]:
-        """Return a measure of the primitive and of P2; NaN where there is none."""
-        of_two = self.primitive_synchrony, self.person_synchrony
-        of_one = self.primitive, self.person
-        first, second = (
-            float(getattr(one, name, np.nan)) for one in (of_two if name in OF_TWO else of_one)
-        )
-        return first, second
+    @property
+    def label(self) -> tuple[str, str, int]:
+        """Configuration, direction and number."""
+        return self.case.configuration, self.case.direction, self.number
 
     def as_json(self) -> dict[str, Any]:
         """Return everything as plain types."""
@@ -91,17 +135,33 @@ class TrialMeasures:
             'configuration': self.case.configuration,
             'exchange': self.case.direction,
             'trial': self.number,
-            **{
-                name: None if one is None else _finite(asdict(one))
-                for name, one in (
-                    ('primitive', self.primitive),
-                    ('person', self.person),
-                    ('partner', self.partner),
-                    ('primitive_synchrony', self.primitive_synchrony),
-                    ('person_synchrony', self.person_synchrony),
-                )
-            },
+            'primitive': self.primitive.as_json(),
+            'person': self.person.as_json(),
+            'partner': None if self.partner is None else _finite(asdict(self.partner)),
         }
+
+
+def measure_beside(trial: HandoverTrial, motion: Array) -> MotionBeside:
+    """
+    Measure a motion in the place of P2.
+
+    Args:
+        trial: smooth, evenly spaced.
+        motion: (n, 3) m, at the times of the trial, smooth.
+
+    Returns:
+        The measures.
+
+    """
+    moved = [velocities(trial.times, one) for one in (trial.partner, motion)]
+    partner, own = (np.asarray(np.linalg.norm(one, axis=1)) for one in moved)
+    return MotionBeside(
+        motion=measure_motion(trial.times, motion),
+        synchrony=synchrony(partner, own, RATE_HZ),
+        fluency=fluency(partner, own),
+        distance_min_m=float(np.linalg.norm(motion - trial.partner, axis=1).min()),
+        relative_speed_m_s=float(np.linalg.norm(moved[1][-1] - moved[0][-1])),
+    )
 
 
 def measure_trials(cases: Sequence[Case], learning: Learning) -> list[TrialMeasures]:
@@ -121,76 +181,68 @@ def measure_trials(cases: Sequence[Case], learning: Learning) -> list[TrialMeasu
         learnt = learn_from_case(case, [nearest_to_mean(case.curves)], 'decoupled', learning)
         rollouts = roll_out(*learnt, case, range(len(case)))
         for index, trial in enumerate(case.trials):
-            motions = rollouts[index, : len(trial.times)], trial.demonstrator, trial.partner
-            speeds = [_speed(trial.times, motion) for motion in motions]
-            primitive, person, partner = (measure_motion(trial.times, one) for one in motions)
-            found.append(
-                TrialMeasures(
-                    case=case,
-                    number=trial.number,
-                    primitive=primitive,
-                    person=person,
-                    partner=partner,
-                    primitive_synchrony=synchrony(speeds[2], speeds[0], RATE_HZ),
-                    person_synchrony=synchrony(speeds[2], speeds[1], RATE_HZ),
-                )
+            primitive, person = (
+                measure_beside(trial, one)
+                for one in (rollouts[index, : len(trial.times)], trial.demonstrator)
             )
+            partner = measure_motion(trial.times, trial.partner)
+            found.append(TrialMeasures(case, trial.number, primitive, person, partner))
     return found
 
 
-def pairs_of(trials: Sequence[TrialMeasures], name: str) -> Array:
+def motions_beside(
+    trials: Sequence[TrialMeasures],
+    arm: Mapping[tuple[str, str, int], MotionBeside] | None = None,
+) -> list[Beside]:
     """
-    Collect a measure.
+    Put the motions of all trials beside each other.
 
     Args:
         trials: measured.
-        name: of the measure.
+        arm: what an arm did, by the label of the trial; those that it did not reach are missing.
 
     Returns:
-        (n, 2) of the primitive and of P2, where both have it.
+        One a measure.
 
     """
-    values = np.array([trial.pair(name) for trial in trials])
-    kept: Array = values[np.isfinite(values).all(axis=1)]
-    return kept
+    movers: dict[str, list[dict[str, Any]]] = {ALONE: [one.primitive.as_json() for one in trials]}
+    if arm is not None:
+        went = [arm.get(one.label) for one in trials]
+        movers[ARM] = [{} if one is None else one.as_json() for one in went]
+    movers[PERSON] = [one.person.as_json() for one in trials]
+    return [
+        Beside(
+            name,
+            words,
+            digits,
+            {
+                who: np.array([one.get(name) for one in all_of_them], dtype=np.float64)
+                for who, all_of_them in movers.items()
+            },
+        )
+        for name, words, digits in MEASURES
+    ]
 
 
-def measures_table(trials: Sequence[TrialMeasures], seed: int) -> CaseTable:
+def measures_table(measures: Sequence[Beside], seed: int) -> CaseTable:
     """
-    Lay the measures out, over all cases.
+    Lay the motions out, over all cases.
 
     Args:
-        trials: measured.
+        measures: of `motions_beside`.
         seed: of the bootstrap.
 
     Returns:
         A line a measure.
 
     """
-    lines = []
-    for name, words, digits in MEASURES:
-        values = pairs_of(trials, name)
-        if not len(values):
-            continue
-        differences = values[:, 0] - values[:, 1]
-        counts = draw_samples(len(values), np.random.SeedSequence(seed))
-        low, high = interval(counts @ differences / counts.sum(axis=1))
-        lines.append(
-            [
-                words,
-                '',
-                *(f'{np.median(column):.{digits}f}' for column in values.T),
-                f'{differences.mean():+.{digits}f}',
-                f'{low:+.{digits}f} to {high:+.{digits}f}',
-            ]
-        )
-    head = ('measure', '', 'primitive', 'P2', 'difference', '95 %')
-    return CaseTable('Motions beside each other', NOTE, head, lines)
-
-
-def _speed(times: Array, positions: Array) -> Array:
-    return np.asarray(np.linalg.norm(velocities(times, positions), axis=1))
+    with_arm = WITH_ARM if ARM in measures[0].values else ''
+    note = f'{WHAT}{with_arm} {NOTE.format(what="trials")}'
+    return beside_table(TITLE, note, measures, seed)
 
 
 def _finite(values: dict[str, Any]) -> dict[str, Any]:
-    return {name: value if np.isfinite(value) else None for name, value in values.items()}
+    return {
+        name: None if value is None or not np.isfinite(value) else value
+        for name, value in values.items()
+    }

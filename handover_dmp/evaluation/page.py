@@ -36,7 +36,8 @@ p { max-width: 60rem; } .soft { color: var(--soft); }
 table { border-collapse: collapse; font-size: .92rem; font-variant-numeric: tabular-nums; }
 th, td { padding: .32rem .75rem; text-align: right; border-bottom: 1px solid var(--line);
   white-space: nowrap; }
-th { font-weight: 600; color: var(--soft); } td.text, th.text { text-align: left; }
+th { font-weight: 600; color: var(--soft); vertical-align: bottom; }
+td.text, th.text { text-align: left; }
 thead tr:last-child th { border-bottom: 2px solid var(--ink); }
 th.group { text-align: center; border-left: 1px solid var(--line); }
 td.first, th.first { border-left: 1px solid var(--line); }

@@ -16,14 +16,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from handover_dmp.evaluation.arm import ArmEvaluation
 from handover_dmp.evaluation.cases import index_of
-from handover_dmp.evaluation.figures import draw, draw_measures, figure_count, Panel, Shown
+from handover_dmp.evaluation.figures import draw, draw_beside, figure_count, Panel, Shown
+from handover_dmp.evaluation.motions import motions_beside
 from handover_dmp.evaluation.protocol import CaseScores, Evaluation, Protocol
 from handover_dmp.evaluation.rollouts import learn_from_case, roll_out
 from handover_dmp.evaluation.scores import BANDS
+from handover_dmp.evaluation.sessions import SessionOutcome, sessions_beside
 from handover_dmp.mocap.typical import nearest_to_mean
 import numpy as np
 
@@ -35,6 +38,8 @@ def write_panels(
     *,
     learnt: int | None = None,
     tested: int | None = None,
+    arm: ArmEvaluation | None = None,
+    sessions: Sequence[SessionOutcome] = (),
 ) -> list[tuple[str, str]]:
     """
     Draw the figures of an evaluation into `figures/`.
@@ -46,6 +51,8 @@ def write_panels(
         learnt: number of the trial that Figs 4 to 6 learn from; that nearest to the mean if left
             out.
         tested: number of the other trial that they test against; the middling one if left out.
+        arm: what an arm did, if one was asked for.
+        sessions: what was done in whole sessions, if there are any.
 
     Returns:
         Name and caption of each.
@@ -55,14 +62,23 @@ def write_panels(
 
     """
     panels = [_panel(judged, evaluation.protocol, learnt, tested) for judged in evaluation.cases]
-    figures = []
-    for figure in draw(panels, folder / 'figures'):
-        figures.append(figure)
+    place = folder / 'figures'
+    total = figure_count(panels) + 1 + bool(sessions)
+    figures: list[tuple[str, str]] = []
+
+    def drawn(name: str, caption: str) -> None:
+        figures.append((name, caption))
         if progress is not None:
-            progress(len(figures), figure_count(panels) + 1)
-    figures.append(draw_measures(evaluation.measures, folder / 'figures'))
-    if progress is not None:
-        progress(len(figures), len(figures))
+            progress(len(figures), total)
+
+    for name, caption in draw(panels, place):
+        drawn(name, caption)
+    beside = motions_beside(evaluation.measures, None if arm is None else arm.motions)
+    draw_beside(beside, place, 'measures', 'Motions beside those of P2')
+    drawn('measures', 'Motions beside those of P2, a line a trial; bars: medians')
+    if sessions:
+        draw_beside(sessions_beside(sessions), place, 'sessions', 'Sessions beside those of P2', 3)
+        drawn('sessions', 'Sessions beside those of two people, a line a session or exchange')
     return figures
 
 

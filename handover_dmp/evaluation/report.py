@@ -25,17 +25,21 @@ from typing import Any
 from handover_dmp import __version__
 from handover_dmp.common.files import write_text
 from handover_dmp.evaluation.arm import ArmEvaluation
-from handover_dmp.evaluation.arm_table import arm_table
+from handover_dmp.evaluation.arm_table import arm_remarks, arm_table
 from handover_dmp.evaluation.cases import Case
-from handover_dmp.evaluation.motions import measures_table
+from handover_dmp.evaluation.motions import measures_table, motions_beside
 from handover_dmp.evaluation.page import page
 from handover_dmp.evaluation.protocol import Evaluation
+from handover_dmp.evaluation.sessions import SessionOutcome, sessions_beside, sessions_table
 from handover_dmp.evaluation.table import as_csv, as_text, PAPER
-from handover_dmp.evaluation.why import why_table
+from handover_dmp.evaluation.why import explanation, why_table
 
 
 def as_json(
-    evaluation: Evaluation, data_set: str, arm: ArmEvaluation | None = None
+    evaluation: Evaluation,
+    data_set: str,
+    arm: ArmEvaluation | None = None,
+    sessions: Sequence[SessionOutcome] = (),
 ) -> dict[str, Any]:
     """
     Say everything about an evaluation in plain types.
@@ -44,13 +48,19 @@ def as_json(
         evaluation: the table.
         data_set: its name.
         arm: what an arm did, if one was asked for.
+        sessions: what was done in whole sessions, if there are any.
 
     Returns:
-        `rows` and `summary` as the table has them, `rejections` as `why` sums them up, and how
-        all of it came about.
+        `rows` and `summary` as the table has them, every single one of `rejections` and `why` they
+        are, `measures` of every motion and `sessions` with their summaries, and how all of it came
+        about.
 
     """
     protocol = evaluation.protocol
+    beside = motions_beside(evaluation.measures, None if arm is None else arm.motions)
+    rejections = [
+        one.as_json() for judged in evaluation.cases for one in judged.rejections.values()
+    ]
     return {
         'data_set': data_set,
         'trials': sum(len(judged.case) for judged in evaluation.cases),
@@ -59,19 +69,22 @@ def as_json(
             'learn': list(protocol.learn),
             'leave_one_out': protocol.leave_one_out,
             **asdict(protocol.learning),
+            'effective_damping': protocol.learning.parameters.effective_damping,
             'seed': protocol.seed,
             'bootstrap_rounds': protocol.rounds,
             'min_width_m': protocol.min_width_m,
         },
         'rows': [row.as_json() for row in evaluation.rows],
         'summary': [row.as_json() for row in evaluation.summary],
-        'rejections': [
-            rejections.as_json()
-            for judged in evaluation.cases
-            for rejections in judged.rejections.values()
-        ],
+        'rejections': rejections,
+        'why': [line for learn in protocol.learn for line in explanation(rejections, learn)],
         'measures': [trial.as_json() for trial in evaluation.measures],
-        'arm': None if arm is None else arm.as_json(),
+        'measures_summary': [one.as_json(protocol.seed) for one in beside],
+        'arm': None if arm is None else {**arm.as_json(), 'remarks': arm_remarks(arm)},
+        'sessions': [outcome.as_json() for outcome in sessions],
+        'sessions_summary': (
+            [one.as_json(protocol.seed) for one in sessions_beside(sessions)] if sessions else []
+        ),
         'paper': {
             learn: {str(k): p for k, p in within.items()} for learn, within in PAPER.items()
         },
@@ -85,6 +98,7 @@ def write_evaluation(
     folder: Path,
     figures: Sequence[tuple[str, str]],
     arm: ArmEvaluation | None = None,
+    sessions: Sequence[SessionOutcome] = (),
 ) -> str:
     """
     Write `table.txt`, `table.csv`, `table.json` and `index.html`.
@@ -95,23 +109,26 @@ def write_evaluation(
         folder: where to.
         figures: name and caption of each figure that lies in `figures/` there.
         arm: what an arm did, if one was asked for.
+        sessions: what was done in whole sessions, if there are any.
 
     Returns:
         The text of `table.json`.
 
     """
     rows, summary = evaluation.rows, evaluation.summary
-    table = as_json(evaluation, data_set, arm)
+    table = as_json(evaluation, data_set, arm, sessions)
     text = json.dumps(table, indent=1, allow_nan=False) + '\n'
     write_text(folder / 'table.json', text)
     write_text(folder / 'table.csv', as_csv([*rows, *summary]))
     write_text(folder / 'table.txt', as_text(rows, summary))
     title = f'Handovers by the primitive and by people: {data_set}'
     facts = _facts(evaluation)
-    tables = [why_table(table['rejections'], learn) for learn in evaluation.protocol.learn]
-    tables.insert(0, measures_table(evaluation.measures, evaluation.protocol.seed))
-    if arm is not None:
-        tables.insert(0, arm_table(arm))
+    seed = evaluation.protocol.seed
+    beside = motions_beside(evaluation.measures, None if arm is None else arm.motions)
+    tables = [] if arm is None else [arm_table(arm)]
+    tables.append(measures_table(beside, seed))
+    tables.append(sessions_table(sessions, seed))
+    tables += [why_table(table['rejections'], learn) for learn in evaluation.protocol.learn]
     sections = [one.as_html() for one in tables]
     write_text(folder / 'index.html', page(title, facts, rows, summary, figures, sections))
     return text

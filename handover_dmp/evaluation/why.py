@@ -39,7 +39,7 @@ NOTE = (
 SHOWN_SOURCES = 2
 
 
-def explanation(rejections: Sequence[Mapping[str, Any]], learn: str) -> list[list[str]]:
+def explanation(rejections: Sequence[Mapping[str, Any]], learn: str) -> list[dict[str, Any]]:
     """
     Sum up the rejections of each case, and of all.
 
@@ -48,52 +48,69 @@ def explanation(rejections: Sequence[Mapping[str, Any]], learn: str) -> list[lis
         learn: what was learnt from.
 
     Returns:
-        A line a case, then one over all: the cells that `HEAD` names.
+        One a case, then one over all.
 
     """
     cases = [case for case in rejections if case['learn'] == learn]
-    lines = [_line(case['configuration'], case['exchange'], [case]) for case in cases]
-    return [*lines, _line('all', '', cases)]
+    return [*(_summary(learn, [case]) for case in cases), _summary(learn, cases)]
 
 
-def _line(configuration: str, direction: str, cases: Sequence[Mapping[str, Any]]) -> list[str]:
+def _summary(learn: str, cases: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     rejected = [curve for case in cases for curve in case['rejected']]
-    curves = sum(case['curves'] for case in cases)
     axes = Counter(curve['dimension'] for curve in rejected)
-    counts = [str(axes[axis]) for axis in AXES]
-    head = [configuration, direction, f'{len(rejected)} of {curves}', *counts]
-    if not rejected:
-        return [*head, '–', '–', '–', '–', _narrowest(cases), '0', '0']
-    beyond_mm = [1e3 * curve['beyond_m'] for curve in rejected]
-    return [
-        *head,
-        _sources(cases),
-        f'{median(curve["first"] for curve in rejected):.2f}',
-        f'{median(curve["worst"] for curve in rejected):.2f}',
-        f'{median(beyond_mm):.0f}, {max(beyond_mm):.0f}',
-        _narrowest(cases),
-        str(sum(curve['in_bottleneck'] for curve in rejected)),
-        str(sum(curve['rejected_when_widened'] for curve in rejected)),
-    ]
-
-
-def _sources(cases: Sequence[Mapping[str, Any]]) -> str:
-    """Name the trials behind most rejections; over several cases their numbers mean nothing."""
-    rejected = [curve for case in cases for curve in case['rejected']]
-    if len(cases) > 1 or any(len(curve['learnt']) > 1 for curve in rejected):
-        return '–'
-    counts = Counter(curve['learnt'][0] for curve in rejected)
-    ranked = sorted(counts, key=lambda number: (-counts[number], number))
-    return ', '.join(f'#{number}: {counts[number]}' for number in ranked[:SHOWN_SOURCES])
-
-
-def _narrowest(cases: Sequence[Mapping[str, Any]]) -> str:
     width_m, axis, at = min(
         (neck['width_m'], axis, neck['at'])
         for case in cases
         for axis, neck in case['bottlenecks'].items()
     )
-    return f'{axis} {1e3 * width_m:.0f} at {at:.2f}'
+    beyond_m = [curve['beyond_m'] for curve in rejected]
+    alone = len(cases) == 1
+    return {
+        'configuration': cases[0]['configuration'] if alone else 'all',
+        'exchange': cases[0]['exchange'] if alone else '',
+        'learn': learn,
+        'rejected': len(rejected),
+        'curves': sum(case['curves'] for case in cases),
+        'by_dimension': {axis: axes[axis] for axis in AXES},
+        'by_learnt': _by_learnt(cases),
+        'leaves_at': median(curve['first'] for curve in rejected) if rejected else None,
+        'farthest_at': median(curve['worst'] for curve in rejected) if rejected else None,
+        'beyond_median_m': median(beyond_m) if rejected else None,
+        'beyond_max_m': max(beyond_m) if rejected else None,
+        'narrowest': {'dimension': axis, 'width_m': width_m, 'at': at},
+        'in_bottleneck': sum(curve['in_bottleneck'] for curve in rejected),
+        'rejected_when_widened': sum(curve['rejected_when_widened'] for curve in rejected),
+    }
+
+
+def _by_learnt(cases: Sequence[Mapping[str, Any]]) -> dict[str, int]:
+    """Count by the trial learnt from; over several cases their numbers mean nothing."""
+    rejected = [curve for case in cases for curve in case['rejected']]
+    if len(cases) > 1 or any(len(curve['learnt']) > 1 for curve in rejected):
+        return {}
+    counts = Counter(curve['learnt'][0] for curve in rejected)
+    ranked = sorted(counts, key=lambda number: (-counts[number], number))
+    return {str(number): counts[number] for number in ranked}
+
+
+def _line(one: Mapping[str, Any]) -> list[str]:
+    narrowest = one['narrowest']
+    timing = ['–'] * 3
+    if one['rejected']:
+        beyond = f'{1e3 * one["beyond_median_m"]:.0f}, {1e3 * one["beyond_max_m"]:.0f}'
+        timing = [f'{one["leaves_at"]:.2f}', f'{one["farthest_at"]:.2f}', beyond]
+    most = [f'#{number}: {count}' for number, count in one['by_learnt'].items()][:SHOWN_SOURCES]
+    return [
+        one['configuration'],
+        one['exchange'],
+        f'{one["rejected"]} of {one["curves"]}',
+        *(str(one['by_dimension'][axis]) for axis in AXES),
+        ', '.join(most) or '–',
+        *timing,
+        f'{narrowest["dimension"]} {1e3 * narrowest["width_m"]:.0f} at {narrowest["at"]:.2f}',
+        str(one['in_bottleneck']),
+        str(one['rejected_when_widened']),
+    ]
 
 
 def why_table(rejections: Sequence[Mapping[str, Any]], learn: str) -> CaseTable:
@@ -108,6 +125,6 @@ def why_table(rejections: Sequence[Mapping[str, Any]], learn: str) -> CaseTable:
         A line a case, and one over all.
 
     """
-    *cases, everything = explanation(rejections, learn)
+    *cases, everything = map(_line, explanation(rejections, learn))
     note = NOTE.format(width=1e3 * rejections[0]['min_width_m'])
     return CaseTable(f'Why curves were rejected, learn {learn}', note, HEAD, cases, everything)

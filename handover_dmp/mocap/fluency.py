@@ -26,13 +26,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from handover_dmp.common.arrays import Array
-from handover_dmp.mocap.filtering import smooth
+from handover_dmp.mocap.filtering import RATE_HZ, smooth
 from handover_dmp.mocap.measures import ACTIVE_SPEED, Fluency, fluency_of
 from handover_dmp.mocap.session import RecordedSession
 import numpy as np
 from numpy.typing import NDArray
 
 Activity = NDArray[np.bool_]
+TimedVelocities = tuple[Array, Array]
+"""Times, (n,) s, and velocities, (n, 3) m/s."""
 
 CERTAIN_SPEED = 0.15
 """m/s; who never gets faster than this has only swayed."""
@@ -99,6 +101,37 @@ def session_fluency(
     return SessionFluency(fluency_of(person, robot), len(person) / rate_hz, tuple(waits))
 
 
+def fluency_of_motions(
+    partner: TimedVelocities,
+    other: TimedVelocities,
+    begin_s: float,
+    exchanges_s: Sequence[float] = (),
+) -> SessionFluency | None:
+    """
+    Measure how fluent a session was, from the motions of the two.
+
+    Args:
+        partner: (n,) s and (n, 3) m/s, the velocity of the person's hand, low-passed.
+        other: the same of the robot, or of the person in its place.
+        begin_s: what was before does not count, s.
+        exchanges_s: when each exchange began, s.
+
+    Returns:
+        The measures; None where the two have no time in common.
+
+    """
+    begin_s = max(begin_s, float(partner[0][0]), float(other[0][0]))
+    times = np.arange(begin_s, min(partner[0][-1], other[0][-1]), 1.0 / RATE_HZ)
+    if not len(times):
+        return None
+    speeds = [
+        np.sqrt(sum(np.interp(times, at, column) ** 2 for column in velocities.T))
+        for at, velocities in (partner, other)
+    ]
+    met = [exchange_s - begin_s for exchange_s in exchanges_s]
+    return session_fluency(speeds[0], speeds[1], RATE_HZ, met)
+
+
 def people_fluency(session: RecordedSession) -> SessionFluency:
     """
     Measure how fluent two people were, as what a robot is held against.
@@ -113,12 +146,14 @@ def people_fluency(session: RecordedSession) -> SessionFluency:
     motion = session.motion
     both = np.hstack([motion.partner, motion.demonstrator])
     times, _, velocities = smooth(motion.times, both)
-    begin_s = session.exchanges[0].start_s
-    shown = times >= begin_s
-    first, second = (np.linalg.norm(part, axis=1) for part in np.split(velocities, 2, axis=1))
-    rate_hz = float((len(times) - 1) / (times[-1] - times[0]))
-    meetings = [part.exchange_s - float(times[shown][0]) for part in session.exchanges]
-    return session_fluency(first[shown], second[shown], rate_hz, meetings)
+    found = fluency_of_motions(
+        (times, velocities[:, :3]),
+        (times, velocities[:, 3:]),
+        session.exchanges[0].start_s,
+        [part.exchange_s for part in session.exchanges],
+    )
+    assert found is not None
+    return found
 
 
 def activity(speed: Array, rate_hz: float) -> Activity:

@@ -20,10 +20,10 @@ from dataclasses import asdict
 from typing import Any
 
 from handover_dmp.common.arrays import Array
-from handover_dmp.mocap.fluency import session_fluency
+from handover_dmp.mocap.fluency import fluency_of_motions
 from handover_dmp.report.legs import legs_of, SessionLeg
 from handover_dmp.report.metrics import measure, Numbers
-from handover_dmp.report.motion import RATE_HZ, resample
+from handover_dmp.report.motion import resample
 from handover_dmp.report.motions import compare_motions, low_passed_track
 from handover_dmp.report.recorded_run import RunRecord
 import numpy as np
@@ -179,6 +179,7 @@ def _timeline(run: RunRecord) -> list[dict[str, Any]]:
 def _fluency(run: RunRecord) -> Numbers:
     """Measure who was active when, from the first reach on, as a robot begins there."""
     partner = low_passed_track(run.hand_times, run.hand_positions)
+    met = [time_s for time_s, state in run.states if state == 'exchange']
     found: Numbers = {}
     for name, times, positions in (
         ('robot', run.wrist_times, run.wrist_positions),
@@ -188,18 +189,8 @@ def _fluency(run: RunRecord) -> Numbers:
         found[name] = None
         if partner is None or other is None or begin_s is None:
             continue
-        even = np.arange(
-            max(begin_s, partner[0][0], other[0][0]),
-            min(partner[0][-1], other[0][-1]),
-            1.0 / RATE_HZ,
-        )
-        if len(even):
-            speeds = [
-                np.linalg.norm(resample(track[0], track[2], even), axis=1)
-                for track in (partner, other)
-            ]
-            met = [time_s - even[0] for time_s, state in run.states if state == 'exchange']
-            found[name] = asdict(session_fluency(speeds[0], speeds[1], RATE_HZ, met))
+        measured = fluency_of_motions(partner[::2], other[::2], begin_s, met)
+        found[name] = None if measured is None else asdict(measured)
     return found
 
 

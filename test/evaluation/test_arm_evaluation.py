@@ -21,10 +21,13 @@ import json
 from pathlib import Path
 
 from handover_dmp.cli.main import main
-from handover_dmp.evaluation.arm import ArmEvaluation, evaluate_arm
+from handover_dmp.evaluation.arm import ArmEvaluation, evaluate_arm, figures
+from handover_dmp.evaluation.arm_limits import possible_acceleration
+from handover_dmp.evaluation.arm_table import arm_remarks
 from handover_dmp.evaluation.protocol import evaluate, Evaluation, Protocol
 from handover_dmp.mocap import HandoverTrial, read_data_set, write_data_set
 from handover_dmp.robot.descriptions import ArmChoice
+from handover_dmp.robot.model import RobotModel
 import joblib
 import numpy as np
 import pytest
@@ -55,7 +58,7 @@ def test_an_arm_that_is_hardly_limited_does_what_the_primitive_does(
     with_arm: ArmEvaluation,
 ) -> None:
     (case,) = with_arm.cases
-    assert case.any_limited < 0.05
+    assert case.limits is not None and case.limits.any_joint < 0.05
     assert case.apart_m < 5e-3
     assert case.unreached == ()
     assert case.arm.counted.all()
@@ -74,8 +77,55 @@ def test_a_slower_arm_is_limited_and_loses(
     slow.write_text(re_limited(text, velocity=0.3))
     (case,) = evaluate_arm(alone, ArmChoice(str(slow)), tmp_path / 'cache').cases
     (fast,) = with_arm.cases
-    assert case.any_limited > 0.2
+    assert case.limits is not None and case.limits.any_joint > 0.2
+    assert case.limits.kinds['velocity'] > max(
+        case.limits.kinds['acceleration'], case.limits.kinds['position']
+    )
     assert case.apart_m > 5 * fast.apart_m
+    # it comes late, and the phase has waited for it
+    late, early = (figures(one.arm)['lateness_s'] for one in (case, fast))
+    assert late > early + 0.1
+    assert case.limits.slowed_s > 0.1
+    (remark,) = arm_remarks(ArmEvaluation('slow', 'mean', [case], []))
+    assert 'of its velocity' in remark
+
+
+def test_an_arm_at_rest_accelerates_as_its_joints_can() -> None:
+    robot = RobotModel.load('lwr4')
+    direction = np.array([0.3, -0.5, 0.2])
+    possible = possible_acceleration(robot, robot.home, direction)
+    limits = robot.limits.acceleration
+    jacobian = robot.wrist_jacobian(robot.home)[:3]
+    towards = direction / np.linalg.norm(direction)
+    # not less than the least squares solution, scaled to the first limit; not more than ‖J‖
+    joints = np.linalg.pinv(jacobian) @ towards
+    assert possible >= 1.0 / np.abs(joints / limits).max() - 1e-9
+    assert possible <= np.linalg.norm(jacobian, 2) * np.linalg.norm(limits)
+    # the limits twice as wide, twice the acceleration
+    wide = replace(robot.limits, acceleration=2.0 * limits)
+    stronger = replace(robot, limits=wide)
+    assert possible_acceleration(stronger, robot.home, direction) == pytest.approx(2.0 * possible)
+
+
+def test_recordings_that_begin_in_motion_ask_more_than_an_arm_can(
+    kth_folder: Path, tmp_path: Path
+) -> None:
+    """Where an arm loses most of the primitive: at the start, to the accelerations of joints."""
+    fastest = [
+        trial
+        for trial in read_data_set(kth_folder)
+        if (trial.configuration, trial.direction) == ('p03', 'give') and trial.number <= 2
+    ]
+    (case,) = evaluate_arm(evaluate(fastest, Protocol(learn=('mean',))), LWR, tmp_path).cases
+    assert case.limits is not None
+    assert case.start_speed > 0.5
+    assert case.limits.asked > 1.3 * case.limits.possible
+    assert case.limits.kinds['acceleration'] > 0.9 * case.limits.any_joint
+    assert case.limits.half_by < 0.35
+    alone, arm = figures(case.primitive), figures(case.arm)
+    # what it loses is time
+    assert arm['lateness_s'] > alone['lateness_s'] + 0.02
+    assert arm['rms_m'] - arm['shifted_rms_m'] > alone['rms_m'] - alone['shifted_rms_m']
 
 
 def re_limited(urdf: str, velocity: float) -> str:
@@ -101,7 +151,8 @@ def test_what_is_broken_off_goes_on_where_it_was(
     again = evaluate_arm(alone, LWR, tmp_path)
     assert again.as_json() == with_arm.as_json()
     assert all(file.stat().st_mtime_ns == stamp for file, stamp in kept.items())
-    assert len(list(tmp_path.rglob('output.pkl'))) == 4
+    # the trials, and the placement
+    assert len(list(tmp_path.rglob('output.pkl'))) == 5
 
 
 def test_another_backend_gives_the_same(

@@ -19,7 +19,7 @@ from __future__ import annotations
 from math import log
 
 from handover_dmp.evaluation.cases import make_cases
-from handover_dmp.evaluation.motions import measure_trials, measures_table, pairs_of
+from handover_dmp.evaluation.motions import measure_trials, measures_table, motions_beside
 from handover_dmp.evaluation.rollouts import Learning
 from handover_dmp.mocap import HandoverTrial
 import numpy as np
@@ -43,21 +43,49 @@ def test_people_who_move_in_minimum_jerk_are_measured_so() -> None:
     trials = [reach(1, 0.5, 0.2), reach(2, 0.4, 0.2), reach(3, 0.6, 0.3)]
     cases = make_cases(trials, cutoff_hz=None)
     found = measure_trials(cases, Learning(cutoff_hz=None))
-    for one, late_s in zip(found, (0.2, 0.2, 0.3), strict=True):
-        assert one.person is not None and one.person_synchrony is not None
-        assert one.person.path_ratio == pytest.approx(1.0, abs=1e-4)
-        assert one.person.peaks == 1
+    for one, late_s, length_m in zip(found, (0.2, 0.2, 0.3), (0.5, 0.4, 0.6), strict=True):
+        person = one.person
+        assert person.motion is not None and person.synchrony is not None
+        assert person.motion.path_ratio == pytest.approx(1.0, abs=1e-4)
+        assert person.motion.peaks == 1
         # the rest before and after counts as duration: D³ is (2.0/1.2)³ as large
         expected = -log(204.8 * (2.0 / 1.2) ** 3)
-        assert one.person.log_dimensionless_jerk == pytest.approx(expected, abs=0.1)
-        assert one.person_synchrony.lag_s == pytest.approx(late_s, abs=0.006)
+        assert person.motion.log_dimensionless_jerk == pytest.approx(expected, abs=0.1)
+        assert person.synchrony.lag_s == pytest.approx(late_s, abs=0.006)
+        # both are at rest at the end, where they are nearest to each other
+        assert person.relative_speed_m_s == pytest.approx(0.0, abs=2e-3)
+        ends = np.array([1.0 - length_m, 0.0, 1.0]), np.array([0.4, 0.0, 1.0])
+        assert person.distance_min_m == pytest.approx(float(np.linalg.norm(ends[0] - ends[1])))
+        # faster than 0.05 m/s: all of 1.2 s but for a margin at both ends, of 2 s
+        length = float(np.linalg.norm([0.9, -0.1, 0.1]))
+        margin = 1.2 * (0.5 - np.sqrt(0.25 - np.sqrt(0.05 * 1.2 / (30.0 * length))))
+        idle = 1.0 - (1.2 - 2 * margin) / 2.0
+        assert person.fluency.robot_idle == pytest.approx(idle, abs=0.006)
     # the first is nearest to the mean, and what was learnt from it reproduces it
     own = found[0]
-    assert own.primitive is not None and own.person is not None
-    assert own.primitive.path_ratio == pytest.approx(1.0, abs=2e-3)
-    assert own.primitive.peak_speed == pytest.approx(own.person.peak_speed, rel=0.02)
-    pairs = pairs_of(found, 'lag_s')
-    assert pairs[:, 1] == pytest.approx([0.2, 0.2, 0.3], abs=0.006)
-    (line,) = [one for one in measures_table(found, 0).lines if 'partner' in one[0]]
+    assert own.primitive.motion is not None and own.person.motion is not None
+    assert own.primitive.motion.path_ratio == pytest.approx(1.0, abs=2e-3)
+    assert own.primitive.motion.peak_speed == pytest.approx(own.person.motion.peak_speed, rel=0.02)
+    beside = motions_beside(found)
+    (lag,) = [one for one in beside if one.name == 'lag_s']
+    assert lag.pairs[:, 1] == pytest.approx([0.2, 0.2, 0.3], abs=0.006)
+    (line,) = [one for one in measures_table(beside, 0).lines if 'than the partner' in one[0]]
     assert line[3] == '0.20'
-    assert line[2] == f'{np.median(pairs[:, 0]):.2f}'
+    assert line[2] == f'{np.median(lag.pairs[:, 0]):.2f}'
+    summed = lag.as_json(0)
+    assert summed['median']['P2'] == pytest.approx(0.2, abs=0.006)
+    mean = float((lag.pairs[:, 0] - lag.pairs[:, 1]).mean())
+    assert summed['difference']['DMP'] == pytest.approx(mean)
+    assert summed['interval']['DMP'][0] <= mean <= summed['interval']['DMP'][1]
+
+
+def test_an_arm_stands_between_the_primitive_and_people() -> None:
+    cases = make_cases([reach(1, 0.5, 0.2), reach(2, 0.4, 0.2)], cutoff_hz=None)
+    found = measure_trials(cases, Learning(cutoff_hz=None))
+    arm = {found[0].label: found[0].person}
+    path, *_ = motions_beside(found, arm)
+    assert list(path.values) == ['DMP', 'arm', 'P2']
+    # the other one was not reached
+    assert len(path.pairs) == 1
+    assert path.pairs[0, 1] == path.pairs[0, 2]
+    assert path.differences(0)[1] == (0.0, 0.0, 0.0)

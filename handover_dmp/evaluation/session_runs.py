@@ -1,0 +1,146 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A recorded session with the robot in the place of P2: by the movements alone, or by an arm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from handover_dmp.common.arrays import Array
+from handover_dmp.common.settings import defaults
+from handover_dmp.handover.controller import HandoverOptions, HandoverState
+from handover_dmp.handover.lockstep import AFTERWARDS_S, REPLAY_AT_S
+from handover_dmp.handover.session import SessionController, SessionModels
+from handover_dmp.handover.session_lockstep import MAX_WAIT_S, SessionLoop
+from handover_dmp.handover.session_scenario import SessionScenario, trials_of
+from handover_dmp.mocap.filtering import RATE_HZ, smooth
+from handover_dmp.mocap.fluency import fluency_of_motions, SessionFluency
+from handover_dmp.mocap.session import RecordedSession
+from handover_dmp.tracking.session_playback import SessionPlayback
+import numpy as np
+
+OVER = HandoverState.DONE, HandoverState.ABORTED
+
+
+@dataclass(frozen=True, eq=False)
+class SessionMotion:
+    """
+    What a session was.
+
+    Attributes:
+        partner: (n, 3) m, the hand at 200 Hz.
+        wrist: (n, 3) m, at the same times.
+        states: (n,) of the session.
+
+    """
+
+    partner: Array
+    wrist: Array
+    states: list[HandoverState]
+
+    @property
+    def done(self) -> bool:
+        """Whether the object was given and taken back."""
+        return self.states[-1] is HandoverState.DONE
+
+    def fluency(self) -> SessionFluency | None:
+        """
+        Measure how fluent it was, from the first reach on.
+
+        Returns:
+            The measures; None where the robot never began.
+
+        """
+        began = [n for n, state in enumerate(self.states) if state is HandoverState.REACHING]
+        if not began:
+            return None
+        met = [
+            n / RATE_HZ
+            for n in range(1, len(self.states))
+            if self.states[n] is HandoverState.EXCHANGE is not self.states[n - 1]
+        ]
+        times = np.arange(len(self.states)) / RATE_HZ
+        moved, _, velocities = smooth(times, np.hstack([self.partner, self.wrist]))
+        partner, wrist = (moved, velocities[:, :3]), (moved, velocities[:, 3:])
+        return fluency_of_motions(partner, wrist, began[0] / RATE_HZ, met)
+
+
+def run_alone(
+    session: RecordedSession, models: SessionModels, partner_model: str = 'off'
+) -> SessionMotion:
+    """
+    Let a wrist that is always where it is told to be go through a session.
+
+    The object passes where the gripper opens or closes; the partner waits for it, and the wrist
+    starts where P2 did.
+
+    Args:
+        session: recorded, low-passed.
+        models: the movements.
+        partner_model: `auto` or `off`.
+
+    Returns:
+        What it did, until the session is over or will not be.
+
+    """
+    told = defaults('hand_tracker')
+    playback = SessionPlayback(
+        session, lead_s=told['session.lead_s'], patience_s=told['session.patience_s']
+    )
+    playback.start(REPLAY_AT_S)
+    controller = SessionController(models, HandoverOptions(partner_model=partner_model))
+    controller.set_wrist(tuple(trials_of(session)[0].demonstrator[0].tolist()))
+    partner, wrist, states = [], [], []
+    for period in range(round(_longest_s(session) * RATE_HZ)):
+        now_s = period / RATE_HZ
+        step = playback.step(now_s, 'robot' if controller.gripper_closed else 'partner')
+        for seen in step.hands[0]:
+            controller.set_hand(seen.stamp_s, tuple(seen.position.tolist()), now_s, now_s)
+        for signal in step.signals:
+            controller.signal(signal.stamp_s)
+        command = controller.step(now_s, 1.0 / RATE_HZ)
+        assert command is not None
+        controller.set_wrist(command.position)
+        partner.append(step.truth.position)
+        wrist.append(command.position)
+        states.append(command.state)
+        if command.state in OVER and now_s > REPLAY_AT_S:
+            break
+    return SessionMotion(np.array(partner), np.array(wrist), states)
+
+
+def run_arm(scenario: SessionScenario) -> SessionMotion:
+    """
+    Let a simulated arm go through a session, with the object.
+
+    Args:
+        scenario: session, movements and arm.
+
+    Returns:
+        What it did, until the session is over or will not be.
+
+    """
+    with SessionLoop(scenario, carried=scenario.carried) as loop:
+        periods = loop.run()
+    return SessionMotion(
+        np.array([one.truth for one in periods]),
+        np.array([one.period.wrist_position for one in periods]),
+        [one.state for one in periods],
+    )
+
+
+def _longest_s(session: RecordedSession) -> float:
+    times = session.motion.times
+    return float(times[-1] - times[0]) + REPLAY_AT_S + MAX_WAIT_S + AFTERWARDS_S
