@@ -132,7 +132,7 @@ class ArmEvaluation:
 
     @property
     def motions(self) -> dict[tuple[str, str, int], MotionBeside]:
-        """Configuration, direction and number to the measures of the motion."""
+        """Return the measures of each motion by configuration, direction and number."""
         return {
             (one.case.configuration, one.case.direction, number): motion
             for one in self.cases

@@ -126,7 +126,7 @@ class TrialMeasures:
 
     @property
     def label(self) -> tuple[str, str, int]:
-        """Configuration, direction and number."""
+        """Return configuration, direction and number."""
         return self.case.configuration, self.case.direction, self.number
 
     def as_json(self) -> dict[str, Any]:

@@ -22,10 +22,10 @@ from pathlib import Path
 from typing import Any
 
 from handover_dmp.common.errors import DataError
-from handover_dmp.evaluation.arm import Progress
 from handover_dmp.evaluation.beside import Beside, beside_table, NOTE, PERSON
 from handover_dmp.evaluation.case_table import CaseTable
 from handover_dmp.evaluation.motions import ALONE, ARM
+from handover_dmp.evaluation.protocol import Progress
 from handover_dmp.evaluation.rollouts import Learning
 from handover_dmp.evaluation.session_runs import run_alone, run_arm
 from handover_dmp.handover.session import SessionModels
