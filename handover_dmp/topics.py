@@ -112,6 +112,12 @@ HAND_TRUTH = Topic(
     Quality.REPORT,
     'where the hand of a trial is, whatever its trackers say, m',
 )
+ELBOW_POSE = Topic(
+    '/partner/elbow',
+    'geometry_msgs/msg/PoseStamped',
+    Quality.SENSOR,
+    "the elbow of the partner's tracked hand, m, where a tracker sees it",
+)
 DEMONSTRATOR_POSE = Topic(
     '/human/pose',
     'geometry_msgs/msg/PoseStamped',
@@ -238,13 +244,13 @@ DIAGNOSTICS = Topic(
 )
 
 TOPICS = (
-    CLOCK, HAND_POSE, HAND_FUSED, HAND_TRUTH, DEMONSTRATOR_POSE, SIGNAL, WRIST_POSE, POSE_COMMAND,
-    TWIST_COMMAND, IK_STATUS, JOINT_STATES, JOINT_COMMAND, STATE, PHASE, GRIPPER_COMMAND,
-    WRIST_WRENCH, OBJECT_POSE, OBJECT_HOLDER, MARKERS, INFO, ROBOT_DESCRIPTION, TF, TF_STATIC,
-    DIAGNOSTICS,
+    CLOCK, HAND_POSE, HAND_FUSED, HAND_TRUTH, ELBOW_POSE, DEMONSTRATOR_POSE, SIGNAL, WRIST_POSE,
+    POSE_COMMAND, TWIST_COMMAND, IK_STATUS, JOINT_STATES, JOINT_COMMAND, STATE, PHASE,
+    GRIPPER_COMMAND, WRIST_WRENCH, OBJECT_POSE, OBJECT_HOLDER, MARKERS, INFO, ROBOT_DESCRIPTION,
+    TF, TF_STATIC, DIAGNOSTICS,
 )  # fmt: skip
-OF_SESSIONS = (GRIPPER_COMMAND, WRIST_WRENCH, OBJECT_POSE, OBJECT_HOLDER)
-"""Those that exist only where a gripper holds an object: in sessions."""
+OPTIONAL = (GRIPPER_COMMAND, WRIST_WRENCH, OBJECT_POSE, OBJECT_HOLDER, ELBOW_POSE)
+"""Those that exist only where a gripper holds an object, or where a tracker sees the elbow."""
 
 
 def position_covariance(deviation_m: float) -> list[float]:

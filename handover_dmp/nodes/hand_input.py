@@ -114,6 +114,25 @@ class HandInputs:
         topics = [str(node.values[f'{name}.topic']) for name in self._names]
         return ', '.join(map(node.resolve_topic_name, topics))
 
+    def placed(
+        self, position: tuple[float, float, float], header: Any
+    ) -> tuple[float, float, float] | None:
+        """
+        Bring another point that a tracker sees into the frame of the node.
+
+        Args:
+            position: (3,) m.
+            header: names its frame, and when.
+
+        Returns:
+            (3,) m; None where nobody knows where its frame is.
+
+        """
+        if header.frame_id == self._node.frame:
+            return position
+        found = (one.placed(position, header) for one in self._inputs)
+        return next((place for place in found if place is not None), None)
+
     def are_there(self, tick_ns: int, timeout_s: float) -> bool:
         """
         Tell, in lockstep, whether there is no pose to be waited for.
@@ -241,16 +260,27 @@ class HandInput:
         frame = message.header.frame_id
         # a zero that was moved to another frame would be none
         if frame != self._node.frame and not pose.is_lost:
-            place = self._placed(pose.position, message.header)
+            place = self.placed(pose.position, message.header)
             if place is None:
                 self._refuse('other_frame', self._of_the_frame(frame))
                 return
             pose = pose._replace(position=place)
         self._take(message.header.stamp, pose)
 
-    def _placed(
+    def placed(
         self, position: tuple[float, float, float], header: Any
     ) -> tuple[float, float, float] | None:
+        """
+        Bring a position into the frame of the node.
+
+        Args:
+            position: (3,) m.
+            header: names its frame, another one, and when.
+
+        Returns:
+            (3,) m; None where neither parameters nor tf2 tell where that frame is.
+
+        """
         if header.frame_id in self._transforms:
             return self._transforms[header.frame_id](position)
         if tf2_ros is None or not header.frame_id:

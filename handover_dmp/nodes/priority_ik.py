@@ -26,6 +26,7 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from handover_dmp.common.settings import parameters_of
+from handover_dmp.mocap.message_bodies import bodies
 from handover_dmp.nodes.arm import limits_told, load_arm
 from handover_dmp.nodes.conversions import (
     NANOSECONDS,
@@ -62,6 +63,7 @@ from handover_dmp.robot.wrist_controller import (
     WristControllerOptions,
 )
 from handover_dmp.topics import (
+    ELBOW_POSE,
     IK_STATUS,
     JOINT_COMMAND,
     JOINT_STATES,
@@ -206,6 +208,7 @@ class PriorityIkNode(HandoverNode):
         self._hands = HandInputs(
             self, self._on_hand, self._refuse_hand, lambda: self._lockstep.look()
         )
+        self.subscribe(ELBOW_POSE, self._on_elbow)
 
     # Inputs
 
@@ -278,6 +281,17 @@ class PriorityIkNode(HandoverNode):
             known = Partner(np.array(estimate.position), np.array(estimate.velocity))
             arrival_s = now_s if self.lockstep else self.arrival_s()
             self._controller.set_hand(known, arrival_s, self._hand.timeout_s)
+
+    def _on_elbow(self, message: PoseStamped) -> None:
+        (elbow,) = bodies(message) or [None]
+        if elbow is None or elbow.is_lost:
+            return
+        place = self._hands.placed(elbow.position, message.header)
+        if place is None:
+            self._refuse(f'elbow in frame {message.header.frame_id!r}, not {self.frame!r}')
+            return
+        arrival_s = self._lockstep_s if self.lockstep else self.arrival_s()
+        self._controller.set_elbow(np.array(place), arrival_s)
 
     def _twist_of_pose(self) -> TwistStamped | None:
         """Return the twist of the same command as the newest pose, if both are there."""

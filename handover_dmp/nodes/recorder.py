@@ -43,7 +43,7 @@ from handover_dmp.topics import (
     HAND_POSE,
     INFO,
     JOINT_STATES,
-    OF_SESSIONS,
+    OPTIONAL,
     Quality,
     STATE,
     TF,
@@ -200,7 +200,7 @@ class Recorder(HandoverNode):
             and topic is not HAND_POSE
             and self._is_wanted(topic.within(self._space))
             and (topic is not CLOCK or self.lockstep)
-            and (topic not in OF_SESSIONS or self.count_publishers(topic.within(self._space)))
+            and (topic not in OPTIONAL or self.count_publishers(topic.within(self._space)))
         ]
         streams += self._hands(known)
         unheard = [name for name in streams if name not in self._writer.topics]

@@ -49,6 +49,11 @@ class StackOptions:
     self_collision: bool = setting(
         'priority_ik', 'self_collision', 'whether the links are kept apart'
     )
+    forearm_collision: bool = setting(
+        'priority_ik',
+        'forearm_collision',
+        "whether the links are kept off the partner's forearm, where partner/elbow tells of it",
+    )
     braking_share: float = setting(
         'priority_ik',
         'braking_share',
@@ -66,6 +71,7 @@ TASKS = (
     ElbowClearance,
     SeparationLimit,
     SelfCollisionLimit,
+    ForearmLimit,
 )
 """Whose fields are the parameters of the inverse kinematics that a node has."""
 

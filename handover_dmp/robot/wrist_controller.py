@@ -22,7 +22,7 @@ order, incomplete or late, commands that stop, hands that vanish. No ROS in here
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import nan
 from typing import NamedTuple
 
@@ -165,6 +165,8 @@ class WristController:
         self._hand: Partner | None = None
         self._hand_arrival_s = float('-inf')
         self._hand_timeout_s = 0.0
+        self._elbow: Array | None = None
+        self._elbow_arrival_s = float('-inf')
 
     @property
     def positions(self) -> Array | None:
@@ -256,6 +258,32 @@ class WristController:
             self._hand_arrival_s = arrival_s
             self._hand_timeout_s = timeout_s
 
+    def set_elbow(self, position: Array, arrival_s: float) -> bool:
+        """
+        Take where the elbow of the partner's hand is, so that the arm keeps off the forearm.
+
+        Args:
+            position: (3,), m, in `world`.
+            arrival_s: when it came, s; older than `hand_timeout_s`, it tells nothing any more.
+
+        Returns:
+            Whether it was used; one that is not finite is not.
+
+        """
+        if not all_finite(position):
+            return False
+        self._elbow, self._elbow_arrival_s = position, arrival_s
+        return True
+
+    def _partner(self, now_s: float) -> Partner | None:
+        """Return what is known of the partner now."""
+        timeout_s = max(self.options.hand_timeout_s, self._hand_timeout_s)
+        if self._hand is None or now_s - self._hand_arrival_s > timeout_s:
+            return None
+        if self._elbow is None or now_s - self._elbow_arrival_s > self.options.hand_timeout_s:
+            return self._hand
+        return replace(self._hand, elbow=self._elbow)
+
     def update(self, now_s: float, dt: float) -> JointCommand:
         """
         Answer one period.
@@ -280,9 +308,7 @@ class WristController:
         age = now_s - self._target_arrival_s
         if age > self.options.command_timeout_s:
             return self._brake(f'wrist command is {age:.3f} s old', dt)
-        timeout_s = max(self.options.hand_timeout_s, self._hand_timeout_s)
-        seen = now_s - self._hand_arrival_s <= timeout_s
-        hand = self._hand if seen else None
+        hand = self._partner(now_s)
         if self._holds(self._target):
             return self._brake('', dt)
         solution = self.ik.solve(self._measured(), self._commanded, self._target, dt, hand=hand)

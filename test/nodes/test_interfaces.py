@@ -44,7 +44,7 @@ from handover_dmp.topics import (
     DIAGNOSTICS,
     HAND_POSE,
     MARKERS,
-    OF_SESSIONS,
+    OPTIONAL,
     PHASE,
     POSE_COMMAND,
     Quality,
@@ -257,7 +257,7 @@ def test_topics_have_the_type_and_quality_of_the_table(graph: Graph) -> None:
         offered = graph.node.get_publishers_info_by_topic(topic.name)
         # the recorder writes the one itself, and on the wall clock nobody makes a time
         unsent = topic in (TF, TF_STATIC) and not tf_is_installed()
-        if topic.name in ('/handover/info', '/clock') or topic in OF_SESSIONS or unsent:
+        if topic.name in ('/handover/info', '/clock') or topic in OPTIONAL or unsent:
             assert not offered, topic.name
             continue
         assert offered, topic.name

@@ -50,6 +50,7 @@ from handover_dmp.robot.model import RobotModel
 from handover_dmp.topics import (
     CLOCK,
     DIAGNOSTICS,
+    ELBOW_POSE,
     HAND_POSE,
     JOINT_COMMAND,
     JOINT_STATES,
@@ -155,6 +156,37 @@ def test_priority_ik_follows_poses_alone_on_any_robot(tmp_path: Path, robot: str
             40.0,
         )
         assert reached
+
+
+def test_priority_ik_keeps_off_the_forearm_whose_elbow_a_tracker_sees(tmp_path: Path) -> None:
+    arm = {'robot': 'lwr4', 'command_timeout_s': 2.0}
+    ik = {**arm, 'joint_state_timeout_s': 2.0, 'hand_timeout_s': 2.0, 'self_collision': False}
+    with nodes(
+        tmp_path, {'robot_sim': arm, 'priority_ik': ik}, 'robot_sim', 'priority_ik'
+    ) as graph:
+        hearing = Hearing(graph, WRIST_POSE, DIAGNOSTICS)
+        command, hand, elbow = map(hearing.publisher, (POSE_COMMAND, HAND_POSE, ELBOW_POSE))
+        assert hearing.until(lambda: WRIST_POSE in hearing.newest, lambda: None, 50.0)
+        model = RobotModel.load('lwr4')
+        goal = place_of(hearing.newest[WRIST_POSE]) + [0.1, 0.0, -0.1]
+
+        def tell(*, with_elbow: bool) -> None:
+            command.publish(pose(graph, goal))
+            hand.publish(pose(graph, goal))
+            if with_elbow:
+                # a forearm that lies where that of the arm would go
+                elbow.publish(pose(graph, model.shoulder + [0.25, 0.0, 0.15]))
+
+        def said() -> str:
+            return str(hearing.newest.get(DIAGNOSTICS, ''))
+
+        assert hearing.until(
+            lambda: 'active limits' in said(), lambda: tell(with_elbow=False), 40.0
+        )
+        assert 'to forearm' not in said()
+        assert hearing.until(
+            lambda: 'to forearm' in said(), lambda: tell(with_elbow=True), 40.0
+        ), said()
 
 
 def test_robot_sim_takes_velocities_from_anybody(tmp_path: Path) -> None:

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from handover_dmp.robot.model import RobotModel
+from handover_dmp.robot.partner import Partner
 from handover_dmp.robot.priority_ik import PriorityIk
 from handover_dmp.robot.tasks import WristTarget
 from handover_dmp.robot.wrist_controller import WristController, WristControllerOptions
@@ -205,3 +206,42 @@ def test_tells_how_near_to_singular_it_is_while_braking_too(
     assert answer.status_values(0.0)['smallest_singular_value'] == pytest.approx(minimum, rel=1e-6)
     controller.set_joint_state(robot.joint_names, robot.home * np.nan, np.zeros(robot.dof), 0.0)
     assert np.isnan(controller.update(0.0, 0.005).status_values(0.0)['smallest_singular_value'])
+
+
+def test_keeps_off_a_forearm_while_its_elbow_is_known(robot: RobotModel) -> None:
+    """As the inverse kinematics does that is told of the elbow itself; until that is too old."""
+    controller = WristController(robot, PriorityIk(robot, self_collision=False))
+    hand = robot.wrist_pose(robot.home)[0] + [0.1, 0.0, -0.1]
+    # a forearm that lies where that of the arm would go
+    elbow = robot.shoulder + [0.25, 0.0, 0.15]
+    target, partner = WristTarget(hand, np.zeros(3)), Partner(hand, np.zeros(3), elbow)
+
+    def held(limits: tuple[str, ...]) -> set[str]:
+        return {limit for limit in limits if 'to forearm' in limit}
+
+    positions, velocities, told = robot.home, np.zeros(robot.dof), ()
+    for _ in range(400):
+        solution = controller.ik.solve(positions, velocities, target, PERIOD_S, hand=partner)
+        told = solution.active_limits
+        if held(told):
+            break
+        velocities = solution.joint_velocity
+        positions = positions + PERIOD_S * velocities
+    assert held(told)
+
+    def answer(now_s: float, elbow_of_s: float | None) -> set[str]:
+        controller.reset()
+        controller.set_joint_state(robot.joint_names, positions, velocities, now_s)
+        controller.set_target(target, now_s)
+        controller.set_hand(Partner(hand, np.zeros(3)), now_s)
+        if elbow_of_s is not None:
+            assert controller.set_elbow(elbow, elbow_of_s)
+        assert not controller.set_elbow(np.full(3, np.nan), now_s)
+        found = controller.update(now_s, PERIOD_S).solution
+        assert found is not None
+        return held(found.active_limits)
+
+    old_s = controller.options.hand_timeout_s + 0.01
+    assert answer(10.0, 10.0) == held(told)
+    assert answer(10.0, 10.0 - old_s) == set()
+    assert answer(10.0, None) == set()
