@@ -20,8 +20,8 @@ from dataclasses import dataclass
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.settings import defaults
-from handover_dmp.handover.controller import HandoverOptions, HandoverState
-from handover_dmp.handover.lockstep import AFTERWARDS_S, REPLAY_AT_S
+from handover_dmp.handover.controller import AFTERWARDS_S, HandoverOptions, HandoverState
+from handover_dmp.handover.lockstep import REPLAY_AT_S
 from handover_dmp.handover.session import SessionController, SessionModels
 from handover_dmp.handover.session_lockstep import MAX_WAIT_S, SessionLoop
 from handover_dmp.handover.session_scenario import SessionScenario, trials_of

@@ -283,7 +283,7 @@ class PriorityIkNode(HandoverNode):
             self._controller.set_hand(known, arrival_s, self._hand.timeout_s)
 
     def _on_elbow(self, message: PoseStamped) -> None:
-        (elbow,) = bodies(message) or [None]
+        elbow = next(iter(bodies(message) or []), None)
         if elbow is None or elbow.is_lost:
             return
         place = self._hands.placed(elbow.position, message.header)
