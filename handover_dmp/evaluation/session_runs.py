@@ -132,7 +132,7 @@ def run_arm(scenario: SessionScenario) -> SessionMotion:
         What it did, until the session is over or will not be.
 
     """
-    with SessionLoop(scenario, carried=scenario.carried) as loop:
+    with SessionLoop(scenario, carried=scenario.carried()) as loop:
         periods = loop.run()
     return SessionMotion(
         np.array([one.truth for one in periods]),

@@ -32,6 +32,7 @@ from handover_dmp.handover.teaching import learn_from_trials
 from handover_dmp.mocap.fluency import people_fluency
 from handover_dmp.mocap.session import RecordedSession, write_sessions
 from handover_dmp.mocap.synthetic_session import synthesize_sessions
+from handover_dmp.robot.descriptions import ArmChoice
 import numpy as np
 import pytest
 
@@ -86,6 +87,18 @@ def test_each_session_is_learnt_from_the_others_and_people_stand_beside(
     table = sessions_table(found, 0)
     assert table.lines[0][3] == f'{np.median(people):.2f}'
     assert table.remarks == []
+
+
+@pytest.mark.slow
+def test_an_arm_gives_and_takes_back_too(sessions: list[RecordedSession], tmp_path: Path) -> None:
+    (found,) = evaluate_sessions(sessions[:1], Learning(), ArmChoice('lwr4'), tmp_path)
+    assert found.done == {'DMP': True, 'arm': True}
+    assert found.learnt == (1,)
+    alone, arm = found.movers['DMP'], found.movers['arm']
+    assert alone is not None and arm is not None
+    assert len(arm.waits) == 2
+    assert arm.whole.robot_idle == pytest.approx(alone.whole.robot_idle, abs=0.15)
+    assert list(found.movers) == ['DMP', 'arm', 'P2']
 
 
 def test_a_session_without_a_take_is_said(sessions: list[RecordedSession], tmp_path: Path) -> None:
