@@ -192,7 +192,7 @@ WRIST_WRENCH = Topic(
     '/wrist/wrench',
     'geometry_msgs/msg/WrenchStamped',
     Quality.SENSOR,
-    'what acts on the wrist from what it holds, N and Nm, in the frame of the header',
+    'what acts on the wrist from what it holds, N and Nm; in the room, or as session.wrench_frame',
 )
 OBJECT_POSE = Topic(
     '/object/pose',

@@ -25,8 +25,8 @@ The goal takes over by time, (7), or by place, whichever is more:
     ξ_astray = (a − a_learnt − ε)/(0.25ε),
 
 with n = |g − x₀| − |x − x₀| what is left of the distance, b = |y − x₀| − |g − x₀| how far the
-shape leads beyond the goal, y = x + (K_s/K)(f + x₀ − x) being where it leads (both for the goal
-where it will be in a tenth of a second, if that is nearer), and
+shape leads beyond the goal, y = x + (K_s/K)(f + x₀ − x) being where it leads, with f at μ from
+then on (both for the goal where it will be in a tenth of a second, if that is nearer), and
 a = |g − x|/|g − x₀| − 1 how much farther from the goal the wrist is than at its start; once
 ξ_astray is above 0 it never falls, and grows by 40 a second.
 
@@ -74,6 +74,8 @@ MIN_DISTANCE_M = 1e-6
 """Distances below have no direction."""
 MIN_SINE_SQUARED = 1e-6
 """Square of the sine between two directions below which they are one."""
+OPPOSED = -0.9
+"""Cosine between two directions below which they are against each other."""
 
 
 @dataclass(frozen=True)
@@ -112,6 +114,14 @@ class ApproachOptions:
         'part of the acceleration limit that braking may need; the rest is for what the hand does',
         0.05,
         1.0,
+    )
+    stopping_limit: float = setting(
+        'dmp',
+        'approach.stopping_limit',
+        'bound on the acceleration of the wrist command where it would else run past the goal, '
+        'm/s²; what is less than acceleration_limit stands for that',
+        0.0,
+        1000.0,
     )
 
 
@@ -219,8 +229,10 @@ def _near(
     if near <= -SETTLED_DEVIATIONS:
         return near
     share = model.shape_stiffness / model.parameters.stiffness
+    # later, the demonstration hardly tells the shape: there it leads anywhere
+    shape = model.shape(min(u, model.parameters.mu))
     target = tuple(
-        x + share * (f + x0 - x) for x, f, x0 in zip(position, model.shape(u), start, strict=True)
+        x + share * (f + x0 - x) for x, f, x0 in zip(position, shape, start, strict=True)
     )
     beyond = dist(target, start) - whole - options.shape_beyond_m
     return min(near, beyond / (BEYOND_WIDTH * options.shape_beyond_m))
@@ -350,7 +362,8 @@ def bounded(
     """
     Change the velocity by no more than the limit, and come no faster than can be braked again.
 
-    Where both cannot be, as after a jump of the hand, the acceleration limit is kept.
+    Where both cannot be, as before a hand that stops at once, the limit is that for stopping;
+    where that is not enough, as after a jump of the hand, it is kept.
 
     Args:
         before: state at the start of the period.
@@ -367,21 +380,23 @@ def bounded(
     """
     max_change = acceleration_limit * dt
     bounds: list[SpeedBound] = []
+    softly: list[SpeedBound] = []
     if options.enabled and dt > 0.0:
         braking = Braking(
             acceleration_limit * options.braking_share,
             min(FINAL_GAIN, 0.5 / dt),
             options.beyond_m,
         )
-        bounds = _speed_bounds(braking, before, after, goal, goal_velocity, dt)
-    wanted = _within(after.velocity, bounds)
+        bounds, softly = _speed_bounds(braking, before, after, goal, goal_velocity, dt)
+    wanted = _within(after.velocity, softly)
     change = _minus(wanted, before.velocity)
     if hypot(*change) <= max_change:
         if wanted is after.velocity:
             return after
     else:
         needed = _minus(_within(before.velocity, bounds), before.velocity)
-        change = _shortened(needed, change, max_change)
+        max_needed = max(acceleration_limit, options.stopping_limit) * dt
+        change = _shortened(needed, change, max_change, max_needed)
     velocity = _plus(before.velocity, change)
     mean = _plus(before.velocity, _scaled(change, 0.5))
     position = _plus(before.position, _scaled(mean, dt))
@@ -437,23 +452,28 @@ def _speed_bounds(
     goal: Vector,
     goal_velocity: Vector,
     dt: float,
-) -> list[SpeedBound]:
-    """Give what holds at the end of the period, less a part of what was left at its start."""
+) -> tuple[list[SpeedBound], list[SpeedBound]]:
+    """Give what holds at the end of the period, and less a part of what was left at its start."""
     moved = _plus(goal, _scaled(goal_velocity, dt))
     kept = max(0.0, 1.0 - CLOSING_GAIN * dt)
-    bounds = []
+    bounds, softly = [], []
     for bound in (braking.along_the_way, braking.straight):
         end = bound(after, moved, goal_velocity)
         if end.max_speed == inf:
             continue
         begin = bound(before, goal, goal_velocity)
         left = 0.0 if begin.max_speed == inf else max(0.0, -begin.excess(before.velocity))
-        bounds.append(SpeedBound(end.direction, end.max_speed - kept * left))
-    return bounds
+        bounds.append(end)
+        softly.append(SpeedBound(end.direction, end.max_speed - kept * left))
+    return bounds, softly
 
 
 def _within(velocity: Vector, bounds: list[SpeedBound]) -> Vector:
-    """Give the nearest velocity that keeps all of at most two bounds; itself if it does."""
+    """
+    Give the nearest velocity that keeps all of at most two bounds; itself if it does.
+
+    Where they are against each other, as beyond the goal, it keeps the first one.
+    """
     broken = [bound for bound in bounds if bound.excess(velocity) > 0.0]
     if not broken:
         return velocity
@@ -463,6 +483,8 @@ def _within(velocity: Vector, bounds: list[SpeedBound]) -> Vector:
             return nearest
     first, second = bounds
     alike = _dot(first.direction, second.direction)
+    if alike < OPPOSED:
+        return _plus(velocity, _scaled(first.direction, -max(0.0, first.excess(velocity))))
     apart = max(1.0 - alike * alike, MIN_SINE_SQUARED)
     over_first, over_second = first.excess(velocity), second.excess(velocity)
     less = _scaled(first.direction, -(over_first - alike * over_second) / apart)
@@ -470,11 +492,11 @@ def _within(velocity: Vector, bounds: list[SpeedBound]) -> Vector:
     return _plus(velocity, _plus(less, lesser))
 
 
-def _shortened(needed: Vector, wanted: Vector, max_size: float) -> Vector:
+def _shortened(needed: Vector, wanted: Vector, max_size: float, max_needed: float) -> Vector:
     """Go from the change that is needed towards the one that is wanted, as far as is allowed."""
     size = hypot(*needed)
     if size > max_size:
-        return _scaled(needed, max_size / size)
+        return _scaled(needed, min(1.0, max_needed / size))
     further = _minus(wanted, needed)
     a, b, c = _dot(further, further), _dot(needed, further), size * size - max_size * max_size
     return _plus(needed, _scaled(further, (sqrt(b * b - a * c) - b) / a))

@@ -260,10 +260,7 @@ class Handover(LockstepLoop):
         self.scenario = scenario
         trackers = trackers or (TrackerPreset(),)
         told = [one.tracker for one in trackers]
-        rules = options or HandoverOptions(
-            partner_model=scenario.partner_model,
-            acceleration_limit=scenario.carried.acceleration,
-        )
+        rules = options or scenario.carried.handover_options(scenario.partner_model)
         super().__init__(
             scenario.robot,
             scenario.q_start,

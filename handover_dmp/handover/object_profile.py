@@ -34,6 +34,8 @@ from handover_dmp.common.plain_yaml import load_plain
 from handover_dmp.common.resources import share_path
 from handover_dmp.common.settings import defaults
 from handover_dmp.dmp import DecoupledDmp
+from handover_dmp.handover.approach import ApproachOptions
+from handover_dmp.handover.controller import HandoverOptions
 from handover_dmp.robot.orientation_task import ORIENTATIONS
 import numpy as np
 
@@ -131,9 +133,13 @@ class ObjectProfile:
 
         """
         task = self.task_for(movement)
-        limit = self.acceleration_limit
+        limits = {
+            'acceleration_limit': self.acceleration,
+            'approach.stopping_limit': self.stopping_limit,
+        }
+        usual = defaults('dmp')
         return {
-            'dmp': {'acceleration_limit': limit} if limit else {},
+            'dmp': {name: value for name, value in limits.items() if value != usual[name]},
             'priority_ik': {'orientation': task}
             if task != defaults('priority_ik')['orientation']
             else {},
@@ -144,6 +150,30 @@ class ObjectProfile:
         """Limit on the acceleration of the wrist command, m/s²."""
         limit: float = self.acceleration_limit or defaults('dmp')['acceleration_limit']
         return limit
+
+    @property
+    def stopping_limit(self) -> float:
+        """Return the same before a hand that stops at once, m/s²: rather a cup is spilt."""
+        usual = defaults('dmp')
+        own: float = usual['approach.stopping_limit']
+        return max(own, usual['acceleration_limit']) if self.acceleration_limit else own
+
+    def handover_options(self, partner_model: str) -> HandoverOptions:
+        """
+        Give the rules of a handover that carries it.
+
+        Args:
+            partner_model: whether to expect something of the hand, `auto` or `off`.
+
+        Returns:
+            The rules of `config/handover.yaml` with the limits of the object.
+
+        """
+        return HandoverOptions(
+            partner_model=partner_model,
+            acceleration_limit=self.acceleration,
+            approach=ApproachOptions(stopping_limit=self.stopping_limit),
+        )
 
     def movement_with(self, movement: DecoupledDmp) -> DecoupledDmp:
         """

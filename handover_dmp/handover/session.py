@@ -145,6 +145,19 @@ class SessionOptions:
         0.0,
         86400.0,
     )
+    exchange_timeout_s: float = setting(
+        'dmp',
+        'session.exchange_timeout_s',
+        'an exchange that takes longer is told, as the partner seems not to take or give the '
+        'object, s; 0: never',
+        0.0,
+        86400.0,
+    )
+    withdraws_untaken: bool = setting(
+        'dmp',
+        'session.withdraws_untaken',
+        'whether the wrist then goes home with what it should have given, if nobody touches it',
+    )
     held_share: float = setting(
         'dmp',
         'session.held_share',
@@ -246,6 +259,7 @@ class SessionController(HandoverController):
         self._returning = False
         self._shift = NO_SHIFT
         self._lets_go = False
+        self._overdue = False
         self._speed_before: Vector | None = None
         self.leg = Leg.GIVE
         self.leg = self.next_leg
@@ -273,6 +287,34 @@ class SessionController(HandoverController):
         """Return what the force on the wrist tells of the partner; None if there never was one."""
         return None if self._force is None else self._rule
 
+    def begin_with(self, holder: str) -> bool:
+        """
+        Take who has the object, before the first handover.
+
+        Args:
+            holder: `robot`, `partner`, `both` or `nobody`, as on `object/holder`.
+
+        Returns:
+            Whether that was news: the partner has it, so the gripper is open and the take comes
+            first. What the robot holds, too, is never let go of, and of nothing is nothing told.
+
+        """
+        if self._trace is not None or self.state is not HandoverState.IDLE:
+            return False
+        if holder == 'partner' and self.next_leg is Leg.GIVE:
+            self.leg, self.gripper_closed = Leg.TAKE, False
+        elif holder in ('robot', 'both') and not self.gripper_closed:
+            self.leg, self.gripper_closed = Leg.GIVE, True
+        else:
+            return False
+        self._begin_to_feel()
+        return True
+
+    @property
+    def is_overdue(self) -> bool:
+        """Whether the exchange takes, or took, so long that the partner does not do their part."""
+        return self._overdue and self.state in (HandoverState.EXCHANGE, HandoverState.WITHDRAWING)
+
     @property
     def home(self) -> Vector | None:
         """Where the wrist goes back to, m; None before the first session."""
@@ -282,7 +324,8 @@ class SessionController(HandoverController):
     def next_leg(self) -> Leg:
         """Name the handover that begins with the next start."""
         if self.state in (HandoverState.RELEASED, HandoverState.WITHDRAWING):
-            return Leg.TAKE if self.leg is Leg.GIVE else Leg.GIVE
+            given = self.leg is Leg.GIVE and not self.gripper_closed
+            return Leg.TAKE if given else Leg.GIVE
         waits = self.leg is Leg.TAKE and self.state is not HandoverState.DONE
         if self.gripper_closed or (self.session.pick_up and not waits):
             return Leg.GIVE
@@ -336,7 +379,7 @@ class SessionController(HandoverController):
 
     def _reach(self) -> bool:
         self.model = self._movements[self.leg]
-        self._arrived = False
+        self._arrived = self._overdue = False
         self._shift = NO_SHIFT
         return super().start()
 
@@ -372,7 +415,11 @@ class SessionController(HandoverController):
                 return None
             command = found
         if before is HandoverState.EXCHANGE:
-            self._judge_release(now_s, fresh, self._feels_now(arrival_s))
+            feels_now = self._feels_now(arrival_s)
+            self._judge_release(now_s, fresh, feels_now)
+            self._overdue = False
+            if self.state is before:
+                self._judge_patience(now_s, feels_now)
         elif before is HandoverState.WAITING and self.state is before:
             limit_s = self.session.wait_timeout_s
             if 0.0 < limit_s <= now_s - self._since_s:
@@ -455,6 +502,17 @@ class SessionController(HandoverController):
         elif self._holds(feels_now) and min(now_s - self._since_s, lasted_s) >= max(
             self.session.grip_s, self.options.exchange_hold_s
         ):
+            self._withdraw(now_s)
+
+    def _judge_patience(self, now_s: float, feels_now: bool) -> None:
+        """Tell of an exchange that lasts too long; go home with what nobody takes, if told to."""
+        assert self._exchange_since_s is not None
+        patience_s = self.session.exchange_timeout_s
+        self._overdue = 0.0 < patience_s <= now_s - self._exchange_since_s
+        # with a force that was felt once and is not now, nobody can tell whose hand is on it
+        untouched = self._force is None or (feels_now and not self._rule.contact)
+        gives = self.leg is Leg.GIVE and self.session.withdraws_untaken
+        if self._overdue and gives and untouched:
             self._withdraw(now_s)
 
     # What the wrist feels
@@ -594,7 +652,9 @@ class SessionController(HandoverController):
         assert self._trace is not None
         self._way = None
         self._trace = Trace(self._trace.start)
-        if self.leg is Leg.GIVE:
+        if self.leg is Leg.GIVE and self.gripper_closed:
+            self._enter(HandoverState.IDLE, now_s)
+        elif self.leg is Leg.GIVE:
             self.leg = Leg.TAKE
             self._enter(HandoverState.WAITING, now_s)
         else:

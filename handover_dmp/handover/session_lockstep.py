@@ -120,10 +120,7 @@ class SessionLoop(LockstepLoop):
         """
         self.scenario = scenario
         trackers = trackers or (TrackerPreset(),)
-        rules = options or HandoverOptions(
-            partner_model=scenario.partner_model,
-            acceleration_limit=scenario.profile.acceleration,
-        )
+        rules = options or scenario.profile.handover_options(scenario.partner_model)
         estimator = GoalEstimator(trackers=[one.tracker for one in trackers])
         super().__init__(
             scenario.robot,

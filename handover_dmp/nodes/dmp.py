@@ -45,6 +45,7 @@ from handover_dmp.handover.recordings import example_model, read_model
 from handover_dmp.handover.rehearsal import rehearse
 from handover_dmp.handover.release import ReleaseOptions
 from handover_dmp.handover.session import (
+    Leg,
     SessionController,
     SessionModels,
     SessionOptions,
@@ -78,11 +79,12 @@ from handover_dmp.nodes.parameters import (
 )
 from handover_dmp.nodes.spin import run
 from handover_dmp.nodes.tracker_parameters import goal_estimator, HAND, ONE_TRACKER
-from handover_dmp.nodes.wrench_input import WrenchInput
+from handover_dmp.nodes.wrench_input import OF_WRENCH, WrenchInput
 from handover_dmp.topics import (
     HAND_FUSED,
     HAND_POSE,
     IK_STATUS,
+    OBJECT_HOLDER,
     PHASE,
     POSE_COMMAND,
     Quality,
@@ -120,7 +122,15 @@ SESSION_FIXED = (
         'file of the learnt take; empty: a synthetic one',
         read_only=True,
     ),
+    Parameter(
+        'session.holder',
+        'who has the object when the node starts: robot, partner, or auto: as object/holder '
+        'tells, and without that the robot, or nobody yet where it picks it up',
+        choices=('auto', 'robot', 'partner'),
+        read_only=True,
+    ),
     *OF_GRIPPER,
+    *OF_WRENCH,
 )
 CHANGEABLE = parameters_from(
     HandoverOptions,
@@ -173,6 +183,8 @@ class Dmp(HandoverNode):
         self.values |= declare(self, PRIMITIVE, defaults_from=asdict(learnt.parameters))
         self._gripper: Gripper | None = None
         self._wrench: WrenchInput | None = None
+        self._wrench_refused = False
+        self._overdue = False
         self._controller = self._make_controller()
         on_change(self, CHANGEABLE + PRIMITIVE, self._prepare)
         period_s = 1.0 / self.values['rate_hz']
@@ -230,7 +242,10 @@ class Dmp(HandoverNode):
         take = values['session.take_model']
         self._learnt_take = read_model(Path(take)) if take else example_model(direction='take')
         models = self._session_models(model, options, values)
-        return SessionController(models, options, estimator, _session_options(values))
+        controller = SessionController(models, options, estimator, _session_options(values))
+        if values['session.holder'] != 'auto':
+            controller.begin_with(values['session.holder'])
+        return controller
 
     def _session_models(
         self, give: DecoupledDmp, options: HandoverOptions, values: Values
@@ -251,13 +266,17 @@ class Dmp(HandoverNode):
         self._state = self.advertise(STATE)
         if isinstance(self._controller, SessionController):
             self._gripper = Gripper(self)
-            self._wrench = WrenchInput(self, lambda: self._clock_of_periods.look())
+            self._wrench = WrenchInput(
+                self, lambda: self._clock_of_periods.look(), self._refuse_wrench
+            )
         self._pose = self._twist = self._values = self._seen = None
         self._said = ''
         self._commands = self._told = False
         self._hands = HandInputs(
             self, self._on_hand, self._refuse_hand, lambda: self._clock_of_periods.look()
         )
+        if self._gripper is not None and self.values['session.holder'] == 'auto':
+            self.subscribe(OBJECT_HOLDER, self._on_holder)
         self.subscribe(WRIST_POSE, self._on_wrist)
         self.subscribe(IK_STATUS, self._on_ik_status)
         # that of who latches it, also if it is discovered later, and that of who does not
@@ -286,6 +305,19 @@ class Dmp(HandoverNode):
         )
         if reason and reason != 'repeated':
             self._fault(f'hand refused, {reason}')
+
+    def _on_holder(self, message: String) -> None:
+        controller = self._controller
+        if isinstance(controller, SessionController) and controller.begin_with(message.data):
+            first = controller.next_leg.value
+            self.say(f'{OBJECT_HOLDER.relative} says {message.data}: begins with the {first}')
+            self._publish_state()
+
+    def _refuse_wrench(self, text: str) -> None:
+        self._fault('wrench in an unknown frame: nothing is felt')
+        if not self._wrench_refused:
+            self._wrench_refused = True
+            self.get_logger().warning(text)
 
     def _on_wrist(self, message: PoseStamped) -> None:
         turned = None
@@ -526,11 +558,24 @@ class Dmp(HandoverNode):
     def _publish_state(self) -> None:
         if self._gripper is not None and isinstance(self._controller, SessionController):
             self._gripper.command(self._controller.gripper_closed)
+            self._warn_when_overdue(self._controller)
         state = self._controller.state.value
         if state != self._said:
             self._said = state
             self._state.publish(String(data=state))
             self.say(self._in_words(self._controller.state))
+
+    def _warn_when_overdue(self, controller: SessionController) -> None:
+        overdue, self._overdue = self._overdue, controller.is_overdue
+        if not self._overdue or overdue:
+            return
+        does = 'take' if controller.leg is Leg.GIVE else 'let go of'
+        goes = controller.state is HandoverState.WITHDRAWING
+        self.get_logger().warning(
+            f'after {controller.session.exchange_timeout_s:g} s of exchange the partner does not '
+            f'{does} the object: '
+            + ('goes home with it' if goes else 'holds it, until that, ~/abort or ~/reset')
+        )
 
     def _in_words(self, state: HandoverState) -> str:
         begins = {
@@ -573,6 +618,8 @@ class Dmp(HandoverNode):
         faults, self._faults = self._faults, {}
         now_s = self.arrival_s()
         age_s = self._controller.hand_age_s(now_s)
+        if self._overdue:
+            faults['the exchange lasts: the partner does not do their part'] = 1
         if age_s > self._controller.hand_timeout_s:
             faults['no fresh hand: braking'] = 1
         unchanged_s = self._controller.hand_unchanged_s

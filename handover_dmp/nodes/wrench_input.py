@@ -12,50 +12,92 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a node needs to feel what the wrist holds: `wrist/wrench`, turned into the room's frame."""
+"""
+What a node needs to feel what the wrist holds: `wrist/wrench`, turned into the room's frame.
+
+A wrench is in the frame of the room, or in the one that the parameters name: that of a sensor,
+which moves with the wrist. In any other, nobody knows its direction.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import isfinite
+from math import inf, isfinite
 
 from geometry_msgs.msg import WrenchStamped
 from handover_dmp.common.arrays import Vector
-from handover_dmp.common.quaternions import Quaternion, rotated
+from handover_dmp.common.errors import UsageError
+from handover_dmp.common.quaternions import normalized, Quaternion, rotated
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
 from handover_dmp.nodes.node import HandoverNode
+from handover_dmp.nodes.parameters import Parameter
 from handover_dmp.topics import WRIST_WRENCH
+
+NOTHING: Vector = (0.0, 0.0, 0.0)
+OF_WRENCH = (
+    Parameter(
+        'session.wrench_frame',
+        'of a wrench that is not in the frame of the room: a frame that moves with the wrist',
+        read_only=True,
+    ),
+    Parameter(
+        'session.wrench_quaternion',
+        "x, y, z, w, from the axes of that frame to those of the wrist's link",
+        read_only=True,
+    ),
+)
 
 
 class WrenchInput:
     """Keeps the newest force on the wrist."""
 
-    def __init__(self, node: HandoverNode, come: Callable[[], object]) -> None:
+    def __init__(
+        self, node: HandoverNode, come: Callable[[], object], refuse: Callable[[str], object]
+    ) -> None:
         """
         Subscribe.
 
         Args:
-            node: with the parameters of all nodes.
+            node: with the parameters `OF_WRENCH`.
             come: is called in lockstep when one has come that a period may wait for.
+            refuse: gets a sentence for each that is in a frame of which nothing is known.
+
+        Raises:
+            UsageError: a quaternion of other than four numbers, or of norm 0.
 
         """
+        mounted = list(node.values['session.wrench_quaternion'])
+        if len(mounted) != 4 or not all(map(isfinite, mounted)) or not any(mounted):
+            raise UsageError(f'session.wrench_quaternion {mounted} is no rotation x, y, z, w')
         self._node = node
         self._come = come
+        self._refuse = refuse
+        self._mounted = normalized(mounted)
         self._force: Vector | None = None
-        self._frame = ''
+        self._in_room = True
         self._arrival_s = 0.0
         self._stamp_ns: int | None = None
         node.subscribe(WRIST_WRENCH, self._on_wrench)
 
     def _on_wrench(self, message: WrenchStamped) -> None:
-        force = message.wrench.force
+        node, frame = self._node, message.header.frame_id
+        x, y, z = message.wrench.force.x, message.wrench.force.y, message.wrench.force.z
         stamp_ns = nanoseconds(message.header.stamp)
         self._stamp_ns = stamp_ns
-        if all(map(isfinite, (force.x, force.y, force.z))):
-            lockstep = self._node.lockstep
-            self._arrival_s = stamp_ns / NANOSECONDS if lockstep else self._node.arrival_s()
-            self._force, self._frame = (force.x, force.y, force.z), message.header.frame_id
-        if self._node.lockstep:
+        in_room = frame in ('', node.frame)
+        if not in_room and frame != node.values['session.wrench_frame']:
+            # felt, but not now: as a sensor that has died
+            self._force, self._arrival_s, self._in_room = NOTHING, -inf, True
+            self._refuse(
+                f'{node.named(WRIST_WRENCH)} is in frame {frame!r}, neither {node.frame!r} nor '
+                'session.wrench_frame: not used, and nothing is released; where that frame moves '
+                'with the wrist, name it so'
+            )
+        elif all(map(isfinite, (x, y, z))):
+            self._arrival_s = stamp_ns / NANOSECONDS if node.lockstep else node.arrival_s()
+            self._force = (x, y, z) if in_room else rotated(self._mounted, (x, y, z))
+            self._in_room = in_room
+        if node.lockstep:
             self._come()
 
     def is_there(self, tick_ns: int, timeout_s: float) -> bool:
@@ -79,8 +121,8 @@ class WrenchInput:
         Give the newest force.
 
         Args:
-            turned: quaternion x, y, z, w of the wrist's link, in whose axes a force is that is
-                not in the room's; None: not known.
+            turned: quaternion x, y, z, w of the wrist's link, with which the frame of the sensor
+                moves; None: not known.
 
         Returns:
             (3,), N, in the room's axes, and when it arrived, s; None where there is none.
@@ -88,6 +130,6 @@ class WrenchInput:
         """
         if self._force is None:
             return None
-        if self._frame in ('', self._node.frame):
+        if self._in_room:
             return self._force, self._arrival_s
         return None if turned is None else (rotated(turned, self._force), self._arrival_s)

@@ -28,6 +28,7 @@ from handover_dmp.evaluation.scores import judge
 from handover_dmp.handover.approach import ApproachOptions, rollout_towards
 from handover_dmp.handover.controller import HandoverController, HandoverOptions
 from handover_dmp.handover.lockstep import Handover
+from handover_dmp.handover.object_profile import object_profile, ObjectProfile
 from handover_dmp.handover.scenario import make_scenario
 from handover_dmp.mocap import HandoverTrial, read_data_set, write_trial
 from handover_dmp.robot.errors import UnreachableError
@@ -90,12 +91,13 @@ class Meeting:
     goal: tuple[float, float, float]
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     stops_s: float = 1.0
+    deceleration: float = HAND_DECELERATION
 
     def at(self, time_s: float) -> tuple[Array, Array]:
         velocity = np.array(self.velocity)
         speed = float(np.linalg.norm(velocity))
-        braking_s = min(max(0.0, time_s - self.stops_s), speed / HAND_DECELERATION)
-        left = 1.0 - braking_s * HAND_DECELERATION / speed if speed else 0.0
+        braking_s = min(max(0.0, time_s - self.stops_s), speed / self.deceleration)
+        left = 1.0 - braking_s * self.deceleration / speed if speed else 0.0
         moved_s = min(time_s, self.stops_s) + 0.5 * braking_s * (1.0 + left)
         return np.array(self.goal) + moved_s * velocity, left * velocity
 
@@ -108,6 +110,7 @@ class Motion:
     velocities: Array
     goals: Array
     goal_velocities: Array
+    limit: float = LIMIT
 
     @property
     def distances(self) -> Array:
@@ -137,7 +140,7 @@ class Motion:
         """How much faster it came than it could brake before it is too far beyond, m/s."""
         left = ((self.goals - self.positions) * self.line).sum(axis=1) + MAX_BEYOND_M
         closing = ((self.velocities - self.goal_velocities) * self.line).sum(axis=1)
-        excess = np.maximum(closing, 0.0) - np.sqrt(2 * LIMIT * np.maximum(left, 0.0))
+        excess = np.maximum(closing, 0.0) - np.sqrt(2 * self.limit * np.maximum(left, 0.0))
         return float(excess[self.counts].max(initial=-np.inf))
 
     @property
@@ -161,9 +164,10 @@ def meet(
     approach: ApproachOptions | None = None,
     phase_rates: Array | None = None,
     restart_s: float | None = None,
+    limit: float = LIMIT,
 ) -> Motion:
     """Go through the controller, with a wrist that is where it is told to be."""
-    options = HandoverOptions(exchange_hold_s=60.0)
+    options = HandoverOptions(exchange_hold_s=60.0, acceleration_limit=limit)
     if approach is not None:
         options = replace(options, approach=approach)
     controller = HandoverController(model, options)
@@ -192,7 +196,8 @@ def meet(
     first = np.array([meeting.start, (0.0, 0.0, 0.0), *meeting.at(0.0)])
     if not started_at:
         table = np.concatenate([first[None], table])
-    return Motion(*table.transpose(1, 0, 2))
+    stopping_limit = 0.0 if approach is None else approach.stopping_limit
+    return Motion(*table.transpose(1, 0, 2), max(limit, stopping_limit))
 
 
 SHAPES = [
@@ -251,6 +256,40 @@ def test_nor_with_a_slow_arm_or_started_again(
     speed = float(np.linalg.norm(motion.velocities[0]))
     braking_m = speed**2 / (2 * LIMIT) if restart_s is not None else 0.0
     assert motion.beyond <= MAX_BEYOND_M + braking_m
+
+
+GENTLE = [object_profile(name) for name in ('cup', 'box')]
+
+
+def check_gently(profile: ObjectProfile, shape: Shape, meeting: Meeting) -> None:
+    model, limit = profile.movement_with(learnt(shape)), profile.acceleration
+    motion = meet(model, meeting, profile.handover_options('off').approach, limit=limit)
+    assert motion.beyond <= MAX_BEYOND_M, (profile.name, shape, meeting)
+    assert motion.too_fast <= 0.0, (profile.name, shape, meeting)
+    # a hand that does not stop hard is met by the limit of the object alone
+    calm = replace(meeting, deceleration=0.5 * limit)
+    motion = meet(model, calm, limit=limit)
+    assert motion.beyond <= MAX_BEYOND_M, (profile.name, shape, calm)
+    assert motion.too_fast <= 0.0, (profile.name, shape, calm)
+    assert np.linalg.norm(motion.acceleration, axis=1).max() <= limit * (1 + 1e-9)
+
+
+@settings(max_examples=6, deadline=None, derandomize=True)
+@given(st.sampled_from(GENTLE), st.sampled_from(SHAPES), meetings())
+def test_nor_with_what_must_not_be_shaken(
+    profile: ObjectProfile, shape: Shape, meeting: Meeting
+) -> None:
+    check_gently(profile, shape, meeting)
+
+
+def test_rather_shakes_the_cup_than_runs_into_the_hand() -> None:
+    cup, away = GENTLE[0], Meeting((0.0, 0.0, 0.0), (0.2, 0.0, 0.0), (1.0, 0.0, 0.0), 0.8)
+    model = cup.movement_with(learnt(Shape(duration_s=0.5, length_m=0.8)))
+    assert meet(model, away, limit=cup.acceleration).beyond > MAX_BEYOND_M
+    approach = cup.handover_options('off').approach
+    motion = meet(model, away, approach, limit=cup.acceleration)
+    assert motion.beyond <= MAX_BEYOND_M
+    assert np.linalg.norm(motion.acceleration, axis=1).max() > 1.5 * cup.acceleration
 
 
 def test_the_rules_are_needed() -> None:
@@ -317,7 +356,11 @@ def model_of(case: Case, sources: tuple[int, ...]) -> DecoupledDmp:
 
 
 @pytest.mark.parametrize(
-    'every', [pytest.param(9, id='some'), pytest.param(1, id='all', marks=pytest.mark.slow)]
+    'every',
+    [
+        pytest.param(9, id='some'),
+        pytest.param(1, id='all', marks=[pytest.mark.slow, pytest.mark.timeout(3600)]),
+    ],
 )
 def test_moves_as_before_against_recorded_people(kth_folder: Path, every: int) -> None:
     squares = []
@@ -327,7 +370,7 @@ def test_moves_as_before_against_recorded_people(kth_folder: Path, every: int) -
         on, off = (as_commanded(case, model, index, o) for o in (ApproachOptions(), OFF))
         squares.append(((on - off) ** 2).sum(axis=1).mean())
     assert np.sqrt(np.mean(squares)) < 1e-3
-    assert np.sqrt(np.max(squares)) < 2.5e-3
+    assert np.sqrt(np.max(squares)) < 2e-3
 
 
 def table(sigmas: Array) -> Array:
@@ -341,6 +384,7 @@ def beyond_goal(positions: Array, goals: Array, start: Array) -> float:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(3600)
 @pytest.mark.parametrize('learn_from', ['single', 'mean'])
 def test_table_i_stays_as_it_was_but_for_those_that_ran_through_the_hand(
     kth_folder: Path, learn_from: str
@@ -419,6 +463,7 @@ def test_the_simulated_arm_does_not_either(meeting: Meeting, tmp_path: Path) -> 
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(3600)
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(st.sampled_from(SHAPES[:3]), meetings())
 def test_nor_in_many_meetings(
@@ -463,6 +508,7 @@ def random_meeting(rng: np.random.Generator, shape: Shape) -> Meeting:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(3600)
 @pytest.mark.parametrize('seed', range(10))
 def test_ten_thousand_random_meetings(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -475,3 +521,14 @@ def test_ten_thousand_random_meetings(seed: int) -> None:
             motion = meet(model, meeting, phase_rates=rates)
             assert motion.beyond <= MAX_BEYOND_M, (shape, meeting)
             assert motion.too_fast <= 0.0, (shape, meeting)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+def test_a_thousand_random_meetings_with_what_must_not_be_shaken() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(100):
+        shape = random_shape(rng)
+        for _ in range(5):
+            for profile in GENTLE:
+                check_gently(profile, shape, random_meeting(rng, shape))

@@ -85,12 +85,15 @@ class Loop:
         self.hand_velocity = np.zeros(3)
         self.now_s = 0.0
         self.moments: list[Moment] = []
+        self.force: tuple[float, float, float] | None = None
 
     def step(self, periods: int = 1, *, seen: bool = True) -> None:
         for _ in range(periods):
             self.hand = self.hand + self.hand_velocity * PERIOD_S
             if seen:
                 self.controller.set_hand(self.now_s, tuple(self.hand), self.now_s, self.now_s)
+            if self.force is not None:
+                self.controller.set_wrench(self.force, self.now_s)
             command = self.controller.step(self.now_s, PERIOD_S)
             assert command is not None
             assert command.state is self.controller.state
@@ -306,6 +309,101 @@ def test_a_wait_that_takes_too_long_ends_the_session_at_home() -> None:
     assert loop.now_s - since_s == pytest.approx(1.0, abs=0.02)
     # nothing is in the gripper, so that the next handover can only be a take
     assert loop.controller.next_leg is Leg.TAKE
+
+
+def in_an_exchange_without_end(**session: float) -> Loop:
+    loop = Loop(SessionOptions(exchange_timeout_s=2.0, **session))
+    loop.force = (0.0, 0.0, -8.0)
+    loop.step(100)
+    loop.controller.signal(loop.now_s)
+    loop.until(S.EXCHANGE)
+    loop.step(300)
+    assert loop.controller.state is S.EXCHANGE
+    assert not loop.controller.is_overdue
+    loop.step(99)
+    return loop
+
+
+def test_a_partner_who_never_takes_is_told_of_and_the_object_held() -> None:
+    loop = in_an_exchange_without_end()
+    loop.step(2)
+    assert loop.controller.is_overdue
+    loop.step(1000)
+    assert loop.controller.state is S.EXCHANGE
+    assert loop.controller.gripper_closed
+    # it still gives, once the partner takes
+    loop.force = (0.0, 0.0, -1.0)
+    loop.until(S.RELEASED, max_s=1.0)
+    assert not loop.controller.is_overdue
+
+
+def test_goes_home_with_what_nobody_takes_where_it_is_told_to() -> None:
+    loop = in_an_exchange_without_end(withdraws_untaken=True)
+    loop.until(S.WITHDRAWING, max_s=0.1)
+    assert loop.controller.is_overdue
+    loop.until(S.IDLE)
+    assert np.linalg.norm(loop.moments[-1].position - GIVE.start) < 1e-3
+    assert all(moment.closed for moment in loop.moments)
+    assert loop.controller.next_leg is Leg.GIVE
+    loop.controller.signal(loop.now_s)
+    loop.until(S.EXCHANGE)
+    assert loop.controller.leg is Leg.GIVE
+    assert not loop.controller.is_overdue
+
+
+def test_does_not_tear_at_what_is_touched_nor_without_feeling_it() -> None:
+    for force in ((0.0, 4.0, -8.0), None):
+        loop = in_an_exchange_without_end(withdraws_untaken=True)
+        loop.controller.session = replace(loop.session, exchange_timeout_s=2.5)
+        loop.force = force
+        loop.step(600)
+        assert loop.controller.state is S.EXCHANGE
+        assert loop.controller.is_overdue
+
+
+def test_a_take_that_never_ends_is_told_of_and_held() -> None:
+    loop = Loop(SessionOptions(exchange_timeout_s=1.0, withdraws_untaken=True))
+    loop.controller.begin_with('partner')
+    loop.force = (0.0, 0.0, 0.0)
+    loop.hand = hand_of(TAKE)
+    loop.step(100)
+    loop.controller.signal(loop.now_s)
+    loop.until(S.EXCHANGE)
+    loop.step(1000)
+    assert loop.controller.state is S.EXCHANGE
+    assert loop.controller.is_overdue
+    assert loop.controller.gripper_closed
+
+
+@pytest.mark.parametrize('pick_up', [False, True])
+def test_begins_with_the_take_where_the_partner_has_the_object(pick_up: bool) -> None:
+    loop = Loop(SessionOptions(pick_up=pick_up))
+    assert loop.controller.begin_with('partner')
+    assert not loop.controller.begin_with('partner')
+    assert not loop.controller.gripper_closed
+    loop.hand = hand_of(TAKE)
+    loop.step(20)
+    loop.controller.signal(loop.now_s)
+    loop.until(S.DONE)
+    states = [moment.state for moment in loop.moments]
+    assert S.PICKING_UP not in states
+    assert S.WAITING not in states
+    assert loop.controller.gripper_closed
+
+
+def test_what_the_robot_holds_is_never_let_go_of_by_being_told_so() -> None:
+    loop = Loop()
+    for holder in ('robot', 'both', 'nobody', 'who?'):
+        assert not loop.controller.begin_with(holder)
+        assert loop.controller.gripper_closed
+    loop.controller.signal(loop.now_s)
+    loop.until(S.REACHING)
+    assert not loop.controller.begin_with('partner')
+    assert loop.controller.gripper_closed
+    fetching = Loop(SessionOptions(pick_up=True))
+    assert fetching.controller.begin_with('both')
+    assert fetching.controller.gripper_closed
+    assert fetching.controller.next_leg is Leg.GIVE
 
 
 def test_a_signal_on_the_way_home_is_not_lost_and_one_in_a_reach_is() -> None:
