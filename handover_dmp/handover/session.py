@@ -292,7 +292,7 @@ class SessionController(HandoverController):
         Take who has the object, before the first handover.
 
         Args:
-            holder: `robot`, `partner`, `both` or `nobody`, as on `object/holder`.
+            holder: `robot`, `partner`, `both`, or another word, as on `object/holder`.
 
         Returns:
             Whether that was news: the partner has it, so the gripper is open and the take comes
