@@ -24,10 +24,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import atan2, cos, hypot, pi, sin, sqrt
 
+from handover_dmp.common.arrays import Array
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+Array = Array
 Quaternion = tuple[float, float, float, float]
 Turn = tuple[float, float, float]
 

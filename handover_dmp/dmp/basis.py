@@ -20,8 +20,8 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
+from handover_dmp.common.arrays import Array
 import numpy as np
-from numpy.typing import NDArray
 
 TABLE_RATE = 4096  # nodes of the table per τ: errs by less than a micrometre at usual stiffness
 TABLE_END = 2.0  # in units of τ; from there on the forcing term is held
@@ -40,9 +40,9 @@ class Basis:
 
     """
 
-    centres: NDArray[np.float64]
-    sharpness: NDArray[np.float64]
-    _tables: dict[float, NDArray[np.float64]] = field(default_factory=dict, init=False, repr=False)
+    centres: Array
+    sharpness: Array
+    _tables: dict[float, Array] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
@@ -64,7 +64,7 @@ class Basis:
         """Return the number m of basis functions."""
         return self.centres.size
 
-    def activations(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
+    def activations(self, phase: Array) -> Array:
         """
         Evaluate ψ_i / Σψ_j.
 
@@ -79,7 +79,7 @@ class Basis:
         exponent *= exponent
         exponent *= -self.sharpness
         exponent -= exponent.max(axis=1, keepdims=True)
-        psi: NDArray[np.float64] = np.exp(exponent, out=exponent)
+        psi: Array = np.exp(exponent, out=exponent)
         psi /= psi.sum(axis=1, keepdims=True)
         return psi
 
@@ -97,7 +97,7 @@ class Basis:
         widths = 1.0 / (np.sqrt(self.sharpness) * alpha * self.centres)
         return max(float(widths.min()), NARROWEST)
 
-    def table(self, alpha: float) -> NDArray[np.float64]:
+    def table(self, alpha: float) -> Array:
         """
         Give the activations on a fine grid in time, computed once.
 

@@ -19,9 +19,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import exp, log
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.dmp.primitive import Primitive
 import numpy as np
-from numpy.typing import NDArray
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -35,7 +35,7 @@ class ClassicalDmp(Primitive):
     meaning here.
     """
 
-    def goal_weight_at_time(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def goal_weight_at_time(self, u: Array) -> Array:
         """
         Give 1 − s.
 
@@ -46,7 +46,7 @@ class ClassicalDmp(Primitive):
             The weight of the goal, from 0 to 1, of the same shape.
 
         """
-        weight: NDArray[np.float64] = 1.0 - np.exp(-self.parameters.alpha * u)
+        weight: Array = 1.0 - np.exp(-self.parameters.alpha * u)
         return weight
 
     def goal_weight_at(self, u: float) -> float:

@@ -20,12 +20,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import erf, exp, log, sqrt
 
-from handover_dmp.common.arrays import Vector
+from handover_dmp.common.arrays import Array, Vector
 from handover_dmp.dmp.fast_step import fast_step, FastStep
 from handover_dmp.dmp.primitive import Primitive
 from handover_dmp.dmp.state import DmpState
-import numpy as np
-from numpy.typing import NDArray
 
 # (7) is 1 to the last bit of a float this many σ beyond μ
 SETTLED_DEVIATIONS = 8.3
@@ -41,7 +39,7 @@ class DecoupledDmp(Primitive):
     having needed to know where the goal would be. Fields: see `Primitive`.
     """
 
-    def goal_weight_at_time(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def goal_weight_at_time(self, u: Array) -> Array:
         """
         Give (7).
 
@@ -55,7 +53,7 @@ class DecoupledDmp(Primitive):
         from scipy.special import erf as erf_of_array
 
         mu, slope = self.parameters.mu, 1.0 / (self.parameters.sigma * sqrt(2.0))
-        weight: NDArray[np.float64] = 0.5 + 0.5 * erf_of_array((u - mu) * slope)
+        weight: Array = 0.5 + 0.5 * erf_of_array((u - mu) * slope)
         return weight
 
     def goal_weight_at(self, u: float) -> float:

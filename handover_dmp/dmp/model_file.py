@@ -23,6 +23,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.files import write_text
 from handover_dmp.dmp.basis import Basis
@@ -33,7 +34,6 @@ from handover_dmp.dmp.parameters import DmpParameters
 from handover_dmp.dmp.posterior import WeightPosterior
 from handover_dmp.dmp.primitive import Primitive
 import numpy as np
-from numpy.typing import NDArray
 
 FORMAT = 'handover_dmp model'
 VERSION = 4
@@ -253,7 +253,7 @@ def _covariance(document: Any, dimensions: int, size: int) -> tuple[WeightPoster
     return tuple(posteriors)
 
 
-def _partner_path(document: dict[str, Any], dimensions: int) -> NDArray[np.float64] | None:
+def _partner_path(document: dict[str, Any], dimensions: int) -> Array | None:
     if 'partner_path' in document and document['partner_path'] is None:
         return None
     return _array(document, 'partner_path', (None, dimensions), MAX_PATH)
@@ -312,7 +312,7 @@ def _finite(value: Any, name: str) -> float:
 
 def _array(
     document: dict[str, Any], name: str, shape: tuple[int | None, ...], maximum: int = MAX_BASIS
-) -> NDArray[np.float64]:
+) -> Array:
     """Read nested lists of numbers of one shape; None stands for any length up to `most`."""
     values = _member(document, name, list)
     count = len(values) if shape[0] is None else shape[0]

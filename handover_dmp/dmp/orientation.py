@@ -38,6 +38,7 @@ from math import hypot, log, sqrt
 from statistics import NormalDist
 from typing import Any, NamedTuple
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.quaternions import (
     angular_velocity,
@@ -54,9 +55,9 @@ from handover_dmp.common.quaternions import (
 from handover_dmp.dmp.decoupled import DecoupledDmp
 from handover_dmp.dmp.state import DmpState
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+Array = Array
 
 NO_TURN: Turn = (0.0, 0.0, 0.0)
 EQUAL_WEIGHTS = 1e-9

@@ -19,6 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +40,7 @@ class WeightPosterior:
     """
 
     active: NDArray[np.int64]
-    matrix: NDArray[np.float64]
+    matrix: Array
 
     def __post_init__(self) -> None:
         """Check the shapes and make the arrays read-only."""

@@ -19,9 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from handover_dmp.common.arrays import Vector
-import numpy as np
-from numpy.typing import NDArray
+from handover_dmp.common.arrays import Array, Vector
 
 SMALLEST_PHASE = 1e-300
 
@@ -63,9 +61,9 @@ class Rollout:
 
     """
 
-    times: NDArray[np.float64]
-    positions: NDArray[np.float64]
-    velocities: NDArray[np.float64]
-    goal_weight: NDArray[np.float64]
-    phase: NDArray[np.float64]
-    deviation: NDArray[np.float64] | None = None
+    times: Array
+    positions: Array
+    velocities: Array
+    goal_weight: Array
+    phase: Array
+    deviation: Array | None = None

@@ -18,15 +18,12 @@ from __future__ import annotations
 
 from handover_dmp.common.arrays import Array
 import numpy as np
-from numpy.typing import NDArray
 
 LEVEL = 0.95
 ROUNDS = 2000
 
 
-def draw_samples(
-    trials: int, seed: np.random.SeedSequence, rounds: int = ROUNDS
-) -> NDArray[np.float64]:
+def draw_samples(trials: int, seed: np.random.SeedSequence, rounds: int = ROUNDS) -> Array:
     """
     Draw trials with replacement.
 

@@ -24,6 +24,7 @@ from pathlib import Path
 import re
 from typing import Any
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.body_path import BodyPath, make_body_path
 from handover_dmp.mocap.clock import clock_step, jumps_back, parts_of, STEP_NS
@@ -257,8 +258,8 @@ class _Poses:
     times_ns: NDArray[np.int64]
     delays_ns: NDArray[np.int64]
     logs_ns: NDArray[np.int64]
-    positions: NDArray[np.float64]
-    quaternions: NDArray[np.float64]
+    positions: Array
+    quaternions: Array
     unstamped: int
 
     def cut(self, part: slice) -> _Poses:
@@ -402,9 +403,7 @@ def _check_clocks(path: Path, chosen: Sequence[_Poses]) -> None:
         )
 
 
-def _series(
-    poses: _Poses, zero_ns: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[Any]]:
+def _series(poses: _Poses, zero_ns: int) -> tuple[Array, Array, NDArray[Any]]:
     """Return times in s in order, positions, and where the body was seen; each time once."""
     order = np.argsort(poses.times_ns, kind='stable')
     times_ns, positions = poses.times_ns[order], poses.positions[order]
@@ -423,7 +422,7 @@ def _series(
     return times[once], positions[once], seen
 
 
-def _turns(poses: _Poses, zero_ns: int, at: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def _turns(poses: _Poses, zero_ns: int, at: Array) -> Array | None:
     """Return the orientations of a body at some times, s; None where there are none."""
     times_ns, once = np.unique(poses.times_ns, return_index=True)
     times = np.asarray((times_ns - zero_ns) * 1e-9, dtype=np.float64)

@@ -19,11 +19,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.no_pose import no_pose
 from handover_dmp.mocap.tables import parse_number, read_records
 import numpy as np
-from numpy.typing import NDArray
 
 PLACE_COLUMNS = ('t', 'x', 'y', 'z')
 TURN_COLUMNS = ('qx', 'qy', 'qz', 'qw')
@@ -48,9 +48,9 @@ class BodyPath:
 
     label: str
     frame: str
-    times: NDArray[np.float64]
-    positions: NDArray[np.float64]
-    quaternions: NDArray[np.float64] | None = None
+    times: Array
+    positions: Array
+    quaternions: Array | None = None
     lost: int = 0
     delay_s: float = 0.0
 
@@ -76,9 +76,9 @@ class BodyPath:
 def make_body_path(
     label: str,
     frame: str,
-    times: NDArray[np.float64],
-    positions: NDArray[np.float64],
-    quaternions: NDArray[np.float64],
+    times: Array,
+    positions: Array,
+    quaternions: Array,
     delay_s: float = 0.0,
 ) -> BodyPath:
     """

@@ -33,6 +33,7 @@ from typing import Any
 import warnings
 
 import c3d
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.markers import choose, MarkerRecording
 from handover_dmp.mocap.tables import LARGEST_RECORDING_BYTES, read_bytes
@@ -156,7 +157,7 @@ def _word(scale: float, processor: int) -> np.dtype[Any]:
     return np.dtype(f'{end}i2' if scale > 0.0 else f'{end}f4')
 
 
-def _values(table: NDArray[Any], processor: int) -> NDArray[np.float64]:
+def _values(table: NDArray[Any], processor: int) -> Array:
     if table.dtype.kind == 'f' and processor == c3d.c3d.PROCESSOR_DEC:
         # A float of the VAX has its two halves the other way round, and four times the value.
         halves = np.ascontiguousarray(table).view('<u2').reshape(*table.shape, 2)[..., ::-1]

@@ -33,11 +33,12 @@ from dataclasses import replace
 import math
 from typing import Any, TYPE_CHECKING
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.orientation import unit_orientations
 from handover_dmp.mocap.trial import HandoverTrial
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline, CubicSpline
@@ -95,7 +96,7 @@ def smooth(
     positions: ArrayLike,
     rate_hz: float = RATE_HZ,
     cutoff_hz: float | None = CUTOFF_HZ,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Array, Array, Array]:
     """
     Resample positions evenly, low-passed without phase, and differentiate them.
 
@@ -153,7 +154,7 @@ def interpolate(times: ArrayLike, positions: ArrayLike) -> CubicSpline:
     return CubicSpline(times, positions)
 
 
-def velocities(times: ArrayLike, positions: ArrayLike) -> NDArray[np.float64]:
+def velocities(times: ArrayLike, positions: ArrayLike) -> Array:
     """
     Differentiate positions that are smooth already (`condition` them first where they are not).
 
@@ -165,13 +166,11 @@ def velocities(times: ArrayLike, positions: ArrayLike) -> NDArray[np.float64]:
         (n, d) m/s, the derivative of the interpolating cubic spline.
 
     """
-    derivative: NDArray[np.float64] = interpolate(times, positions).derivative()(times)
+    derivative: Array = interpolate(times, positions).derivative()(times)
     return derivative
 
 
-def _fit(
-    elapsed: NDArray[np.float64], samples: NDArray[np.float64], period: float, cutoff_hz: float
-) -> BSpline:
+def _fit(elapsed: Array, samples: Array, period: float, cutoff_hz: float) -> BSpline:
     from scipy.interpolate import BSpline
     from scipy.linalg import solveh_banded
 

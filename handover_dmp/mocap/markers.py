@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.orientation import orientation_at, turn_orientation_up
 from handover_dmp.mocap.tables import quote
@@ -36,7 +37,6 @@ from handover_dmp.mocap.wrists import (
     WristMotion,
 )
 import numpy as np
-from numpy.typing import NDArray
 
 _NAMES_SHOWN = 20
 
@@ -61,15 +61,15 @@ class MarkerRecording:
 
     """
 
-    times: NDArray[np.float64]
+    times: Array
     names: Sequence[str]
-    positions: Mapping[str, NDArray[np.float64]]
+    positions: Mapping[str, Array]
     unit: str
     up: str
     source: str
     usual_unit: str = 'mm'
     usual_up: str = 'z'
-    orientations: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    orientations: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         marked = {name: mark_unseen(places) for name, places in self.positions.items()}
@@ -138,9 +138,7 @@ class MarkerRecording:
             demonstrator_orientation=self._turned(demonstrator, motion.times, axis.value),
         )
 
-    def _turned(
-        self, names: Sequence[str], at: NDArray[np.float64], up: str
-    ) -> NDArray[np.float64] | None:
+    def _turned(self, names: Sequence[str], at: Array, up: str) -> Array | None:
         if len(names) != 1:
             return None
         turns = orientation_at(self.times, self.orientations.get(names[0]), at, MAX_HIDDEN_S)
@@ -162,18 +160,18 @@ class MarkerRecording:
             return Known(known_unit(self.unit, self.source), IN_FILE)
         return Known(self.usual_unit, ASSUMED)
 
-    def _up(self, up: str | None, wrists: tuple[NDArray[np.float64], ...]) -> Known:
+    def _up(self, up: str | None, wrists: tuple[Array, ...]) -> Known:
         if up is not None:
             return Known(up, AS_TOLD)
         if self.up:
             return Known(self.up, IN_FILE)
         return Known(*find_up_axis(wrists, self.usual_up, self.source))
 
-    def _wrist(self, names: Sequence[str]) -> NDArray[np.float64]:
+    def _wrist(self, names: Sequence[str]) -> Array:
         markers = [self._find(name) for name in names]
         return middle(markers, f'{self.source}: {name_list(names)}')
 
-    def _find(self, name: str) -> NDArray[np.float64]:
+    def _find(self, name: str) -> Array:
         if name not in self.positions:
             raise DataError(f'{self.source}: no marker {quote(name)}; there are {self.known}')
         if (count := sum(other == name for other in self.names)) > 1:

@@ -20,6 +20,7 @@ Beside the positions, and optional: what has none is a recording all the same.
 
 from __future__ import annotations
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.quaternions import (
     from_matrices,
     multiply_all,
@@ -27,9 +28,9 @@ from handover_dmp.common.quaternions import (
 )
 from handover_dmp.mocap.up_axis import turn_up
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+Array = Array
 
 AXES_OF_TURN = ('qx', 'qy', 'qz', 'qw')
 NORM_TOLERANCE = 0.01

@@ -20,11 +20,11 @@ from collections.abc import Sequence
 from html import escape
 from io import StringIO
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.mocap.review import Review
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 import numpy as np
-from numpy.typing import NDArray
 
 # laid out anew for each trial, a page of a hundred would take a minute more
 _MARGINS = {'left': 0.06, 'right': 0.99, 'bottom': 0.17, 'top': 0.9, 'wspace': 0.38}
@@ -109,7 +109,7 @@ def _drawing(one: Review) -> str:
     return text.getvalue().partition('<svg')[1] + text.getvalue().partition('<svg')[2]
 
 
-def _broken(one: Review, who: str) -> NDArray[np.float64]:
+def _broken(one: Review, who: str) -> Array:
     """Return times and places of a wrist side by side, NaN where nothing is to be drawn."""
     trial = one.trial
     line = np.column_stack([trial.times, trial.partner if who == 'P1' else trial.demonstrator])

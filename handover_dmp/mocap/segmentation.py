@@ -33,6 +33,7 @@ from dataclasses import dataclass, replace
 import math
 from typing import NamedTuple
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import UsageError
 from handover_dmp.mocap.filtering import RATE_HZ, smooth
 from handover_dmp.mocap.trial import HandoverTrial
@@ -244,11 +245,11 @@ class _Section:
 
     """
 
-    times: NDArray[np.float64]
-    demonstrator: NDArray[np.float64]
-    distance: NDArray[np.float64]
-    speeds: tuple[NDArray[np.float64], NDArray[np.float64]]
-    closing: NDArray[np.float64]
+    times: Array
+    demonstrator: Array
+    distance: Array
+    speeds: tuple[Array, Array]
+    closing: Array
 
     @classmethod
     def of(cls, motion: WristMotion, first: int, end: int) -> _Section:
@@ -344,9 +345,7 @@ class _Section:
         return near + slow + int(np.argmax(moments <= moments.min() + _MET_M))
 
 
-def _onset(
-    speed: NDArray[np.float64], free_from: int, meeting: int, thresholds: Segmentation
-) -> int | None:
+def _onset(speed: Array, free_from: int, meeting: int, thresholds: Segmentation) -> int | None:
     """Return where the last reach before the exchange left its rest."""
     fast = np.flatnonzero(speed[free_from: meeting + 1] > thresholds.reach_speed)  # fmt: skip
     if len(fast) == 0:
@@ -356,9 +355,7 @@ def _onset(
     return free_from + int(rests[-1]) if len(rests) else free_from
 
 
-def _leaves(
-    speed: NDArray[np.float64], meeting: int, following: int, thresholds: Segmentation
-) -> int | None:
+def _leaves(speed: Array, meeting: int, following: int, thresholds: Segmentation) -> int | None:
     """Return where the first way after the exchange left its rest."""
     fast = _first(speed[meeting: following + 1] > thresholds.reach_speed)  # fmt: skip
     if fast is None:
@@ -367,7 +364,7 @@ def _leaves(
     return meeting + int(rests[-1]) if len(rests) else meeting
 
 
-def _started(speed: NDArray[np.float64], onset: int, meeting: int) -> int:
+def _started(speed: Array, onset: int, meeting: int) -> int:
     """Return where a hand has started to reach, in proportion to how fast it gets."""
     reach = speed[onset: meeting + 1]  # fmt: skip
     return onset + int(np.argmax(reach > _STARTED * reach.max()))

@@ -25,12 +25,12 @@ As in the data set itself, sums, products and square roots alone.
 
 from __future__ import annotations
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.mocap.orientation import unit_orientations
 import numpy as np
 from numpy.random import RandomState
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+Array = Array
 Pair = tuple[tuple[float, float, float, float], tuple[float, float, float, float]]
 
 NOISE_PER_M = 5.0

@@ -24,10 +24,10 @@ import math
 from pathlib import Path
 import re
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.files import write_text
 import numpy as np
-from numpy.typing import NDArray
 
 LARGEST_TEXT_BYTES = 16_000_000
 MAX_ROWS = 200_000
@@ -155,7 +155,7 @@ def header_of(path: Path) -> list[str]:
     return [name.strip() for name in read_lines(path)[0].split(',')]
 
 
-def read_table(path: Path, header: Sequence[str]) -> NDArray[np.float64]:
+def read_table(path: Path, header: Sequence[str]) -> Array:
     """
     Read a CSV file of finite numbers under a given header.
 

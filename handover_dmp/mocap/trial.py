@@ -26,7 +26,6 @@ from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.orientation import AXES_OF_TURN, orientation_fault, unit_orientations
 from handover_dmp.mocap.tables import header_of, read_records, read_table, save
 import numpy as np
-from numpy.typing import NDArray
 
 HEADER = ('t', 'p1_x', 'p1_y', 'p1_z', 'p2_x', 'p2_y', 'p2_z')
 TURN_HEADERS = tuple(tuple(f'{who}_{axis}' for axis in AXES_OF_TURN) for who in ('p1', 'p2'))
@@ -80,15 +79,15 @@ class HandoverTrial:
 
     """
 
-    times: NDArray[np.float64]
-    partner: NDArray[np.float64]
-    demonstrator: NDArray[np.float64]
+    times: Array
+    partner: Array
+    demonstrator: Array
     configuration: str = 'unnamed'
     direction: str = 'give'
     number: int = 1
     source: str = ''
-    partner_orientation: NDArray[np.float64] | None = None
-    demonstrator_orientation: NDArray[np.float64] | None = None
+    partner_orientation: Array | None = None
+    demonstrator_orientation: Array | None = None
     way_back: HandoverTrial | None = None
 
     def __post_init__(self) -> None:
@@ -113,7 +112,7 @@ class HandoverTrial:
             if (given := getattr(self, name)) is not None:
                 object.__setattr__(self, name, self._unit(np.asarray(given, dtype=np.float64)))
 
-    def _unit(self, quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _unit(self, quaternions: Array) -> Array:
         if quaternions.shape != (len(self.times), 4):
             raise DataError(f'{self.label}: orientations of shape {quaternions.shape}, not (n, 4)')
         if fault := orientation_fault(self.times, quaternions):
@@ -158,8 +157,8 @@ class Fault:
 
 
 def find_fault(
-    times: NDArray[np.float64],
-    positions: NDArray[np.float64],
+    times: Array,
+    positions: Array,
     *,
     minimum: int = MIN_SAMPLES,
     max_duration_s: float = MAX_DURATION_S,
@@ -351,7 +350,7 @@ def write_trial(trial: HandoverTrial, path: str | Path) -> None:
     save(Path(path), '\n'.join(lines) + '\n')
 
 
-def _time_fault(times: NDArray[np.float64], max_duration_s: float) -> Fault | None:
+def _time_fault(times: Array, max_duration_s: float) -> Fault | None:
     if abs(times[0]) > LARGEST_STAMP_S:
         return Fault(0, f'time {times[0]:g} s is absurd')
     periods = np.diff(times)
@@ -371,7 +370,7 @@ def _time_fault(times: NDArray[np.float64], max_duration_s: float) -> Fault | No
     return Fault(row, f'only {now - before:.3g} s after the sample before')
 
 
-def _place_fault(positions: NDArray[np.float64]) -> Fault | None:
+def _place_fault(positions: Array) -> Fault | None:
     far = np.abs(positions).max(axis=1) > LARGEST_COORDINATE_M
     if not far.any():
         return None
@@ -380,7 +379,7 @@ def _place_fault(positions: NDArray[np.float64]) -> Fault | None:
     return Fault(row, f'a position of {value:g} m; are these millimetres?')
 
 
-def _jump_fault(times: NDArray[np.float64], positions: NDArray[np.float64]) -> Fault | None:
+def _jump_fault(times: Array, positions: Array) -> Fault | None:
     if len(times) < 2:
         return None
     with np.errstate(over='ignore', invalid='ignore', divide='ignore'):

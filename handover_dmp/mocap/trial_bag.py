@@ -20,6 +20,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.quaternions import IDENTITY
 from handover_dmp.recording.bag_writer import BagWriter
@@ -28,7 +29,6 @@ from handover_dmp.recording.messages import header, Message, pose_stamped
 from handover_dmp.recording.qos import LATCHED, SENSOR
 from handover_dmp.topics import DEMONSTRATOR_POSE, FRAME, HAND_POSE, SIGNAL, Topic
 import numpy as np
-from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from handover_dmp.mocap import HandoverTrial
@@ -101,7 +101,7 @@ def _rows(trial: HandoverTrial) -> Iterator[_Row]:
         yield _pose(HAND_POSE, times_ns[-1] + count * step_ns, partner[-1])
 
 
-def _turns(quaternions: NDArray[np.float64] | None, count: int) -> Sequence[Sequence[float]]:
+def _turns(quaternions: Array | None, count: int) -> Sequence[Sequence[float]]:
     if quaternions is None:
         return [IDENTITY] * count
     turns: Sequence[Sequence[float]] = quaternions.tolist()

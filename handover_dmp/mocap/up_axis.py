@@ -23,9 +23,9 @@ wrist passes zero is none. Where there are more, nobody but the user knows.
 
 from __future__ import annotations
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 import numpy as np
-from numpy.typing import NDArray
 
 RESTING_M = (0.5, 1.6)
 # While they move, they are at least not in the floor nor under the ceiling.
@@ -47,7 +47,7 @@ _REST_SHARE = 0.2
 USUAL_UP = 'usual of the format, no height tells'
 
 
-def turn_up(positions: NDArray[np.float64], up: str) -> NDArray[np.float64]:
+def turn_up(positions: Array, up: str) -> Array:
     """
     Turn a recording so that z points up.
 
@@ -59,11 +59,11 @@ def turn_up(positions: NDArray[np.float64], up: str) -> NDArray[np.float64]:
         (n, 3) in the same unit.
 
     """
-    turned: NDArray[np.float64] = positions @ np.array(_TURNS[up], dtype=np.float64).T
+    turned: Array = positions @ np.array(_TURNS[up], dtype=np.float64).T
     return turned
 
 
-def resting_axes(wrists: tuple[NDArray[np.float64], ...]) -> list[str]:
+def resting_axes(wrists: tuple[Array, ...]) -> list[str]:
     """
     Find the axes along which all wrists rest as high above zero as a person's do.
 
@@ -77,9 +77,7 @@ def resting_axes(wrists: tuple[NDArray[np.float64], ...]) -> list[str]:
     return [axis for axis in AXES if all(_may_point_up(axis, wrist) for wrist in wrists)]
 
 
-def find_up_axis(
-    wrists: tuple[NDArray[np.float64], ...], usual: str, source: str
-) -> tuple[str, str]:
+def find_up_axis(wrists: tuple[Array, ...], usual: str, source: str) -> tuple[str, str]:
     """
     Find out which axis points up from how high the wrists rest.
 
@@ -109,9 +107,7 @@ def find_up_axis(
     return fit[0], 'by the height of the wrists'
 
 
-def doubts(
-    wrists: tuple[NDArray[np.float64], ...], up: str, *, assumed: bool = False
-) -> tuple[str, ...]:
+def doubts(wrists: tuple[Array, ...], up: str, *, assumed: bool = False) -> tuple[str, ...]:
     """
     Doubt an axis that a file or a convention says to point up, by how high the wrists rest.
 
@@ -139,7 +135,7 @@ def doubts(
     )
 
 
-def _may_point_up(axis: str, wrist: NDArray[np.float64]) -> bool:
+def _may_point_up(axis: str, wrist: Array) -> bool:
     seen = wrist[np.isfinite(wrist).all(axis=1)]
     lowest, highest = np.quantile(turn_up(seen, axis)[:, 2], _EVER_QUANTILES)
     resting = float(np.median(turn_up(_at_rest(seen), axis)[:, 2]))
@@ -148,10 +144,10 @@ def _may_point_up(axis: str, wrist: NDArray[np.float64]) -> bool:
     )
 
 
-def _at_rest(wrist: NDArray[np.float64]) -> NDArray[np.float64]:
+def _at_rest(wrist: Array) -> Array:
     """Return the samples around which the wrist moves least."""
     if len(wrist) < 3:
         return wrist
     speed = np.linalg.norm(np.gradient(wrist, axis=0), axis=1)
-    rest: NDArray[np.float64] = wrist[speed <= np.quantile(speed, _REST_SHARE)]
+    rest: Array = wrist[speed <= np.quantile(speed, _REST_SHARE)]
     return rest

@@ -30,13 +30,13 @@ from math import isfinite, nan
 from pathlib import Path
 from typing import NamedTuple
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.quaternions import exponential
 from handover_dmp.mocap.markers import choose, MarkerRecording
 from handover_dmp.mocap.tables import iterate_lines
 from handover_dmp.mocap.wide_table import is_number, period_of_rate, WideTable
 import numpy as np
-from numpy.typing import NDArray
 
 _SECTIONS = ('Trajectories', 'Objects', 'Global Segments')
 _TRIPLETS = (('X', 'Y', 'Z'), ('TX', 'TY', 'TZ'))
@@ -135,7 +135,7 @@ def _read_section(
     )  # fmt: skip
 
 
-def _quaternions(values: NDArray[np.float64], unit: str) -> NDArray[np.float64]:
+def _quaternions(values: Array, unit: str) -> Array:
     """Make quaternions of what stands in three or four columns."""
     if values.shape[1] == 4:
         return values

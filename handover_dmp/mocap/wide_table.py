@@ -20,10 +20,10 @@ from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.tables import parse_number, parse_numbers
 import numpy as np
-from numpy.typing import NDArray
 
 _MAX_VALUES = 10_000_000
 _MAX_RATE_HZ = 1e5
@@ -89,7 +89,7 @@ class WideTable:
             self._turned.extend(float(c) if is_number(c := cells[k]) else np.nan for k in columns)
         self._stamps.append(self._stamp(cells, where))
 
-    def times(self) -> NDArray[np.float64]:
+    def times(self) -> Array:
         """
         Give the time of every frame; where frames are missing, time goes on without them.
 
@@ -106,12 +106,12 @@ class WideTable:
             return len(self._stamps)
         return round(self._stamps[-1] - self._stamps[0]) + 1
 
-    def positions(self) -> dict[str, NDArray[np.float64]]:
+    def positions(self) -> dict[str, Array]:
         """Give (n, 3) for every marker, NaN where it was not seen."""
         table = np.array(self._values).reshape(len(self._stamps), len(self.columns), 3)
         return {name: table[:, k] for k, name in enumerate(self.columns)}
 
-    def turned(self) -> dict[str, NDArray[np.float64]]:
+    def turned(self) -> dict[str, Array]:
         """Give (n, columns) for every body whose turns were read, NaN where there was none."""
         sizes = [len(columns) for columns in self.turns.values()]
         table = np.array(self._turned).reshape(len(self._stamps), sum(sizes))

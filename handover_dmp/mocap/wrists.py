@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.trial import find_fault, HandoverTrial
 import numpy as np
@@ -96,16 +97,16 @@ class WristMotion:
 
     """
 
-    times: NDArray[np.float64]
-    partner: NDArray[np.float64]
-    demonstrator: NDArray[np.float64]
+    times: Array
+    partner: Array
+    demonstrator: Array
     source: str
     unit: Known = METRES_KNOWN
     up: Known = Z_KNOWN
     gaps: tuple[Gap, ...] = ()
     remarks: tuple[str, ...] = ()
-    partner_orientation: NDArray[np.float64] | None = None
-    demonstrator_orientation: NDArray[np.float64] | None = None
+    partner_orientation: Array | None = None
+    demonstrator_orientation: Array | None = None
 
     def checked(self) -> WristMotion:
         """
@@ -187,18 +188,16 @@ class WristMotion:
             raise DataError(f'{self.source}: both wrists stay within {1e3 * room:.2g} mm, {unit}')
 
 
-def _part(
-    quaternions: NDArray[np.float64] | None, first: int, end: int
-) -> NDArray[np.float64] | None:
+def _part(quaternions: Array | None, first: int, end: int) -> Array | None:
     return None if quaternions is None else quaternions[first:end]
 
 
-def extent(positions: NDArray[np.float64]) -> float:
+def extent(positions: Array) -> float:
     """Return how large a box about positions (n, 3) is, along its diagonal."""
     return float(np.linalg.norm(np.ptp(positions, axis=0)))
 
 
-def mark_unseen(positions: NDArray[np.float64]) -> NDArray[np.float64]:
+def mark_unseen(positions: Array) -> Array:
     """
     Mark what stands for a marker or body that was not seen.
 
@@ -215,7 +214,7 @@ def mark_unseen(positions: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(unseen[..., None], np.nan, positions)
 
 
-def middle(markers: list[NDArray[np.float64]], names: str) -> NDArray[np.float64]:
+def middle(markers: list[Array], names: str) -> Array:
     """
     Follow the middle between markers of one wrist, also while some of them are not seen.
 
@@ -249,11 +248,11 @@ def middle(markers: list[NDArray[np.float64]], names: str) -> NDArray[np.float64
         away = np.column_stack([np.interp(every, whole, column) for column in offset.T])
         total[place] += marker[place] - away[place]
     count = seen.sum(axis=0)[:, None]
-    wrist: NDArray[np.float64] = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    wrist: Array = np.where(count > 0, total / np.maximum(count, 1), np.nan)
     return wrist
 
 
-def find_gaps(times: NDArray[np.float64], seen: NDArray[Any], who: str) -> list[Gap]:
+def find_gaps(times: Array, seen: NDArray[Any], who: str) -> list[Gap]:
     """
     Find when a wrist was not seen.
 

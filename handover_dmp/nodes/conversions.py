@@ -21,10 +21,9 @@ from collections.abc import Iterable, Mapping
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, TwistStamped
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.quaternions import IDENTITY, Quaternion
 from handover_dmp.topics import FRAME, label_of, names_of_values, position_covariance
-import numpy as np
-from numpy.typing import NDArray
 from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension
 
 NANOSECONDS = 1_000_000_000
@@ -138,7 +137,7 @@ def position_of(message: PoseStamped) -> tuple[float, float, float]:
     return place.x, place.y, place.z
 
 
-def quaternion_of(rotation: NDArray[np.float64]) -> Quaternion:
+def quaternion_of(rotation: Array) -> Quaternion:
     """Return a rotation, (3, 3), as a quaternion."""
     import pinocchio
 
@@ -146,7 +145,7 @@ def quaternion_of(rotation: NDArray[np.float64]) -> Quaternion:
     return x, y, z, w
 
 
-def rotation_of(message: PoseStamped) -> NDArray[np.float64] | None:
+def rotation_of(message: PoseStamped) -> Array | None:
     """Return the rotation of a pose, (3, 3); None where its quaternion is none."""
     import pinocchio
 
@@ -154,7 +153,7 @@ def rotation_of(message: PoseStamped) -> NDArray[np.float64] | None:
     quaternion = pinocchio.Quaternion(turn.w, turn.x, turn.y, turn.z)
     if not abs(quaternion.norm() - 1.0) < 1e-3:
         return None
-    matrix: NDArray[np.float64] = quaternion.normalized().toRotationMatrix()
+    matrix: Array = quaternion.normalized().toRotationMatrix()
     return matrix
 
 

@@ -20,6 +20,7 @@ from math import inf
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, Vector3, WrenchStamped
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.settings import parameters_of
 from handover_dmp.nodes.conversions import nanoseconds, pose_message, position_of
 from handover_dmp.nodes.node import HandoverNode
@@ -36,7 +37,6 @@ from handover_dmp.topics import (
     WRIST_WRENCH,
 )
 import numpy as np
-from numpy.typing import NDArray
 from std_msgs.msg import Bool, String
 
 OBJECT = parameters_from(CarriedObjectOptions, PartnerGripOptions)
@@ -76,7 +76,7 @@ class ObjectTopics:
         """
         self._node, self._arm = node, arm
         self._holder: Holder | None = None
-        self._hands: list[tuple[int, NDArray[np.float64]]] = []
+        self._hands: list[tuple[int, Array]] = []
         self._truth_s = -inf
         if not arm.carries:
             return
@@ -145,6 +145,6 @@ class ObjectTopics:
             self._said_holder.publish(String(data=self._holder.value))
 
 
-def _vector(values: NDArray[np.float64]) -> Vector3:
+def _vector(values: Array) -> Vector3:
     x, y, z = values.tolist()
     return Vector3(x=x, y=y, z=z)

@@ -20,6 +20,7 @@ from collections.abc import Iterable
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TransformStamped
+from handover_dmp.common.arrays import Array
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.qos import message_class
@@ -29,8 +30,6 @@ from handover_dmp.robot.joint_states import JointStateReader
 from handover_dmp.robot.link_frames import LinkFrames, LinkTransform
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.topics import TF, TF_PERIOD_S, TF_STATIC, Topic
-import numpy as np
-from numpy.typing import NDArray
 from rclpy.publisher import Publisher
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
@@ -111,7 +110,7 @@ class TransformPublisher:
         if alone:
             self._publisher, self._kind = node.advertise(TF), kind
 
-    def tell(self, time: Time, joint_positions: NDArray[np.float64]) -> None:
+    def tell(self, time: Time, joint_positions: Array) -> None:
         """
         Say where the links are, if anybody listens and it is time to.
 

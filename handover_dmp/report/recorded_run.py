@@ -526,7 +526,7 @@ def _in_order(times: Array, values: Array, *, partly: bool = False) -> tuple[Arr
 
 def _joints(
     path: Path, rows: list[Any], info: dict[str, Any]
-) -> tuple[tuple[str, ...], NDArray[np.float64], bool]:
+) -> tuple[tuple[str, ...], Array, bool]:
     """Bring every joint state into one order: that of the run, else that of the first."""
     told = info.get('joint_names')
     names: tuple[str, ...] = rows[0][0]

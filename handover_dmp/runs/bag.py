@@ -22,6 +22,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.handover.lockstep import NANOSECONDS, Period, REPLAY_AT_S
 from handover_dmp.handover.scenario import Scenario
 from handover_dmp.handover.session_lockstep import SessionPeriod
@@ -73,7 +74,6 @@ from handover_dmp.topics import (
     WRIST_WRENCH,
 )
 import numpy as np
-from numpy.typing import NDArray
 import pinocchio
 
 
@@ -191,9 +191,7 @@ def _write_bag(
                 _write(bag, topic, message, time_ns)
 
 
-def _path(
-    scenario: Scenario, periods: Sequence[Period], positions: NDArray[np.float64]
-) -> list[list[float]]:
+def _path(scenario: Scenario, periods: Sequence[Period], positions: Array) -> list[list[float]]:
     """Where somebody was in the recording at each period, at rest before and after."""
     trial = scenario.trial
     since = np.array([period.time_ns for period in periods]) / NANOSECONDS - REPLAY_AT_S

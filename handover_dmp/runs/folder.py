@@ -27,6 +27,7 @@ import sys
 from typing import Any, TYPE_CHECKING
 
 from handover_dmp import __version__
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.files import write_text
 from handover_dmp.common.versions import installed_versions, LIBRARIES
@@ -38,8 +39,6 @@ from handover_dmp.mocap import write_trial
 from handover_dmp.mocap.session import write_sessions
 from handover_dmp.robot.descriptions import ArmChoice
 from handover_dmp.simulation.carried_object import Holder
-import numpy as np
-from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from handover_dmp.view.stage import Stage
@@ -197,7 +196,7 @@ def _setting(
     }
 
 
-def _finite(numbers: NDArray[np.float64]) -> list[float | None]:
+def _finite(numbers: Array) -> list[float | None]:
     """Return them as JSON has them, which knows of no limit that is infinite."""
     return [number if math.isfinite(number) else None for number in numbers.tolist()]
 

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import UsageError
 from handover_dmp.common.files import replacing
 from handover_dmp.common.plot_style import PLOT_STYLE
@@ -26,7 +27,6 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 EXPECTED, SEEN, LEFT_OUT = '#1f4e9c', '#e0a526', '#d62728'
@@ -134,5 +134,5 @@ def _draw_plan(found: Calibration, axes: Axes) -> None:
     axes.set_title('from above')
 
 
-def _matrix(found: Calibration) -> NDArray[np.float64]:
+def _matrix(found: Calibration) -> Array:
     return np.asarray(Rotation.from_quat(found.quaternion).as_matrix())

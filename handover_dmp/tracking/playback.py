@@ -27,13 +27,14 @@ import math
 from pathlib import Path
 from typing import NamedTuple
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.filtering import interpolate
 from handover_dmp.mocap.trial import HandoverTrial
 from handover_dmp.topics import DEMONSTRATOR_POSE, HAND_POSE, SIGNAL
 from handover_dmp.tracking.sensor_model import SensorModel
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 CATCH_UP_S = 0.25
 SEEN_BEFORE_S = 0.1
@@ -72,7 +73,7 @@ class HandSample(NamedTuple):
     """
 
     stamp_s: float
-    position: NDArray[np.float64]
+    position: Array
     orientation: tuple[float, float, float, float] | None = None
     frame: str = ''
 
@@ -94,7 +95,7 @@ class Replay:
         self,
         duration_s: float,
         *,
-        path: Callable[[float], NDArray[np.float64]] | None = None,
+        path: Callable[[float], Array] | None = None,
         arrivals: Sequence[float] = (),
         samples: Sequence[HandSample] = (),
     ) -> None:
@@ -128,7 +129,7 @@ class Replay:
         return cls.from_motion(trial.times, trial.partner)
 
     @classmethod
-    def from_motion(cls, times: NDArray[np.float64], positions: NDArray[np.float64]) -> Replay:
+    def from_motion(cls, times: Array, positions: Array) -> Replay:
         """
         Play back any motion.
 
@@ -145,12 +146,12 @@ class Replay:
 
         first, last = np.array(positions[0], dtype=float), np.array(positions[-1], dtype=float)
 
-        def path(time_s: float) -> NDArray[np.float64]:
+        def path(time_s: float) -> Array:
             if time_s <= 0.0:
                 return first
             if time_s >= duration:
                 return last
-            place: NDArray[np.float64] = spline(start + time_s)
+            place: Array = spline(start + time_s)
             return place
 
         return cls(duration, path=path)
@@ -308,7 +309,7 @@ class TrackedHand:
             position = np.full(3, np.nan)
         return HandSample(as_stamped(stamp_s + sensor.clock_s), position)
 
-    def _seen(self, number: int, elapsed_s: float) -> NDArray[np.float64] | None:
+    def _seen(self, number: int, elapsed_s: float) -> Array | None:
         """Give where a pose of the tracker is, so long after the start; None where it has none."""
         sensor = self._sensor
         if sensor.is_dead(elapsed_s):

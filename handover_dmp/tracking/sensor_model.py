@@ -25,12 +25,12 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
+from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import UsageError
 from handover_dmp.mocap.filtering import interpolate
 from handover_dmp.mocap.trial import HandoverTrial
 import numpy as np
 from numpy.random import RandomState
-from numpy.typing import NDArray
 
 
 class Observation(NamedTuple):
@@ -46,7 +46,7 @@ class Observation(NamedTuple):
 
     arrival_s: float
     stamp_s: float
-    position: NDArray[np.float64]
+    position: Array
 
 
 FAULTS = ('none', 'dies', 'freezes', 'jumps', 'drifts')
@@ -126,7 +126,7 @@ class SensorModel:
         """Tell from when the pose is that it gives some time after the start, both in s."""
         return min(elapsed_s, self.fault_at_s) if self.fault == 'freezes' else elapsed_s
 
-    def off_by(self, elapsed_s: float) -> NDArray[np.float64]:
+    def off_by(self, elapsed_s: float) -> Array:
         """Tell by how much it is off some time after the start (s), its noise aside: (3,) m."""
         off = np.array(self.offset_m, dtype=float)
         if self.fault == 'jumps' and elapsed_s >= self.fault_at_s:
@@ -149,9 +149,7 @@ class SensorModel:
         """
         return self.observe_motion(trial.times, trial.partner)
 
-    def observe_motion(
-        self, times: NDArray[np.float64], positions: NDArray[np.float64]
-    ) -> list[Observation]:
+    def observe_motion(self, times: Array, positions: Array) -> list[Observation]:
         """
         Watch any motion.
 
