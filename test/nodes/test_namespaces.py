@@ -53,6 +53,7 @@ def test_two_graphs_do_not_hear_each_other(tmp_path: Path, scenario: Scenario) -
         left.pause(False)
         assert left.wait_for_state(('done', 'aborted'), 20.0, lambda: None)
         left_alone = right.time_s, right.state
+        left.pause(True)
         right.pause(False)
         assert right.wait_for_state(('done', 'aborted'), 20.0, lambda: None)
         assert (left.state, right.state) == ('done', 'done')
