@@ -51,7 +51,7 @@ HELPERS = {
     'transforms': '`robot_sim`, or `recorder` into the bag',
 }  # fmt: skip
 # Their peers are other timers, and not other libraries.
-OF_TIMERS = ('period error', 'hand pose to joint velocity')
+OF_TIMERS = ('period error', 'hand pose to joint velocity', 'five ')
 BEGIN, END = '<!-- generated: {} -->', '<!-- end -->'
 
 

@@ -191,7 +191,9 @@ class Dmp(HandoverNode):
         self._period_ns = round(period_s * NANOSECONDS)
         self._periods = Periods(period_s)
         rate_hz = self.values['rate_hz']
-        self._command_every = max(1, round(rate_hz / self.values['rate_at_rest_hz']))
+        # by time and not by periods, of which a busy machine has fewer
+        self._command_every_s = 1.0 / self.values['rate_at_rest_hz'] - 0.5 * period_s
+        self._commanded_s = -inf
         self._status_every = max(1, round(rate_hz / self.values['status_rate_at_rest_hz']))
         self._phase_rate = 1.0
         self._phase_rate_ns = -1
@@ -454,8 +456,10 @@ class Dmp(HandoverNode):
         time = stamp(time_ns)
         active, count = self._stepped_in_motion or self.lockstep, self._periods.count
         moves = any(command.velocity) or any(command.angular_velocity)
-        self._commands = active or moves or count % self._command_every == 0
+        rested = 0.0 <= arrival_s - self._commanded_s < self._command_every_s
+        self._commands = active or moves or not rested
         if self._commands:
+            self._commanded_s = arrival_s
             self._pose = pose_message(
                 time,
                 command.position,
