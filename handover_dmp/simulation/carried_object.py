@@ -286,7 +286,7 @@ class CarriedObject:
             wrist: (3,), m, of the arm at rest.
 
         """
-        self._gripper.open()
+        self._gripper.let_go()
         self._grip.reset()
         self._gripper_closed = self.options.holder == Holder.ROBOT.value
         self._is_waiting = self.options.holder == Holder.PARTNER.value
@@ -300,7 +300,7 @@ class CarriedObject:
         has_table = self.options.holder == Holder.TABLE.value
         self._place(np.array(self.options.table) if has_table else held_at)
         if self._gripper_closed:
-            self._gripper.close()
+            self._gripper.take_hold()
             # before the first step, too, the wrist feels what it holds
             self._felt[2] = -self._weight_n
 
@@ -367,11 +367,11 @@ class CarriedObject:
             return
         self._gripper_closed = closed
         if not closed:
-            self._gripper.open()
+            self._gripper.let_go()
             return
         near = float(np.linalg.norm(self.pose[0] - wrist)) <= self.options.reach_m
         if near and not self._is_waiting:
-            self._gripper.close()
+            self._gripper.take_hold()
 
     def set_partner_hand(self, position: Array, velocity: Array | None = None) -> None:
         """

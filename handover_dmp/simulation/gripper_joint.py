@@ -87,7 +87,7 @@ class GripperJoint:
         into = pybullet.invertTransform(*self._flange())
         self._place = pybullet.multiplyTransforms(*into, position.tolist(), UPRIGHT)
 
-    def close(self) -> None:
+    def take_hold(self) -> None:
         """Take hold of the object as it lies, and begin to draw it to its place."""
         body = pybullet.getBasePositionAndOrientation(self._body, **self._client)
         into_object = pybullet.invertTransform(*body)
@@ -106,7 +106,7 @@ class GripperJoint:
         )  # fmt: skip
         pybullet.changeConstraint(self._joint, maxForce=JOINT_FORCE_N, **self._client)
 
-    def open(self) -> None:
+    def let_go(self) -> None:
         """Let go."""
         joint, self._joint = self._joint, None
         self._away = np.zeros(3)
