@@ -267,6 +267,9 @@ class SessionController(HandoverController):
 
     def abort(self) -> None:
         """Brake and hold; the gripper stays as it is. Only `start` or `reset` lead on."""
+        if self.state in (HandoverState.RELEASED, HandoverState.WITHDRAWING):
+            # else nobody would remember who has the object
+            self.leg = self.next_leg
         self._leave_way()
         super().abort()
 

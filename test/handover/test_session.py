@@ -448,6 +448,28 @@ def test_goes_on_away_from_a_hand_that_is_lost_and_stands_before_it() -> None:
     check_lost_hand(loop.moments)
 
 
+@pytest.mark.parametrize('state', [S.RELEASED, S.WITHDRAWING, S.WAITING])
+@pytest.mark.parametrize('how', ['abort', 'hold'])
+def test_what_was_picked_up_and_given_is_taken_back_after_an_abort(
+    state: HandoverState, how: str
+) -> None:
+    """And not looked for where it was picked up."""
+    place = (GIVE.start[0] + 0.1, GIVE.start[1] - 0.2, GIVE.start[2] - 0.1)
+    loop = Loop(SessionOptions(pick_up=True, pick_up_position=place))
+    loop.step(20)
+    loop.controller.start()
+    loop.until(state)
+    getattr(loop.controller, how)()
+    loop.step(100)
+    assert loop.controller.next_leg is Leg.TAKE
+    loop.hand = hand_of(TAKE)
+    loop.step(220)
+    assert loop.controller.start()
+    loop.until(S.DONE)
+    assert loop.controller.gripper_closed
+    check_gripper(loop.moments)
+
+
 @pytest.mark.parametrize('state', [S.REACHING, S.EXCHANGE, S.RELEASED, S.WITHDRAWING, S.WAITING])
 @pytest.mark.parametrize('how', ['abort', 'reset', 'hold'])
 def test_an_abort_or_a_reset_stops_it_anywhere_and_it_still_finds_home(
