@@ -259,7 +259,8 @@ def _scenario(chosen: dict[str, str]) -> Any:
     """Read the recording; else learn from one synthetic handover and take another."""
     from handover_dmp.dmp import save_model
     from handover_dmp.handover.object_profile import object_profile
-    from handover_dmp.handover.scenario import EXAMPLE, make_scenario
+    from handover_dmp.handover.recordings import EXAMPLE
+    from handover_dmp.handover.scenario import make_scenario
     from handover_dmp.handover.teaching import learn_from_trials
     from handover_dmp.mocap import condition, synthesize, write_trial
     from handover_dmp.robot.descriptions import ArmChoice
