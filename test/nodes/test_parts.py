@@ -173,7 +173,15 @@ def test_priority_ik_keeps_off_the_forearm_whose_elbow_a_tracker_sees(tmp_path: 
         hearing = Hearing(graph, WRIST_POSE, JOINT_STATES)
         told = {ELBOW_POSE: elbow, HAND_POSE: goal, POSE_COMMAND: goal}
         senders = {topic: hearing.publisher(topic) for topic in told}
-        assert hearing.until(lambda: WRIST_POSE in hearing.newest, lambda: None, 50.0)
+        # an arm that hears of the goal first is there before it hears of the forearm
+        assert hearing.until(
+            lambda: (
+                WRIST_POSE in hearing.newest
+                and all(sender.get_subscription_count() for sender in senders.values())
+            ),
+            lambda: None,
+            50.0,
+        )
 
         def tell() -> None:
             for topic, place in told.items():
