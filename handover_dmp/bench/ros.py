@@ -82,7 +82,7 @@ def run(progress: Callable[[str], None]) -> list[Measurement]:
 
 def _motion(run: WallClockRun) -> list[Measurement]:
     rows = {
-        'a handover is on': run.within(run.dmp)[:, 3],
+        'a handover is on': run.within(run.dmp)[:, 2],
         'the arm moves': run.within(run.joints)[:, 2],
     }
     return [
