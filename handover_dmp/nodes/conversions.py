@@ -18,11 +18,12 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Iterable, Mapping
+from math import hypot
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, TwistStamped
 from handover_dmp.common.arrays import Array
-from handover_dmp.common.quaternions import IDENTITY, Quaternion
+from handover_dmp.common.quaternions import IDENTITY, normalized, Quaternion, to_matrix
 from handover_dmp.topics import FRAME, label_of, names_of_values, position_covariance
 from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension
 
@@ -139,22 +140,24 @@ def position_of(message: PoseStamped) -> tuple[float, float, float]:
 
 def quaternion_of(rotation: Array) -> Quaternion:
     """Return a rotation, (3, 3), as a quaternion."""
+    # there already in the nodes that know the arm; the others are not to load it
     import pinocchio
 
     x, y, z, w = pinocchio.Quaternion(rotation).coeffs().tolist()
     return x, y, z, w
 
 
+def orientation_of(message: PoseStamped) -> Quaternion | None:
+    """Return the orientation of a pose, of norm 1; None where its quaternion is none."""
+    turn = message.pose.orientation
+    found = turn.x, turn.y, turn.z, turn.w
+    return normalized(found) if abs(hypot(*found) - 1.0) < 1e-3 else None
+
+
 def rotation_of(message: PoseStamped) -> Array | None:
     """Return the rotation of a pose, (3, 3); None where its quaternion is none."""
-    import pinocchio
-
-    turn = message.pose.orientation
-    quaternion = pinocchio.Quaternion(turn.w, turn.x, turn.y, turn.z)
-    if not abs(quaternion.norm() - 1.0) < 1e-3:
-        return None
-    matrix: Array = quaternion.normalized().toRotationMatrix()
-    return matrix
+    found = orientation_of(message)
+    return None if found is None else to_matrix(found)
 
 
 def to_float_array(

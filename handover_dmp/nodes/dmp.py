@@ -54,11 +54,10 @@ from handover_dmp.handover.withdrawal import WithdrawalOptions
 from handover_dmp.nodes.conversions import (
     NANOSECONDS,
     nanoseconds,
+    orientation_of,
     pose_message,
     pose_with_covariance,
     position_of,
-    quaternion_of,
-    rotation_of,
     stamp,
     to_float_array,
     twist_message,
@@ -324,8 +323,7 @@ class Dmp(HandoverNode):
     def _on_wrist(self, message: PoseStamped) -> None:
         turned = None
         if self._orientation is None or self._controller.turns or self._wrench is not None:
-            rotation = rotation_of(message)
-            turned = None if rotation is None else quaternion_of(rotation)
+            turned = orientation_of(message)
         self._controller.set_wrist(position_of(message), turned)
         self._wrist_arrival_s = self.arrival_s()
         self._orientation = self._orientation or turned

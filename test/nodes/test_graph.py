@@ -99,6 +99,9 @@ def undisturbed_bag(tmp_path_factory: pytest.TempPathFactory, scenario: Scenario
         graph.pause(False)
         assert graph.wait_for_state(('done',), MAX_S, lambda: None)
         graph.linger(0.1)
+        loaded = Path(f'/proc/{graph.processes["dmp"].pid}/maps').read_text(encoding='utf-8')
+    # to load it takes as long as many periods, in which the arm would be without a command
+    assert 'pinocchio' not in loaded and 'numpy' in loaded
     return folder / 'bag'
 
 
