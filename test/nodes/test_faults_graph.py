@@ -33,6 +33,7 @@ import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
+from fault_parameters import prepare_for_faults
 from handover_dmp.common.settings import defaults
 from handover_dmp.handover.scenario import Scenario
 from handover_dmp.nodes.conversions import (
@@ -348,12 +349,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory, scenario: Scenario) -> Itera
     folder = tmp_path_factory.mktemp('faults')
     keep_inputs(folder, scenario)
     parameters = graph_parameters(folder, scenario, {'by': 'a test'}, True)
-    parameters['hand_tracker']['replay_at_s'] = -1.0
-    # as fast as it goes it would take both processors also where this test only waits
-    parameters['robot_sim']['real_time_factor'] = 1.0
-    # who is killed here is not to be waited for as long as one that is merely slow
-    for name in ('dmp', 'priority_ik'):
-        parameters[name]['patience_s'] = SHORT_PATIENCE_S
+    prepare_for_faults(parameters, SHORT_PATIENCE_S)
     with Graph(folder, parameters) as graph:
         graph.pause(False)
         bench = Bench(graph, folder, scenario)

@@ -29,6 +29,7 @@ import signal
 import time
 from typing import Any
 
+from fault_parameters import prepare_for_faults
 from handover_dmp.bench.session_watch import SessionWatch, STAGES, StageWatch
 from handover_dmp.common.settings import defaults
 from handover_dmp.handover.session_scenario import make_session_scenario, SessionScenario
@@ -257,11 +258,7 @@ def session_of(folder: Path) -> Iterator[Session]:
     keep_session(folder, scenario)
     info = session_info(scenario, MASS_KG)
     parameters = session_parameters(folder, scenario, info, True)
-    parameters['hand_tracker']['replay_at_s'] = -1.0
-    # as fast as it goes it would take both processors also where this test only waits
-    parameters['robot_sim']['real_time_factor'] = 1.0
-    for name in ('dmp', 'priority_ik'):
-        parameters[name]['patience_s'] = SHORT_PATIENCE_S
+    prepare_for_faults(parameters, SHORT_PATIENCE_S)
     with Graph(folder, parameters) as graph:
         graph.pause(False)
         session = Session(graph, folder, scenario)
