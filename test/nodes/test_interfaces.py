@@ -392,7 +392,9 @@ def test_markers_show_where_hand_and_wrist_are_and_were(graph: Graph) -> None:
         'learnt path', 'hand', 'hand trail', 'wrist', 'wrist trail', 'exchange',
     }  # fmt: skip
     for name, poses in (('hand', hands), ('wrist', wrists)):
-        seen = [place(message.pose.position) for message in poses]
+        # the hand of another replay is hidden, and said to be lost, until that begins
+        heard = (place(message.pose.position) for message in poses)
+        seen = [position for position in heard if all(map(math.isfinite, position))]
         shown = place(last[name].pose.position)
         assert min(math.dist(shown, other) for other in seen) < 0.01
         # the last second; what was before, nobody listened to here
