@@ -27,7 +27,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 # Tests neither hear other robots on the network nor other tests on this machine.
 ISOLATED = ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_DOMAIN_ID=$$(($$$$ % 100 + 1))
-# As many processes as there are processors; test/conftest.py says which tests belong together.
+# test/conftest.py says in how many processes, and which tests belong together.
 PYTEST = $(ISOLATED) $(BIN)/python -m pytest -n auto
 
 .PHONY: help demo test test-ros2 longtest matrix coverage lint docs format bench clean

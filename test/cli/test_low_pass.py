@@ -59,7 +59,8 @@ def test_evaluate(data_set: Path, tmp_path: Path) -> None:
     rms_m = {}
     for cutoff in ('none', '6'):
         out = tmp_path / cutoff
-        assert main(['evaluate', str(data_set), '-o', str(out), '--low-pass', cutoff]) == 0
+        words = ['evaluate', str(data_set), '-o', str(out), '--low-pass', cutoff]
+        assert main([*words, '--no-figures']) == 0
         rows = json.loads((out / 'table.json').read_text())['rows']
         (rms_m[cutoff],) = {row['rms_m'] for row in rows if row['method'] == 'minimum_jerk'}
     assert 0.8 * TREMBLING_M / np.sqrt(2.0) < rms_m['none'] < 1.2 * TREMBLING_M / np.sqrt(2.0)
