@@ -22,8 +22,8 @@ motion; and the same result every time.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.closing import Closing
@@ -104,7 +104,7 @@ class LockstepLoop(Closing, ABC):
         q_start: Array,
         controller: HandoverController,
         *,
-        orientation: str,
+        tasks: Mapping[str, Any],
         tracker_names: Sequence[str],
         rate_hz: float,
         carried: CarriedObjectOptions | None = None,
@@ -116,7 +116,7 @@ class LockstepLoop(Closing, ABC):
             robot: the arm, placed.
             q_start: (n,), rad, its posture at the start.
             controller: of the wrist.
-            orientation: task of the wrist.
+            tasks: parameters of the inverse kinematics that are not as usual.
             tracker_names: of those that see the hand, in order.
             rate_hz: of the periods, Hz.
             carried: what is handed over; None: nothing with a mass.
@@ -124,7 +124,7 @@ class LockstepLoop(Closing, ABC):
         """
         self.period_s = 1.0 / rate_hz
         self.controller = controller
-        self.wrist_controller = WristController(robot, PriorityIk(robot, orientation=orientation))
+        self.wrist_controller = WristController(robot, PriorityIk(robot, **tasks))
         self.arm = SimulatedArm(robot, carried=carried)
         self.arm.reset(q_start)
         self._robot = robot
@@ -265,7 +265,7 @@ class Handover(LockstepLoop):
             scenario.robot,
             scenario.q_start,
             HandoverController(scenario.model, rules, GoalEstimator(trackers=told)),
-            orientation=scenario.orientation,
+            tasks=scenario.carried.node_parameters(scenario.model)['priority_ik'],
             tracker_names=[one.name for one in trackers],
             rate_hz=rate_hz,
         )

@@ -44,6 +44,7 @@ LEARNT = 'learnt'
 SHAPES = ('rod', 'cup', 'knife', 'box')
 LARGEST_FILE_BYTES = 100_000
 RANGES = {
+    'slows_to': (0.05, 1.0),
     'duration_scale': (1.0, 5.0),
     'acceleration_limit': (0.0, 1000.0),
     'standoff_m': (-0.5, 1.0),
@@ -63,6 +64,8 @@ class ObjectProfile:
         name: of the profile.
         orientation: task of the wrist, one of `ORIENTATIONS`, or `learnt`: `full` where the
             movement has learnt how the wrist turns, and as in `config/handover.yaml` elsewhere.
+        slows_to: share of its speed down to which the wrist is slowed where the arm could not
+            keep that orientation; 1: not at all.
         duration_scale: of the reach.
         acceleration_limit: of the wrist command, m/s²; 0: that of `config/handover.yaml`.
         standoff_m: how much farther from the partner's hand than as learnt the wrist stays, m.
@@ -79,6 +82,7 @@ class ObjectProfile:
 
     name: str
     orientation: str
+    slows_to: float
     duration_scale: float
     acceleration_limit: float
     standoff_m: float
@@ -132,17 +136,14 @@ class ObjectProfile:
             Of `dmp` and `priority_ik`, name to value, where that is not the default.
 
         """
-        task = self.task_for(movement)
         limits = {
             'acceleration_limit': self.acceleration,
             'approach.stopping_limit': self.stopping_limit,
         }
-        usual = defaults('dmp')
+        tasks = {'orientation': self.task_for(movement), 'orientation_slows_to': self.slows_to}
         return {
-            'dmp': {name: value for name, value in limits.items() if value != usual[name]},
-            'priority_ik': {'orientation': task}
-            if task != defaults('priority_ik')['orientation']
-            else {},
+            node: {name: value for name, value in asked.items() if value != defaults(node)[name]}
+            for node, asked in (('dmp', limits), ('priority_ik', tasks))
         }
 
     @property

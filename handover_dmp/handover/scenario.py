@@ -122,19 +122,21 @@ def make_scenario(
     )
     replayed = condition(replayed, cutoff_hz=defaults('hand_tracker')['cutoff_hz'])
     wrist_path = expected_path(learnt, replayed)
-    choice = arm or ArmChoice('lwr4')
+    choice, task = arm or ArmChoice('lwr4'), carried.task_for(learnt)
     robot = RobotModel.load(
         choice.robot, wrist_frame=choice.wrist_frame, base_frame=choice.base_frame
     )
     if base is None:
-        base = choose_base_placement(wrist_path, robot, partner=replayed.partner[-1])
+        base = choose_base_placement(
+            wrist_path, robot, partner=replayed.partner[-1], upright=task == 'upright'
+        )
     robot = robot.placed(base)
     return Scenario(
         trial=replayed,
         model=learnt,
         robot=robot,
         q_start=starting_joints(
-            robot, wrist_path[0], carried.task_for(learnt), replayed.partner[-1]
+            robot, wrist_path[0], task, replayed.partner[-1]
         ),
         seed=seed,
         partner_model=partner_model or defaults('dmp')['partner_model'],

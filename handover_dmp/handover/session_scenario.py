@@ -207,19 +207,19 @@ def make_session_scenario(
     if place is not None:
         fetching = _fetching_path(wrist_path[0], place, replayed)
         wrist_path = np.vstack([fetching, fetching[::-1], wrist_path])
-    choice = arm or ArmChoice('lwr4')
+    choice, task = arm or ArmChoice('lwr4'), carried.task_for(learnt.give)
     robot = RobotModel.load(
         choice.robot, wrist_frame=choice.wrist_frame, base_frame=choice.base_frame
     )
     partner = trials_of(replayed)[0].partner[-1]
     if base is None:
-        base = choose_base_placement(wrist_path, robot, partner=partner)
+        base = choose_base_placement(wrist_path, robot, partner=partner, upright=task == 'upright')
     robot = robot.placed(base)
     return SessionScenario(
         session=replayed,
         models=learnt,
         robot=robot,
-        q_start=starting_joints(robot, wrist_path[0], carried.task_for(learnt.give), partner),
+        q_start=starting_joints(robot, wrist_path[0], task, partner),
         seed=seed,
         partner_model=partner_model or defaults('dmp')['partner_model'],
         profile=carried,
@@ -246,6 +246,8 @@ def expected_session_path(models: SessionModels, session: RecordedSession) -> Ar
         movement = models.give if trial.direction == 'give' else models.take
         goals, velocities = hand_goal(trial, movement)
         there, _ = rollout_towards(movement, trial.times, goals, velocities, home)
+        # what is carried slowly is still on its way when the recorded reach is over
+        there = np.vstack([there, trial.partner[-1] + movement.goal_offset])
         parts += [there, there[::-1]]
     return np.vstack(parts[:-1])
 

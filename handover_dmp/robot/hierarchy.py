@@ -31,7 +31,7 @@ SOFTNESS = 1e-7
 IDLE_ROW = 1e-5
 """Rows whose entries are all smaller than this are taken for zero."""
 SPEED_LEVEL = 1
-"""Place of s = 1 among the levels of the tasks: behind the first, the wrist's direction."""
+"""Place of s among the levels of the tasks: behind the first, the wrist's direction."""
 TOUCHING = 1e-7
 """A bound this near counts as active, rad/s."""
 
@@ -49,7 +49,11 @@ class Hierarchy:
     """
 
     def __init__(
-        self, dof: int, half_spaces: int, levels: Sequence[Sequence[Rows | None]]
+        self,
+        dof: int,
+        half_spaces: int,
+        levels: Sequence[Sequence[Rows | None]],
+        slowest: float = 1.0,
     ) -> None:
         """
         Make room.
@@ -58,11 +62,17 @@ class Hierarchy:
             dof: number of joints.
             half_spaces: their number.
             levels: rows of each task, for their shapes; None for a task that asks for nothing.
+            slowest: how small s may become for the levels behind the first; 1: not at all.
 
         """
         first = dof + 1
         shapes = [[rows[0].shape for rows in level if rows] for level in levels]
-        shapes.insert(SPEED_LEVEL, [(1, first)])  # of the speed scale
+        speed = [(1, first)]  # a row of the speed scale
+        shapes.insert(SPEED_LEVEL, speed)
+        least = {SPEED_LEVEL: slowest}
+        if slowest < 1.0:
+            least[len(shapes)] = 1.0
+            shapes.append(speed)
         sizes = [sum(count for count, _ in level) for level in shapes]
         rows = half_spaces + sum(sizes) + dof
         self.matrix = np.zeros((rows, first))
@@ -85,8 +95,9 @@ class Hierarchy:
             for count, width in blocks:
                 start, end = end, end + count
                 values = self.bounds[:, first + start: first + end]  # fmt: skip
-                if level == SPEED_LEVEL:
-                    self.matrix[start, dof] = values[:] = 1.0
+                if level in least:
+                    self.matrix[start, dof] = values[1] = 1.0
+                    values[0] = least[level]
                 else:
                     self.parts.append((start, end))
                     self._blocks.append((self.matrix[start:end, :width], values))

@@ -17,18 +17,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 import itertools
+import math
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.settings import defaults
 from handover_dmp.robot.collision import CollisionModel
 from handover_dmp.robot.errors import UnreachableError
 from handover_dmp.robot.model import BasePlacement, RobotModel
+from handover_dmp.robot.orientation_task import orthogonal_directions
 import numpy as np
 
 SAMPLES = 16
-"""Points of the way that are looked at, equally spaced along it."""
+"""Points of the way that are looked at, equally spaced along it, or more:"""
+SPACING_M = 0.08
+"""How far these are apart at the most, or the ends of a way there and back would be missed."""
 TRIED = 24
 """Placements that are tried with the joints, of those that suit the distances best."""
 REFINEMENTS = 2
@@ -49,6 +54,8 @@ EASY_MARGIN = 0.4
 """A good distance of a joint from its limits, rad."""
 EASY_MANIPULABILITY = 0.25
 """A good smallest singular value, m."""
+TILT_LEVER_M = 0.3
+"""What a tilt, in rad, counts as beside a distance."""
 LEFT_BONUS = 0.01
 """Decides between mirror images: people reach with the right hand, so the body is to its left."""
 BEHIND_START = 0.15
@@ -80,8 +87,46 @@ class _WristPath:
     leftwards: Array
 
 
+class _Wrist:
+    """
+    What of the wrist is to be moved: its position, and what is up in it, if that is to stay up.
+
+    Attributes:
+        model: the arm.
+
+    """
+
+    def __init__(self, model: RobotModel, start: Array | None) -> None:
+        """Take the arm, and the posture, (n,), rad, whose wrist stays upright; None for free."""
+        self.model = model
+        self._vertical: Array = model.base.rotation[:, 2]
+        self._across = np.array(orthogonal_directions(self._vertical)) * TILT_LEVER_M
+        self._up: Array | None = None
+        if start is not None:
+            self._up = model.wrist_pose(start)[1].T @ self._vertical
+
+    def jacobian(self, posture: Array) -> Array:
+        """Give how it moves with the joints, (3, n) or (5, n), m per rad."""
+        jacobian = self.model.wrist_jacobian(posture)
+        if self._up is None:
+            return jacobian[:3]
+        return np.vstack([jacobian[:3], self._across @ jacobian[3:]])
+
+    def error(self, posture: Array, point: Array) -> Array:
+        """Give what is missing to a point, (3,) or (5,), m."""
+        place, rotation = self.model.wrist_pose(posture)
+        if self._up is None:
+            return point - place
+        tilt = np.cross(rotation @ self._up, self._vertical)
+        return np.concatenate([point - place, self._across @ tilt])
+
+
 def choose_base_placement(
-    path: Array, model: RobotModel, *, partner: Array | None = None
+    path: Array,
+    model: RobotModel,
+    *,
+    partner: Array | None = None,
+    upright: bool = False,
 ) -> BasePlacement:
     """
     Find where the arm stands best for a way of its wrist.
@@ -101,6 +146,8 @@ def choose_base_placement(
         model: the arm; where it stands now does not matter.
         partner: (3,), m, the partner's hand or body, towards which the arm looks; the end of the
             way if left out.
+        upright: whether what is up in the wrist at the start is to stay up, where there is a
+            place from which it can.
 
     Returns:
         Position of the root link and yaw.
@@ -110,6 +157,15 @@ def choose_base_placement(
 
     """
     wrist_path = _wrist_path(np.asarray(path, dtype=float), partner)
+    if upright:
+        with suppress(UnreachableError):
+            return _chosen(wrist_path, model, upright=True)
+    return _chosen(wrist_path, model)
+
+
+def _chosen(
+    wrist_path: _WristPath, model: RobotModel, *, upright: bool = False
+) -> BasePlacement:
     reach = model.reach_m
     middle = wrist_path.points.mean(axis=0)
     offsets = np.array(list(itertools.product(BEHIND, ASIDE, ABOVE))) * reach
@@ -126,17 +182,19 @@ def choose_base_placement(
         wrist_path,
         [np.array(offset) for _, offset in ranked[:TRIED]],
         lambda offset: _placement(model, wrist_path, middle, offset),
+        upright,
     )
-    if best.missing_m > 0.0:
+    if best.missing_m > 0.0 and not upright:
         anchored = _search(
             model,
             wrist_path,
             _anchored(model, wrist_path, middle),
             lambda place: BasePlacement((place[0], place[1], place[2]), place[3]),
+            upright,
         )
         best = max(best, anchored, key=_Trial.key)
     if best.missing_m > 0.0:
-        length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+        length = float(np.linalg.norm(np.diff(wrist_path.points, axis=0), axis=1).sum())
         raise UnreachableError(
             f'{model.name} {NO_WAY.replace("way", f"way of {length:.2f} m")} '
             + _why_not(best, sideways < FLAT * reach),
@@ -172,11 +230,12 @@ def _search(
     wrist_path: _WristPath,
     starts: Iterable[Array],
     placed: Callable[[Array], BasePlacement],
+    upright: bool,
 ) -> _Trial:
     """Try placements, then the neighbourhood of the best: along the first three numbers of it."""
     best, at = _Trial(-np.inf, BasePlacement(), np.inf), np.zeros(4)
     for start in starts:
-        trial = _tried(model, wrist_path, placed(start))
+        trial = _tried(model, wrist_path, placed(start), upright)
         if trial.key() > best.key():
             best, at = trial, start
     spacing = 0.075 * model.reach_m
@@ -185,7 +244,7 @@ def _search(
         for axis, side in itertools.product(range(3), (-1.0, 1.0)):
             moved = centre.copy()
             moved[axis] += side * spacing
-            trial = _tried(model, wrist_path, placed(moved))
+            trial = _tried(model, wrist_path, placed(moved), upright)
             if trial.key() > best.key():
                 best, at = trial, moved
         spacing /= 2.0
@@ -222,11 +281,11 @@ def _anchored(model: RobotModel, wrist_path: _WristPath, middle: Array) -> Itera
 
 def _followed_from(model: RobotModel, configuration: Array, points: Array) -> bool:
     """Tell whether the way can be followed to both of its ends from a configuration amid it."""
-    half = len(points) // 2
+    half, wrist = len(points) // 2, _Wrist(model, None)
     for part in (points[half::-1], points[half:]):
         posture = configuration
         for point in part:
-            posture, missing = _moved(model, posture, point)
+            posture, missing = _moved(wrist, posture, point)
             if missing > 1e-3:
                 return False
     return True
@@ -261,10 +320,11 @@ def _wrist_path(path: Array, partner: Array | None) -> _WristPath:
     steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     if along[-1] > 0.0:
-        share = np.linspace(0.0, along[-1], SAMPLES)
+        count = max(SAMPLES, math.ceil(along[-1] / SPACING_M))
+        share = np.linspace(0.0, along[-1], count)
         points = np.column_stack([np.interp(share, along, path[:, i]) for i in range(3)])
         at = np.arange(len(path))
-        fraction = np.linspace(0.0, len(path) - 1.0, 8 * SAMPLES)
+        fraction = np.linspace(0.0, len(path) - 1.0, 8 * count)
         rates = np.diff(np.interp(fraction, at, along))
         rate = np.interp(share, np.interp(fraction[1:], at, along), rates)
         speed_weight = np.maximum(rate / rate.max(), MIN_SPEED_WEIGHT)
@@ -335,7 +395,9 @@ def _seen_from(model: RobotModel, wrist_path: _WristPath, base: BasePlacement) -
     return np.asarray(points @ model.base.rotation.T + np.array(model.base.position))
 
 
-def _tried(model: RobotModel, wrist_path: _WristPath, base: BasePlacement) -> _Trial:
+def _tried(
+    model: RobotModel, wrist_path: _WristPath, base: BasePlacement, upright: bool
+) -> _Trial:
     """Follow the way with the joints from one placement."""
     points = _seen_from(model, wrist_path, base)
     farthest = float(np.linalg.norm(points - model.shoulder, axis=1).max()) - model.reach_m
@@ -346,13 +408,14 @@ def _tried(model: RobotModel, wrist_path: _WristPath, base: BasePlacement) -> _T
     except UnreachableError as error:
         return _Trial(-np.inf, base, max(error.missing_m, 1e-9))
     ease, clear = [], np.inf
+    wrist = _Wrist(model, posture if upright else None)
     for i, point in enumerate(points):
-        posture, missing = _moved(model, posture, point)
+        posture, missing = _moved(wrist, posture, point)
         if missing > 1e-3:
             return _Trial(-np.inf, base, missing)
         clear = min(clear, CollisionModel.of(model).min_distance(posture))
         direction = points[min(i + 1, len(points) - 1)] - points[max(i - 1, 0)]
-        ease.append(_ease(model, posture, direction, wrist_path.speed_weight[i]))
+        ease.append(_ease(wrist, posture, direction, wrist_path.speed_weight[i]))
     if clear < defaults('priority_ik')['collision_distance'] + HELD_CLEAR_M:
         return _Trial(clear, base, 1e-9, blocked=True)
     own = model.base.rotation.T @ (model.shoulder - np.array(model.base.position))
@@ -364,34 +427,33 @@ def _tried(model: RobotModel, wrist_path: _WristPath, base: BasePlacement) -> _T
     return _Trial(score, base, 0.0)
 
 
-def _moved(model: RobotModel, posture: Array, point: Array) -> tuple[Array, float]:
+def _moved(wrist: _Wrist, posture: Array, point: Array) -> tuple[Array, float]:
     """Move the wrist to a point nearby, the free joints a little towards home."""
-    limits = model.limits
-    error = point - model.wrist_pose(posture)[0]
+    limits = wrist.model.limits
+    error = wrist.error(posture, point)
     for attempt in range(6):
-        jacobian = model.wrist_jacobian(posture)[:3]
+        jacobian = wrist.jacobian(posture)
         back = np.linalg.pinv(jacobian, rcond=0.02)
         step = back @ error
         if attempt == 0:
-            home = 0.2 * (model.home - posture)
+            home = 0.2 * (wrist.model.home - posture)
             step += home - back @ (jacobian @ home)
         posture = np.clip(posture + step, limits.lower, limits.upper)
-        error = point - model.wrist_pose(posture)[0]
+        error = wrist.error(posture, point)
         if attempt and error @ error < 1e-8:
             break
     return posture, float(np.linalg.norm(error))
 
 
-def _ease(model: RobotModel, posture: Array, direction: Array, speed_weight: float) -> float:
+def _ease(wrist: _Wrist, posture: Array, direction: Array, speed_weight: float) -> float:
     """Say how well the arm moves on from a posture, 1 being easy."""
-    limits = model.limits
+    limits = wrist.model.limits
     margin = float(np.minimum(limits.upper - posture, posture - limits.lower).min())
-    jacobian = model.wrist_jacobian(posture)[:3]
-    left, values, right = np.linalg.svd(jacobian, full_matrices=False)
+    left, values, right = np.linalg.svd(wrist.jacobian(posture), full_matrices=False)
     length = float(np.linalg.norm(direction))
     speed = EASY_SPEED
     if length > 0.0:
-        joints = right.T @ ((left.T @ direction) / (length * np.maximum(values, 1e-3)))
+        joints = right.T @ ((left[:3].T @ direction) / (length * np.maximum(values, 1e-3)))
         speed = 1.0 / float((np.abs(joints) / limits.velocity).max())
     return min(
         speed / (EASY_SPEED * speed_weight),

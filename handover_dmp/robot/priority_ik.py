@@ -20,8 +20,8 @@ Over the joint velocities q̇ and the speed scale s, in this order:
 1. limits: the box of `limits.VelocityBox`, 0 ≤ s ≤ 1, and the half-spaces of separation and
    collision (`separation`, `collision_limits`);
 2. the wrist's direction: J_p q̇ = s·v (`direction_task`);
-3. its speed: s = 1;
-4. orientation: full, one axis, or none (`orientation_task`);
+3. its speed: s = 1, or only s ≥ `orientation_slows_to` where that is less;
+4. orientation: full, one axis, or none (`orientation_task`), and in the latter case then s = 1;
 5. posture: towards home, away from the position limits and with the elbow away from the partner
    (`posture`).
 
@@ -186,7 +186,9 @@ class PriorityIk:
         if hierarchy is None:
             left = iter(tasks)
             levels = [[next(left) for _ in level] for level in self.stack.levels]
-            hierarchy = Hierarchy(self.model.dof, len(half_spaces), levels)
+            hierarchy = Hierarchy(
+                self.model.dof, len(half_spaces), levels, self.stack.slowest
+            )
             self._hierarchies[size] = hierarchy
         return hierarchy
 

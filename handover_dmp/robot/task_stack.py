@@ -61,6 +61,14 @@ class StackOptions:
         0.01,
         1.0,
     )
+    orientation_slows_to: float = setting(
+        'priority_ik',
+        'orientation_slows_to',
+        "share of the wrist's speed down to which it is slowed where its orientation could not "
+        'keep up; 1: not at all',
+        0.05,
+        1.0,
+    )
 
 
 TASKS = (
@@ -87,6 +95,7 @@ class TaskStack:
             first level comes the speed scale, s = 1.
         preferences: what the joints do in the end where they are still free.
         braking_share: β of `limits.VelocityBox`.
+        slowest: s down to which the levels behind the first may slow the wrist; 1: not at all.
 
     """
 
@@ -94,6 +103,7 @@ class TaskStack:
     levels: tuple[tuple[Task, ...], ...]
     preferences: tuple[Preference, ...]
     braking_share: float
+    slowest: float = 1.0
 
     @classmethod
     def configured(cls, model: RobotModel, **parameters: Any) -> TaskStack:
@@ -129,6 +139,7 @@ class TaskStack:
                 _made(ElbowClearance, model, values),
             ),
             braking_share=values['braking_share'],
+            slowest=values['orientation_slows_to'],
         )
 
     def off(self, rotation: Array, target: Array | None) -> float:

@@ -21,13 +21,14 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 
-from handover_dmp.bench.graph_run import WallClockRun
-from handover_dmp.bench.ros import _motion
-
 pytestmark = pytest.mark.ros
 
 
 def test_the_shares_in_motion_are_those_of_the_measured_periods() -> None:
+    # here, since they need ROS
+    from handover_dmp.bench.graph_run import WallClockRun
+    from handover_dmp.bench.ros import _motion
+
     times_s = np.arange(0.0, 4.0, 0.005)
     on, moves = times_s < 3.0, times_s < 2.0
     run = WallClockRun(

@@ -62,6 +62,14 @@ def test_the_arm_follows_from_where_it_is_put(robot, length):
         assert distances.max() < 0.95 * arm.reach_m
 
 
+def test_the_ends_of_a_way_there_and_back_are_in_reach(lwr4):
+    ends = [arc(0.4, turn) for turn in (-0.5, 0.1, 0.6)]
+    path = np.vstack([part for there in ends for part in (there, there[::-1])])
+    placed = lwr4.placed(choose_base_placement(path, lwr4, partner=np.array([0.9, -0.3, 1.2])))
+    for there in ends:
+        assert np.linalg.norm(there[-1] - placed.shoulder) < 0.9 * lwr4.reach_m
+
+
 @pytest.mark.parametrize(
     ('file', 'wrist', 'base', 'length'),
     [

@@ -359,6 +359,32 @@ def test_orientation_changes_no_wrist_velocity(arm, orientation):
             np.testing.assert_allclose(moved[0], moved[1], atol=1e-6)
 
 
+def test_the_wrist_is_slowed_along_its_way_where_it_could_not_stay_level(arm):
+    rng = np.random.default_rng(5)
+    usual, level = (
+        PriorityIk(arm, orientation='upright', orientation_slows_to=share, **PLAIN)
+        for share in (1.0, 0.25)
+    )
+    slowed = 0
+    for _ in range(60):
+        posture = arm.home + rng.uniform(-0.3, 0.3, arm.dof)
+        position, rotation = arm.wrist_pose(posture)
+        linear = arm.wrist_jacobian(posture)[:3].copy()
+        target = WristTarget(position, rng.normal(size=3), rotation)
+        # so much time that no acceleration limit counts
+        late, there = (k.solve(posture, np.zeros(arm.dof), target, 0.5) for k in (usual, level))
+        share = there.speed_scale
+        moved = linear @ there.joint_velocity
+        np.testing.assert_allclose(moved, share * target.velocity, atol=1e-5)
+        assert share >= min(0.25, late.speed_scale) - 1e-6
+        assert there.residuals['orientation'] <= late.residuals['orientation'] + 1e-6
+        if late.residuals['orientation'] > 0.05 and share > 0.26:
+            slowed += 1
+            assert share < late.speed_scale
+            assert there.residuals['orientation'] < 1e-4
+    assert slowed >= 3
+
+
 @pytest.mark.parametrize('robot', ['lwr4', 'iiwa14', 'panda'])
 def test_redundancy_brings_the_arm_home(robot):
     """With the wrist held, what is free goes towards home and off the limits."""
