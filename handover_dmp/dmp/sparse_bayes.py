@@ -120,7 +120,10 @@ class _Search:
         small_s = sparsity * factor
         theta = (quality * factor) ** 2 - small_s
         # (20), and 0 where the evidence is greater without it
-        better = np.where(theta > 0.0, theta / (small_s * small_s), 0.0)
+        squared = small_s * small_s
+        # S can be exactly 0 for what lies in the span of the active ones: it adds nothing
+        told = (theta > 0.0) & (squared > 0.0)
+        better = np.divide(theta, squared, out=np.zeros_like(theta), where=told)
         # (32), which is (27) where the candidate was not active and (37) where it goes
         change = better - spread
         growth = np.maximum(sparsity * change, ROUNDING - 1.0)

@@ -161,6 +161,16 @@ def test_two_equal_columns_are_one():
     assert result.mean == pytest.approx([2.0], rel=1e-6)
 
 
+def test_what_adds_nothing_to_the_last_bit_is_passed_by():
+    """S of (24) is exactly 0 where a candidate lies in the span of the active ones."""
+    gram = np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    search = module._Search(gram, np.array([2.0, 2.0, 3.0]), 10.0, 20.0)
+    search.beta, search.covariance = 1.0, np.ones((1, 1))
+    with np.errstate(all='raise'):
+        assert search.improve()
+    assert sorted(search.active) == [0, 2]
+
+
 def test_it_stays_short():
     lines = inspect.getsource(module).splitlines()
     assert len([line for line in lines if not line.startswith('#')]) <= 155
