@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,6 +26,9 @@ from handover_dmp.common.errors import UsageError
 if TYPE_CHECKING:
     from handover_dmp.report.comparison import Difference
     from rich.table import Table
+
+MAX_WIDTH = 400
+"""Characters that no table needs."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -78,33 +82,47 @@ def run(options: argparse.Namespace) -> int:
         }
         write_text(options.json, json.dumps(outcome, indent=1) + '\n')
     console = Console(highlight=False)
-    console.print(_table(options.runs, differences))
+    table = _table(options.runs, differences)
+    needed = console.measure(table, options=console.options.update(width=MAX_WIDTH)).maximum
+    console.width = max(console.width, needed)
+    console.print(table)
     if pairs > 1:
         console.print(
-            f'Means of {pairs} pairs; mean difference to the first with its 95 % interval.'
+            f'Means of {pairs} pairs; mean difference to the first with its 95 % interval, where '
+            'two pairs or more have the measure.'
         )
     return 0
 
 
+def _names(runs: list[Path]) -> list[str]:
+    """Name runs by what their places differ in."""
+    places = [place.resolve() for place in runs]
+    common = Path(os.path.commonpath(places))
+    if common in places:
+        return [str(place) for place in runs]
+    return [str(place.relative_to(common)) for place in places]
+
+
 def _table(runs: list[Path], differences: list[Difference]) -> Table:
+    from handover_dmp.common.digits import rounded
     from rich import box
     from rich.table import Table
 
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1))
-    table.add_column('')
-    for place in runs:
-        table.add_column(str(place), justify='right', overflow='fold')
+    table.add_column('', no_wrap=True)
+    for name in _names(runs):
+        table.add_column(name, justify='right', overflow='fold')
     for number in range(2, len(runs) + 1):
         table.add_column('difference' if len(runs) == 2 else f'{number} − 1', justify='right')
     for one in differences:
         cells = [
-            '–' if mean is None else f'{mean:.{one.digits}f} {one.unit}'.strip()
+            '–' if mean is None else f'{rounded(mean, one.digits)} {one.unit}'.strip()
             for mean in one.means
         ]
         for value, interval in zip(one.differences, one.intervals, strict=True):
-            text = '–' if value is None else f'{value:+.{one.digits}f}'
+            text = '–' if value is None else rounded(value, one.digits, '+')
             if interval is not None:
-                text += f' ({interval[0]:.{one.digits}f} to {interval[1]:.{one.digits}f})'
+                text += f' ({" to ".join(rounded(end, one.digits) for end in interval)})'
             cells.append(text)
         table.add_row(one.name, *cells)
     return table

@@ -264,10 +264,11 @@ def run(options: argparse.Namespace) -> int:
     if unknown:
         raise UsageError(f'--learn {unknown[0]!r}: known are {", ".join(LEARN)}')
     from dataclasses import replace
+    import json
 
     from handover_dmp.common.files import write_text
     from handover_dmp.evaluation.arm import evaluate_arm
-    from handover_dmp.evaluation.arm_table import arm_table
+    from handover_dmp.evaluation.arm_table import arm_tables
     from handover_dmp.evaluation.cases import index_of, make_cases
     from handover_dmp.evaluation.protocol import evaluate, Protocol
     from handover_dmp.evaluation.report import write_evaluation
@@ -281,6 +282,7 @@ def run(options: argparse.Namespace) -> int:
     from handover_dmp.robot.descriptions import ArmChoice
     from handover_dmp.tracking.partner_model import PartnerOptions
     from rich.console import Console
+    from rich.markup import escape
 
     learning = read_learning(options)
     if options.partner_model == 'auto':
@@ -341,12 +343,13 @@ def run(options: argparse.Namespace) -> int:
     console = Console()
     console.width = max(console.width, WIDTH)
     console.print(renderable(evaluation.rows, evaluation.summary))
-    if arm is not None:
-        table = arm_table(arm)
+    for table in () if arm is None else arm_tables(arm):
         table.show(console)
-        console.print(table.note, highlight=False)
     if sessions:
         sessions_table(sessions, options.seed).show(console)
+    answers = json.loads(text)['in_short']
+    for question, answer in answers.items():
+        console.print(f'[bold]{question}[/bold] {escape(answer)}', highlight=False)
     print(options.output / 'index.html')
     return 0
 

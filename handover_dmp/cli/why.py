@@ -65,7 +65,7 @@ def run(options: argparse.Namespace) -> int:
     if options.learn is not None and options.learn not in learns:
         raise UsageError(f'--learn {options.learn!r}: {options.results} has {", ".join(learns)}')
     from handover_dmp.common.files import write_text
-    from handover_dmp.evaluation.why import why_table
+    from handover_dmp.evaluation.why import why_tables
     from rich.console import Console
 
     chosen = learns if options.learn is None else [options.learn]
@@ -73,10 +73,8 @@ def run(options: argparse.Namespace) -> int:
         told = [case for case in rejections if case['learn'] in chosen]
         write_text(options.json, json.dumps(told, indent=1) + '\n')
     console = Console()
-    tables = [why_table(rejections, learn) for learn in chosen]
-    for table in tables:
+    for table in why_tables(rejections, chosen):
         table.show(console)
-    console.print(tables[0].note)
     return 0
 
 

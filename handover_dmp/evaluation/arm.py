@@ -18,8 +18,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from math import isfinite, isinf, isnan
+from functools import lru_cache, reduce
+from math import isfinite, isinf, isnan, sqrt
+from operator import add
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,14 @@ from handover_dmp.evaluation.arm_limits import mean_limits, reach_limits, ReachL
 from handover_dmp.evaluation.cases import Case
 from handover_dmp.evaluation.motions import measure_beside, MotionBeside
 from handover_dmp.evaluation.protocol import band_of, CaseScores, Evaluation, Progress, Protocol
-from handover_dmp.evaluation.rollouts import learn_from_case, plan, roll_out, RolloutTask
+from handover_dmp.evaluation.rollouts import (
+    learn_from_case,
+    moved_from,
+    plan,
+    roll_out,
+    RolloutTask,
+    sources_of,
+)
 from handover_dmp.evaluation.scores import BANDS, judge, Scores
 from handover_dmp.handover.lockstep import Handover, REPLAY_AT_S
 from handover_dmp.handover.scenario import expected_path, Scenario
@@ -139,12 +147,27 @@ class ArmEvaluation:
             for number, motion in one.motions.items()
         }
 
+    def total(self) -> dict[str, Any]:
+        """Sum all cases up, in plain types; each trial that the arm reaches counts alike."""
+        reached = [(int(one.arm.counted.sum()), one) for one in self.cases if one.limits]
+        trials = sum(number for number, _ in reached)
+        held = sum(number * one.limits.any_joint for number, one in reached if one.limits)
+        apart = sum(number * one.apart_m**2 for number, one in reached)
+        return {
+            'trials': trials,
+            'primitive': figures(*(one.primitive for one in self.cases)),
+            'arm': figures(*(one.arm for one in self.cases)),
+            'apart_m': sqrt(apart / trials) if trials and isfinite(apart) else None,
+            'any_limited': held / trials if trials else 0.0,
+        }
+
     def as_json(self) -> dict[str, Any]:
         """Return everything as plain types."""
         return {
             'arm': self.arm,
             'learn': self.learn,
             'cases': [case.as_json() for case in self.cases],
+            'all': self.total(),
             'refused': [
                 {'configuration': configuration, 'exchange': direction, 'reason': reason}
                 for configuration, direction, reason in self.refused
@@ -152,23 +175,24 @@ class ArmEvaluation:
         }
 
 
-def figures(scores: Scores) -> dict[str, Any]:
+def figures(*scores: Scores) -> dict[str, Any]:
     """
     Sum scores up.
 
     Args:
-        scores: of one case, with the best shift in time of each rollout.
+        scores: of one case or of several, with the best shift in time of each rollout.
 
     Returns:
         Percentages within 1σ, 2σ and 3σ, distance, final gap and distance after the best shift in
         m, that shift in s.
 
     """
-    if not scores.counted.any():
+    counted = [one for one in scores if one.counted.any()]
+    if not counted:
         return dict.fromkeys(
             ('within', 'rms_m', 'final_gap_m', 'shifted_rms_m', 'lateness_s'),
         )
-    once = scores.totals(np.ones((1, scores.counted.shape[1])))
+    once = reduce(add, (one.totals(np.ones((1, one.counted.shape[1]))) for one in counted))
     return {
         'within': {str(k): float(once.within_percent[0, c]) for c, k in enumerate(BANDS)},
         'rms_m': float(once.rms_m[0]),
@@ -209,7 +233,7 @@ def evaluate_arm(
 
     """
     protocol = evaluation.protocol
-    learn = 'mean' if 'mean' in protocol.learn else protocol.learn[0]
+    learn = moved_from(protocol.learn)
     memory = Memory(cache, verbose=0)
     together = Parallel(n_jobs=jobs, return_as='generator')
     placed = together(
@@ -339,12 +363,14 @@ def _judge(
     )
     apart, unreached, went = [], [], []
     motions: dict[int, MotionBeside] = {}
+    measured = sources_of(case, learn, leave_one_out=protocol.leave_one_out)
     for task, index, one in reached:
         if one is None:
             unreached.append(case.trials[index].number)
             continue
         went.append(one.limits)
-        motions.setdefault(case.trials[index].number, one.motion)
+        if task.sources == measured[index]:
+            motions[case.trials[index].number] = one.motion
         scores = judge(
             one.curve[None, None],
             case.curves[[index]],

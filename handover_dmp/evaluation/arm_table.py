@@ -16,23 +16,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
+from handover_dmp.common.digits import rounded
 from handover_dmp.evaluation.arm import ArmEvaluation
-from handover_dmp.evaluation.case_table import CaseTable
+from handover_dmp.evaluation.case_table import case_name, CaseTable
 
 HEAD = (
-    'configuration', 'exchange', 'trials', '≤3σ, %\nalone', '\narm', 'rms, mm\nalone', '\narm',
-    'moved, mm\nalone', '\narm', 'late by, ms\nalone', '\narm', 'apart,\nmm', 'limited,\n%',
-    'most by', 'not\nreached',
+    'case', 'trials', '≤3σ, %\nalone', '\narm', 'rms, mm\nalone', '\narm',
+    'shifted, mm\nalone', '\narm', 'late by, ms\nalone', '\narm', 'apart,\nmm',
+)  # fmt: skip
+LIMITS_HEAD = (
+    'case', 'limited,\n%', 'most by', 'half of it\nbefore', 'asked,\nm/s²', 'possible,\nm/s²',
+    'behind,\nms', 'not\nreached',
 )  # fmt: skip
 
 NOTE = (
-    'alone: the primitive, in the trials that the arm reaches. moved, late by: what remains of '
+    'alone: the primitive, in the trials that the arm reaches. shifted, late by: what remains of '
     'the distance after the best shift in time of each trial, and that shift. apart: between the '
-    'two, root mean square. limited: share of the time in which a joint was at a limit of its '
-    'position, speed or acceleration; most by: the joints that were most often. not reached: '
+    'two, root mean square.'
+)
+LIMITS_NOTE = (
+    'limited: share of the time in which a joint was at a limit of its position, speed or '
+    'acceleration; most by: the joints that were most often; half of it before: as a fraction of '
+    'the duration. asked, possible: acceleration with which the movement begins, and with which '
+    'the arm can start in that direction. behind: time lost by waiting for the arm. not reached: '
     'trials that start where the arm, placed once a case, does not get.'
 )
 SHOWN_JOINTS = 2
@@ -42,24 +51,37 @@ AT_ONCE = 0.1
 """m/s; P2 is moving already who is faster than this where the recording begins."""
 
 
-def arm_table(evaluation: ArmEvaluation) -> CaseTable:
+def arm_tables(evaluation: ArmEvaluation) -> list[CaseTable]:
     """
-    Lay it out.
+    Lay it out: how near the arm came, and what held it back.
 
     Args:
         evaluation: of the arm.
 
     Returns:
-        A line a case; those that the arm cannot be placed for say so.
+        Two tables of a line a case; those that the arm cannot be placed for say so.
 
     """
-    lines = [_line(case.as_json(), len(case.case)) for case in evaluation.cases]
-    lines += [
-        [configuration, direction, reason, *[''] * (len(HEAD) - 3)]
+    cases = [(case.as_json(), len(case.case)) for case in evaluation.cases]
+    refused = [
+        f'{case_name(configuration, direction)}: {reason.rstrip(".")}.'
         for configuration, direction, reason in evaluation.refused
     ]
     title = f'With the arm: {evaluation.arm}, learn {evaluation.learn}'
-    return CaseTable(title, NOTE, HEAD, lines, remarks=arm_remarks(evaluation))
+    everything = evaluation.total()
+    total = _line(everything, 'all', everything['trials']) if cases else ()
+    lines = [_line(case, _name(case), number - len(case['unreached'])) for case, number in cases]
+    near = CaseTable(title, NOTE, HEAD if cases else (), lines, total, refused)
+    if not cases:
+        return [near]
+    limits = CaseTable(
+        f'What held the arm back: {evaluation.arm}',
+        LIMITS_NOTE,
+        LIMITS_HEAD,
+        [_limits_line(case) for case, _ in cases],
+        remarks=arm_remarks(evaluation),
+    )
+    return [near, limits]
 
 
 def arm_remarks(evaluation: ArmEvaluation) -> list[str]:
@@ -83,7 +105,7 @@ def arm_remarks(evaluation: ArmEvaluation) -> list[str]:
 def _remark(case: Mapping[str, Any]) -> str:
     kind = max(case['limits'], key=lambda one: case['limits'][one])
     text = (
-        f'{case["configuration"]} {case["exchange"]}: a joint is at a limit in '
+        f'{_name(case)}: a joint is at a limit in '
         f'{100 * case["any_limited"]:.0f} % of the time, of its {kind} in '
         f'{100 * case["limits"][kind]:.0f} % ({_most_limited(case["limited"])}); half of that is '
         f'over at {case["limited_by"]:.2f} of the duration.'
@@ -104,29 +126,43 @@ def _remark(case: Mapping[str, Any]) -> str:
     return f'{text} Waiting for the arm, the movement falls {behind_ms:.0f} ms behind.'
 
 
-def _line(case: Mapping[str, Any], trials: int) -> Sequence[str]:
+def _name(case: Mapping[str, Any]) -> str:
+    return case_name(case['configuration'], case['exchange'])
+
+
+def _line(case: Mapping[str, Any], name: str, trials: int) -> list[str]:
     both = case['primitive'], case['arm']
-    missing = case['unreached']
-    apart = case['apart_m']
     return [
-        case['configuration'],
-        case['exchange'],
-        str(trials - len(missing)),
+        name,
+        str(trials),
         *(f'{one["within"]["3"]:.1f}' if one['within'] else '–' for one in both),
-        *(_millis(one['rms_m'], '.1f') for one in both),
-        *(_millis(one['shifted_rms_m'], '.1f') for one in both),
-        *(_millis(one['lateness_s'], '+.0f') for one in both),
-        _millis(apart, '.1f'),
-        f'{100 * case["any_limited"]:.0f}',
-        _most_limited(case['limited']),
-        ', '.join(f'#{number}' for number in missing) or '–',
+        *(_millis(one['rms_m'], 1) for one in both),
+        *(_millis(one['shifted_rms_m'], 1) for one in both),
+        *(_millis(one['lateness_s'], 0, '+') for one in both),
+        _millis(case['apart_m'], 1),
     ]
 
 
-def _millis(value: float | None, form: str) -> str:
-    return '–' if value is None else f'{1e3 * value:{form}}'
+def _limits_line(case: Mapping[str, Any]) -> list[str]:
+    by, possible = case['limited_by'], case['acceleration_possible']
+    asked, behind_s = case['acceleration_asked'], case['slowed_s']
+    return [
+        _name(case),
+        f'{100 * case["any_limited"]:.0f}',
+        _most_limited(case['limited']) or '–',
+        '–' if by is None else f'{by:.2f}',
+        '–' if asked is None else f'{asked:.0f}',
+        '–' if possible is None else f'{possible:.0f}',
+        _millis(behind_s, 0),
+        ', '.join(f'#{number}' for number in case['unreached']) or '–',
+    ]
+
+
+def _millis(value: float | None, digits: int, sign: str = '-') -> str:
+    return '–' if value is None else rounded(1e3 * value, digits, sign)
 
 
 def _most_limited(joints: Mapping[str, float]) -> str:
     most = sorted(joints.items(), key=lambda one: -one[1])[:SHOWN_JOINTS]
+    most = [(name, share) for name, share in most if share >= 0.005]
     return ', '.join(f'{name} {100 * share:.0f} %' for name, share in most)

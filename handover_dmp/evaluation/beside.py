@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from handover_dmp.common.arrays import Array
+from handover_dmp.common.digits import rounded
 from handover_dmp.evaluation.bootstrap import draw_samples, interval
 from handover_dmp.evaluation.case_table import CaseTable
 import numpy as np
@@ -129,12 +130,12 @@ def beside_table(title: str, note: str, measures: Sequence[Beside], seed: int) -
     for one in measures:
         if not len(one.pairs):
             continue
-        line = [one.words, '', *(f'{value:.{one.digits}f}' for value in one.medians())]
-        for mean, low, high in one.differences(seed):
-            line.append(f'{mean:+.{one.digits}f}')
-            line.append(f'{low:+.{one.digits}f} to {high:+.{one.digits}f}')
+        line = [one.words, *(rounded(value, one.digits) for value in one.medians())]
+        for values in one.differences(seed):
+            mean, low, high = (rounded(value, one.digits, '+') for value in values)
+            line += [mean, f'{low} to {high}']
         lines.append(line)
-    head = ['measure', '', *names]
+    head = ['measure', *names]
     for name in names[:-1]:
         head += [f'{name}\n− {names[-1]}', '\n95 %']
     return CaseTable(title, note, tuple(head), lines)

@@ -12,21 +12,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A table of one line a case and one over all, for the terminal and for the page."""
+"""A table of a line a case or a measure, for the terminal and for the page."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
-from typing import Any
 
 from rich import box
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
-TEXT_COLUMNS = 2
-"""Configuration and exchange; the others are numbers."""
 NEW_LINE = '\n'
 MAX_WIDTH = 400
 """Characters that no table needs."""
@@ -40,8 +38,8 @@ class CaseTable:
     Attributes:
         title: its heading.
         note: what the columns mean, in sentences.
-        head: of the columns; the first two are configuration and exchange; none: no table.
-        lines: cells, a line a case.
+        head: of the columns, the first one of words, the others of numbers; none: no table.
+        lines: cells, a line a case or a measure.
         total: cells over all cases; none where that means nothing.
         remarks: sentences below the table, a paragraph each.
 
@@ -54,12 +52,10 @@ class CaseTable:
     total: Sequence[str] = ()
     remarks: Sequence[str] = ()
 
-    def as_renderable(self) -> Table:
-        """Lay it out for rich."""
-        table = Table(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1), title=self.title)
+    def _as_table(self) -> Table:
+        table = Table(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1))
         for number, name in enumerate(self.head):
-            justify: Any = 'left' if number < TEXT_COLUMNS else 'right'
-            table.add_column(name, justify=justify, no_wrap=True)
+            table.add_column(name, justify='right' if number else 'left', no_wrap=True)
         for line in self.lines:
             table.add_row(*line)
         if self.total:
@@ -69,34 +65,50 @@ class CaseTable:
 
     def show(self, console: Console) -> None:
         """
-        Print it with its remarks.
+        Print it with its note and its remarks.
 
         Args:
             console: where to; made as wide as the table needs.
 
         """
-        table = self.as_renderable()
-        needed = console.measure(table, options=console.options.update(width=MAX_WIDTH)).maximum
-        console.width = max(console.width, needed)
-        console.print(table, *self.remarks, sep='\n', highlight=False)
+        console.print(heading(self.title))
+        if self.head:
+            table = self._as_table()
+            options = console.options.update(width=MAX_WIDTH)
+            console.width = max(console.width, console.measure(table, options=options).maximum)
+            console.print(table)
+        for text in filter(None, (self.note, *self.remarks)):
+            console.print(text, '', sep='\n', highlight=False)
 
     def as_html(self) -> str:
         """Lay it out for the page: heading, note, table, remarks."""
-        title = f'<h2>{escape(self.title)}</h2>\n<p class="soft">{escape(self.note)}</p>'
-        if not self.head:
-            return title
-        head = ''.join(
-            f'<th{_kind(number)}>{escape(name).replace(NEW_LINE, "<br>")}</th>'
-            for number, name in enumerate(self.head)
-        )
-        body = ''.join(f'<tr>{_cells(line)}</tr>' for line in self.lines)
-        if self.total:
-            body += f'<tr class="sum">{_cells(self.total)}</tr>'
-        return (
-            f'{title}\n<div class="wide"><table><thead><tr>{head}</tr></thead>'
-            f'<tbody>{body}</tbody></table></div>'
-            + ''.join(f'\n<p>{escape(remark)}</p>' for remark in self.remarks)
-        )
+        parts = [f'<h2>{escape(self.title)}</h2>']
+        if self.note:
+            parts.append(f'<p class="soft">{escape(self.note)}</p>')
+        if self.head:
+            head = ''.join(
+                f'<th{_kind(number)}>{escape(name).replace(NEW_LINE, "<br>")}</th>'
+                for number, name in enumerate(self.head)
+            )
+            body = ''.join(f'<tr>{_cells(line)}</tr>' for line in self.lines)
+            if self.total:
+                body += f'<tr class="sum">{_cells(self.total)}</tr>'
+            parts.append(
+                f'<div class="wide"><table><thead><tr>{head}</tr></thead>'
+                f'<tbody>{body}</tbody></table></div>'
+            )
+        parts += [f'<p>{escape(remark)}</p>' for remark in self.remarks]
+        return NEW_LINE.join(parts)
+
+
+def heading(title: str) -> Text:
+    """Lay out the heading of a table for rich; it stays on one line, however narrow the table."""
+    return Text(title, style='bold', no_wrap=True, overflow='ignore')
+
+
+def case_name(configuration: str, direction: str) -> str:
+    """Name a case as tables and sentences do."""
+    return f'{configuration} {direction}'.strip()
 
 
 def _cells(line: Sequence[str]) -> str:
@@ -104,4 +116,4 @@ def _cells(line: Sequence[str]) -> str:
 
 
 def _kind(number: int) -> str:
-    return ' class="text"' if number < TEXT_COLUMNS else ''
+    return '' if number else ' class="text"'

@@ -36,7 +36,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 import numpy as np
 from numpy.typing import NDArray
 
@@ -56,8 +56,17 @@ MAX_CURVES = 60
 NARROWEST = 8.5
 """Width of a figure, inch, in which title and legend stand beside each other."""
 
+SWARM_ROWS, SWARM_STEP, SWARM_REACH = 36, 0.04, 0.32
+"""Heights that dots are told apart by; sideways, how far they are moved, and at most."""
+
 FEW_CURVES = 10
 """Up to as many are drawn broad."""
+
+SCALE_SHARE = 10.0
+"""Percent; an axis of shares reaches so far at least, so that next to none looks like that."""
+
+SKEWED = ('path_ratio',)
+"""Measures that are drawn on a logarithmic scale."""
 
 EXCHANGE_BAND_M = 0.03
 """The exchange is shaded while the wrists are within this of their least distance."""
@@ -314,7 +323,7 @@ def _bands(group: Sequence[Panel], title: str, learn: str) -> Figure:
                 )
             axis.plot(u, envelope.mean[:, dimension], color='#111827', lw=1.8)
             axis.set_title(
-                f'{100 * shown.share[dimension]:.0f} % of {shown.rollouts} within 3σ',
+                f'{round(shown.share[dimension] * shown.rollouts)} of {shown.rollouts} within 3σ',
                 loc='right',
                 fontsize=8.5,
                 color='#59626d',
@@ -341,29 +350,31 @@ def _bands(group: Sequence[Panel], title: str, learn: str) -> Figure:
 
 def _why(group: Sequence[Panel], title: str) -> Figure:
     figure, axes = _grid(
-        len(group), rows=2, width=max(NARROWEST, 5.2 * len(group) + 0.4), height=5.4, top=1.05
+        len(group), rows=2, width=max(NARROWEST, 5.2 * len(group) + 0.4), height=5.2, top=0.85
     )
+    neck_mm = 1e3 * group[0].rejections.min_width_m
     for (above, below), panel in zip(axes.T, group, strict=True):
         rejections = panel.rejections
         share = 100.0 * rejections.outside / max(1, rejections.curves // len(AXES))
-        widths = 2e3 * BANDS[-1] * Envelope.of(panel.case.curves).deviation
+        widths = 1e3 * rejections.widths_m
         u = np.linspace(0.0, 1.0, len(share))
         for dimension, colour in enumerate(AXES_COLOURS):
             above.plot(u, share[:, dimension], color=colour, lw=1.8)
             below.plot(u, widths[:, dimension], color=colour, lw=1.8)
-        below.axhline(1e3 * rejections.min_width_m, color='#59626d', lw=1.2, ls=(0, (4, 3)))
+        below.axhline(neck_mm, color='#59626d', lw=1.2, ls=(0, (4, 3)))
         above.set_title(
             f'{panel.case.direction}: {len(rejections.rejected)} of {rejections.curves} curves '
             f'leave the band, learn {rejections.learn}',
             loc='left',
         )
-        above.set_ylim(bottom=0.0)
+        above.set_ylim(0.0, max(SCALE_SHARE, 1.05 * float(share.max())))
+        above.yaxis.set_major_locator(MaxNLocator(5, integer=True))
         below.set_ylim(bottom=0.0)
         above.margins(x=0.0)
         below.margins(x=0.0)
         below.set_xlabel('time as a fraction of the duration')
-    axes[0, 0].set_ylabel('outside, %')
-    axes[1, 0].set_ylabel('width of the band, mm')
+    axes[0, 0].set_ylabel('outside 3σ, %')
+    axes[1, 0].set_ylabel('−3σ to 3σ, mm')
     _legend(
         figure,
         f'Why curves are rejected: {title}',
@@ -372,7 +383,14 @@ def _why(group: Sequence[Panel], title: str) -> Figure:
                 Line2D([], [], color=colour, lw=2, label=name)
                 for name, colour in zip(AXES, AXES_COLOURS, strict=True)
             ),
-            Line2D([], [], color='#59626d', lw=1.2, ls=(0, (4, 3)), label='bottleneck below'),
+            Line2D(
+                [],
+                [],
+                color='#59626d',
+                lw=1.2,
+                ls=(0, (4, 3)),
+                label=f'{neck_mm:.0f} mm, a bottleneck below',
+            ),
         ],
     )
     return figure
@@ -381,26 +399,34 @@ def _why(group: Sequence[Panel], title: str) -> Figure:
 def _beside(measures: Sequence[Beside], title: str, columns: int) -> Figure:
     rows = -(-len(measures) // columns)
     figure, axes = _grid(
-        columns, rows=rows, width=2.9 * columns, height=1.35 + 2.3 * rows, top=1.05, row_gap=0.62
+        columns, rows=rows, width=2.9 * columns, height=1.15 + 2.3 * rows, top=0.85, row_gap=0.62
     )
     for axis in axes.ravel()[len(measures):]:  # fmt: skip
         axis.remove()
     names = list(measures[0].values)
     for axis, one in zip(axes.ravel(), measures, strict=False):
         pairs = one.pairs
-        places = np.arange(len(names))
-        axis.plot(places, pairs.T, color='#9aa4af', lw=0.6, alpha=0.5)
+        if one.name in SKEWED:
+            axis.set_yscale('log')
+            axis.yaxis.set_major_locator(LogLocator(subs=(1.0, 1.2, 1.5, 2.0, 3.0, 5.0)))
+            axis.yaxis.set_major_formatter(StrMethodFormatter('{x:g}'))
+            axis.yaxis.set_minor_formatter(NullFormatter())
+        else:
+            axis.yaxis.set_major_locator(MaxNLocator(5))
+        heights = np.log(pairs) if one.name in SKEWED else pairs
+        places = np.stack([_swarm(column) for column in heights.T], axis=1)
+        places += np.arange(len(names))
+        axis.plot(places.T, pairs.T, color='#9aa4af', lw=0.5, alpha=0.35)
         for place, who in enumerate(names):
             column = pairs[:, place]
             colour = MOVER_COLOURS[who]
-            axis.plot(np.full(len(column), place), column, 'o', ms=3.5, color=colour, alpha=0.5)
+            axis.plot(places[:, place], column, 'o', ms=3, color=colour, alpha=0.6, mew=0)
             middle = float(np.median(column))
-            axis.plot([place - 0.2, place + 0.2], [middle, middle], color='#111827', lw=2.2)
+            axis.plot([place - 0.3, place + 0.3], [middle, middle], color='#111827', lw=2.2)
         axis.set_title(one.words, loc='left', fontsize=9)
-        axis.set_xlim(-0.4, len(names) - 0.6)
-        axis.set_xticks(places, names)
+        axis.set_xlim(-0.45, len(names) - 0.55)
+        axis.set_xticks(np.arange(len(names)), names)
         axis.tick_params(labelbottom=True)
-        axis.yaxis.set_major_locator(MaxNLocator(5))
     _legend(
         figure,
         title,
@@ -413,6 +439,18 @@ def _beside(measures: Sequence[Beside], title: str, columns: int) -> Figure:
         ],
     )
     return figure
+
+
+def _swarm(heights: Array) -> Array:
+    """Move dots of one height apart, (n,), in parts of the distance of two columns."""
+    span = float(np.ptp(heights)) or 1.0
+    rows = np.round((heights - heights.min()) / span * SWARM_ROWS).astype(int)
+    offsets = np.zeros(len(heights))
+    for row in np.unique(rows):
+        (own,) = np.nonzero(rows == row)
+        step = min(SWARM_STEP, 2 * SWARM_REACH / max(len(own) - 1, 1))
+        offsets[own] = step * (np.arange(len(own)) - 0.5 * (len(own) - 1))
+    return offsets
 
 
 def _grid(

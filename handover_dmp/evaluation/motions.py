@@ -21,10 +21,11 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from handover_dmp.common.arrays import Array
+from handover_dmp.dmp import ClassicalDmp, DecoupledDmp
 from handover_dmp.evaluation.beside import Beside, beside_table, NOTE, PERSON
 from handover_dmp.evaluation.case_table import CaseTable
 from handover_dmp.evaluation.cases import Case
-from handover_dmp.evaluation.rollouts import learn_from_case, Learning, roll_out
+from handover_dmp.evaluation.rollouts import learn_from_case, Learning, roll_out, sources_of
 from handover_dmp.mocap import HandoverTrial, velocities
 from handover_dmp.mocap.filtering import RATE_HZ
 from handover_dmp.mocap.measures import (
@@ -35,25 +36,24 @@ from handover_dmp.mocap.measures import (
     Synchrony,
     synchrony,
 )
-from handover_dmp.mocap.typical import nearest_to_mean
 import numpy as np
 
 MEASURES = (
     ('path_m', 'path, m', 2),
-    ('path_ratio', 'path, in parts of the straight line', 3),
+    ('path_ratio', 'path over the straight line', 3),
     ('peak_speed', 'peak speed, m/s', 2),
     ('time_to_peak_s', 'onset to peak speed, s', 2),
     ('duration_s', 'onset to rest, s', 2),
     ('peaks', 'peaks of the speed', 1),
     ('spectral_arc_length', 'spectral arc length', 2),
     ('log_dimensionless_jerk', 'log dimensionless jerk', 2),
-    ('lag_s', 'speed later than the partner’s, s', 2),
+    ('lag_s', 'lag behind the partner’s speed, s', 2),
     ('correlation', 'correlation of the two speeds', 2),
     ('distance_min_m', 'least distance to the partner, m', 3),
-    ('relative_speed_m_s', 'speed against each other at the end, m/s', 2),
-    ('robot_idle', 'idle, share of the reach', 2),
-    ('concurrent', 'both active, share of the reach', 2),
-    ('functional_delay', 'functional delay, share of the reach', 2),
+    ('relative_speed_m_s', 'relative speed at the end, m/s', 2),
+    ('robot_idle', 'idle, share of reach', 2),
+    ('concurrent', 'both active, share of reach', 2),
+    ('functional_delay', 'functional delay, share of reach', 2),
 )
 """Name in `table.json`, in words, digits."""
 
@@ -62,12 +62,12 @@ ARM = 'arm'
 
 TITLE = 'How smooth, how fluent: motions beside those of P2'
 WHAT = (
-    'DMP: the primitive learnt from the trial nearest to the mean, against every hand. Spectral '
+    'DMP: the primitive (learn {learn}) against every hand. Spectral '
     'arc length and log dimensionless jerk: the greater, the smoother. Active: faster than 0.05 '
     'm/s. Functional delay: from the end of each one’s motion to the beginning of the other’s; '
     'negative where the other begins before.'
 )
-WITH_ARM = ' arm: what the simulated arm did with the movement that it had learnt (table above).'
+WITH_ARM = ' arm: what the simulated arm made of the same movement.'
 
 
 @dataclass(frozen=True)
@@ -164,13 +164,17 @@ def measure_beside(trial: HandoverTrial, motion: Array) -> MotionBeside:
     )
 
 
-def measure_trials(cases: Sequence[Case], learning: Learning) -> list[TrialMeasures]:
+def measure_trials(
+    cases: Sequence[Case], learning: Learning, learn: str = 'mean', *, leave_one_out: bool = False
+) -> list[TrialMeasures]:
     """
     Measure the motions of all trials.
 
     Args:
         cases: the trials.
-        learning: how the primitive is learnt, from the trial of each case nearest to the mean.
+        learning: how the primitive is learnt.
+        learn: what from, as `sources_of` takes it: the movement that an arm makes, too.
+        leave_one_out: whether no model may have seen the trial that it moves against.
 
     Returns:
         One a trial.
@@ -178,12 +182,16 @@ def measure_trials(cases: Sequence[Case], learning: Learning) -> list[TrialMeasu
     """
     found = []
     for case in cases:
-        learnt = learn_from_case(case, [nearest_to_mean(case.curves)], 'decoupled', learning)
-        rollouts = roll_out(*learnt, case, range(len(case)))
+        models: dict[tuple[int, ...], tuple[DecoupledDmp | ClassicalDmp, Array]] = {}
+        chosen = sources_of(case, learn, leave_one_out=leave_one_out)
         for index, trial in enumerate(case.trials):
+            sources = chosen[index]
+            if sources not in models:
+                models[sources] = learn_from_case(case, sources, 'decoupled', learning)
+            rollout = roll_out(*models[sources], case, [index])[0]
             primitive, person = (
                 measure_beside(trial, one)
-                for one in (rollouts[index, : len(trial.times)], trial.demonstrator)
+                for one in (rollout[: len(trial.times)], trial.demonstrator)
             )
             partner = measure_motion(trial.times, trial.partner)
             found.append(TrialMeasures(case, trial.number, primitive, person, partner))
@@ -224,12 +232,13 @@ def motions_beside(
     ]
 
 
-def measures_table(measures: Sequence[Beside], seed: int) -> CaseTable:
+def measures_table(measures: Sequence[Beside], learn: str, seed: int) -> CaseTable:
     """
     Lay the motions out, over all cases.
 
     Args:
         measures: of `motions_beside`.
+        learn: what the movement was learnt from.
         seed: of the bootstrap.
 
     Returns:
@@ -237,7 +246,7 @@ def measures_table(measures: Sequence[Beside], seed: int) -> CaseTable:
 
     """
     with_arm = WITH_ARM if ARM in measures[0].values else ''
-    note = f'{WHAT}{with_arm} {NOTE.format(what="trials")}'
+    note = f'{WHAT.format(learn=learn)}{with_arm} {NOTE.format(what="trials")}'
     return beside_table(TITLE, note, measures, seed)
 
 

@@ -16,13 +16,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 import math
 
+from handover_dmp.common.digits import rounded
 from handover_dmp.evaluation import LEARN
 from handover_dmp.evaluation.scores import BANDS, Summary
-from handover_dmp.evaluation.table import LEARNING_METHODS, PAPER, Row, TITLES
+from handover_dmp.evaluation.table import LEARNING_METHODS, PAPER, Row, TITLE, TITLES
 
 _STYLE = """
 :root { color-scheme: light; --ink: #1b2430; --soft: #5b6673; --line: #dde2e8; --tint: #f5f7f9; }
@@ -31,7 +32,8 @@ body { margin: 0 auto; max-width: 76rem; padding: 2.5rem 1.5rem 4rem; color: var
   font: 16px/1.55 system-ui, -apple-system, "Segoe UI", Roboto, "DejaVu Sans", sans-serif; }
 h1 { font-size: 1.9rem; margin: 0 0 .3rem; letter-spacing: -.01em; }
 h2 { font-size: 1.25rem; margin: 2.6rem 0 .8rem; }
-p { max-width: 60rem; } .soft { color: var(--soft); }
+p, dl { max-width: 60rem; } dt { font-weight: 600; float: left; clear: left; width: 9.5rem; }
+dd { margin: 0 0 .45rem 9.5rem; } .soft { color: var(--soft); }
 .wide { overflow-x: auto; }
 table { border-collapse: collapse; font-size: .92rem; font-variant-numeric: tabular-nums; }
 th, td { padding: .32rem .75rem; text-align: right; border-bottom: 1px solid var(--line);
@@ -52,13 +54,34 @@ nav a { margin-right: 1.1rem; }
 """
 
 
+def picture(name: str, caption: str) -> str:
+    """
+    Show a figure.
+
+    Args:
+        name: NAME.svg and NAME.png lie in `figures/` beside the page.
+        caption: what stands below.
+
+    Returns:
+        HTML.
+
+    """
+    return (
+        f'<figure id="{escape(name)}"><img src="figures/{escape(name)}.svg" loading="lazy" '
+        f'alt="{escape(caption)}"><figcaption>{escape(caption)} · '
+        f'<a href="figures/{escape(name)}.png">PNG</a> · '
+        f'<a href="figures/{escape(name)}.svg">SVG</a></figcaption></figure>'
+    )
+
+
 def page(
     title: str,
     facts: Iterable[str],
+    in_short: Mapping[str, str],
     rows: Sequence[Row],
     summary: Sequence[Row],
-    figures: Sequence[tuple[str, str]],
     sections: Sequence[str] = (),
+    figures: Sequence[tuple[str, str]] = (),
 ) -> str:
     """
     Write the page.
@@ -66,22 +89,20 @@ def page(
     Args:
         title: its heading.
         facts: what was evaluated and how, a sentence each.
+        in_short: question to answer.
         rows: of the cases.
         summary: over all cases.
-        figures: name and caption of each; NAME.svg and NAME.png lie in `figures/` beside it.
-        sections: HTML that stands between tables and figures.
+        sections: HTML that stands between the tables of the paper and the figures.
+        figures: name and caption of those that stand at the end.
 
     Returns:
         HTML; it loads nothing but those figures.
 
     """
     learns = [learn for learn in LEARN if any(row.learn == learn for row in summary)]
-    pictures = '\n'.join(
-        f'<figure id="{escape(name)}"><img src="figures/{escape(name)}.svg" loading="lazy" '
-        f'alt="{escape(caption)}"><figcaption>{escape(caption)} · '
-        f'<a href="figures/{escape(name)}.png">PNG</a> · '
-        f'<a href="figures/{escape(name)}.svg">SVG</a></figcaption></figure>'
-        for name, caption in figures
+    answers = ''.join(
+        f'<dt>{escape(question)}</dt><dd>{escape(answer)}</dd>'
+        for question, answer in in_short.items()
     )
     return f"""<!DOCTYPE html>
 <html lang="en">
@@ -96,18 +117,20 @@ def page(
 <p class="soft">{escape(' '.join(facts))}</p>
 <nav><a href="table.txt">table.txt</a><a href="table.csv">table.csv</a><a
 href="table.json">table.json</a></nav>
-<h2>Table I: curves of the decoupled DMP within kσ of P2, %</h2>
+<h2>In short</h2>
+<dl>{answers}</dl>
+<h2>{TITLE}</h2>
 <div class="wide"><table>{_paper_table(rows, summary, learns)}</table></div>
 <h2>All cases, every method</h2>
 <p class="soft">In brackets the 95 % interval from resampled trials. Distance: root mean square to
 what P2 really did; end: mean distance to where P2 was at the exchange. P2 itself is held
-against mean and band of the other trials: the ceiling for anything that imitates. Moved: the
-distance that remains when each motion is moved in time as a whole to where it fits best; late by:
-how much that was (mean ± standard deviation).</p>
+against mean and band of the other trials: the ceiling for anything that imitates. Shifted: the
+distance that remains when each motion is shifted in time as a whole to where it fits best; late
+by: how much that was (mean ± standard deviation).</p>
 <div class="wide"><table>{_methods_table(summary)}</table></div>
 {chr(10).join(sections)}
 {'<h2>Figures</h2>' if figures else ''}
-{pictures}
+{chr(10).join(picture(*figure) for figure in figures)}
 </body>
 </html>
 """
@@ -157,7 +180,7 @@ def _line(
 def _methods_table(summary: Sequence[Row]) -> str:
     bands = ''.join(f'<th>≤{k}σ, %</th>' for k in BANDS)
     head = '<th class="text">method</th><th class="text">learn</th><th>curves</th>'
-    head += f'{bands}<th>distance, mm</th><th>end, mm</th><th>moved, mm</th><th>late by, ms</th>'
+    head += f'{bands}<th>distance, mm</th><th>end, mm</th><th>shifted, mm</th><th>late by, ms</th>'
     lines, shown = [], set()
     for row in sorted(summary, key=lambda row: list(TITLES).index(row.method)):
         learns = row.method in LEARNING_METHODS
@@ -172,7 +195,7 @@ def _methods_table(summary: Sequence[Row]) -> str:
         if not math.isnan(figures.shifted_rms_m):
             spread = f'± {1e3 * figures.lateness_deviation_s:.0f}'
             shifted = f'{1e3 * figures.shifted_rms_m:.1f}'
-            late = f'{1e3 * figures.lateness_s:+.0f} <small>{spread}</small>'
+            late = f'{rounded(1e3 * figures.lateness_s, 0, "+")} <small>{spread}</small>'
         lines.append(
             f'<tr><td class="text">{TITLES[row.method]}</td>'
             f'<td class="text">{row.learn if learns else "–"}</td><td>{row.curves}</td>'

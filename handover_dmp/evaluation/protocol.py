@@ -29,6 +29,7 @@ from handover_dmp.evaluation.envelope import Envelope
 from handover_dmp.evaluation.minimum_jerk import minimum_jerk
 from handover_dmp.evaluation.motions import measure_trials, TrialMeasures
 from handover_dmp.evaluation.rejections import (
+    band_widths,
     bottlenecks,
     excess,
     find_rejections,
@@ -36,7 +37,7 @@ from handover_dmp.evaluation.rejections import (
     Rejection,
     Rejections,
 )
-from handover_dmp.evaluation.rollouts import curves_of, Learning, plan, RolloutTask
+from handover_dmp.evaluation.rollouts import curves_of, Learning, moved_from, plan, RolloutTask
 from handover_dmp.evaluation.scores import judge, Scores, Summary, Totals
 from handover_dmp.evaluation.table import Row
 from handover_dmp.mocap import HandoverTrial
@@ -157,7 +158,12 @@ def evaluate(
         if progress is not None:
             progress(done, total)
     judged = [_collect(case, protocol, units, blocks) for case in cases]
-    measures = measure_trials(cases, protocol.learning)
+    measures = measure_trials(
+        cases,
+        protocol.learning,
+        moved_from(protocol.learn),
+        leave_one_out=protocol.leave_one_out,
+    )
     return Evaluation(protocol, *_tabulate(judged, protocol), judged, measures)
 
 
@@ -261,13 +267,15 @@ def _collect(
 def _why(
     case: Case, learn: str, blocks: Sequence[_Block], scores: Scores, protocol: Protocol
 ) -> Rejections:
+    widths_m = band_widths(Envelope.of(case.curves))
     return Rejections(
         case=case,
         learn=learn,
         curves=scores.curves,
         rejected=tuple(rejection for block in blocks for rejection in block.rejected),
         outside=np.sum([block.outside for block in blocks], axis=0),
-        bottlenecks=bottlenecks(Envelope.of(case.curves), protocol.min_width_m),
+        widths_m=widths_m,
+        bottlenecks=bottlenecks(widths_m, protocol.min_width_m),
         min_width_m=protocol.min_width_m,
     )
 

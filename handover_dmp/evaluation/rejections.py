@@ -97,6 +97,7 @@ class Rejections:
         curves: number of curves that were judged, three a rollout.
         rejected: those that leave the band.
         outside: (samples, 3) how many curves are outside, over time.
+        widths_m: (samples, 3) width of the band from −3σ to 3σ, m.
         bottlenecks: of X, Y and Z.
         min_width_m: the least width, from −3σ to 3σ, m.
 
@@ -107,6 +108,7 @@ class Rejections:
     curves: int
     rejected: tuple[Rejection, ...]
     outside: Array
+    widths_m: Array
     bottlenecks: tuple[Bottleneck, ...]
     min_width_m: float
 
@@ -123,6 +125,8 @@ class Rejections:
                 axis: {'at': b.at, 'width_m': b.width_m, 'narrow': b.narrow}
                 for axis, b in zip(AXES, self.bottlenecks, strict=True)
             },
+            'outside': dict(zip(AXES, self.outside.T.tolist(), strict=True)),
+            'widths_m': dict(zip(AXES, self.widths_m.T.round(6).tolist(), strict=True)),
             'rejected': [
                 {
                     'learnt': [trials[i].number for i in r.sources],
@@ -200,21 +204,35 @@ def find_rejections(
     return found
 
 
-def bottlenecks(band: Envelope, width_m: float) -> tuple[Bottleneck, ...]:
+def band_widths(band: Envelope) -> Array:
+    """
+    Measure how wide a band is.
+
+    Args:
+        band: of a case.
+
+    Returns:
+        (samples, 3) from −3σ to 3σ, m.
+
+    """
+    return np.asarray(2 * _K * band.deviation)
+
+
+def bottlenecks(widths_m: Array, width_m: float) -> tuple[Bottleneck, ...]:
     """
     Find where a band is narrowest.
 
     Args:
-        band: of a case, (samples, 3).
+        widths_m: (samples, 3) of `band_widths`.
         width_m: the least width, from −3σ to 3σ, m.
 
     Returns:
         One for each dimension.
 
     """
-    widths = 2 * _K * band.deviation
-    at = widths.argmin(axis=0)
+    at = widths_m.argmin(axis=0)
+    last = len(widths_m) - 1
     return tuple(
-        Bottleneck(int(i) / (len(widths) - 1), float(column[i]), float((column < width_m).mean()))
-        for i, column in zip(at, widths.T, strict=True)
+        Bottleneck(int(i) / last, float(column[i]), float((column < width_m).mean()))
+        for i, column in zip(at, widths_m.T, strict=True)
     )

@@ -25,14 +25,19 @@ from typing import Any
 from handover_dmp import __version__
 from handover_dmp.common.files import write_text
 from handover_dmp.evaluation.arm import ArmEvaluation
-from handover_dmp.evaluation.arm_table import arm_remarks, arm_table
+from handover_dmp.evaluation.arm_table import arm_remarks, arm_tables
+from handover_dmp.evaluation.case_table import CaseTable
 from handover_dmp.evaluation.cases import Case
+from handover_dmp.evaluation.in_short import in_short
 from handover_dmp.evaluation.motions import measures_table, motions_beside
-from handover_dmp.evaluation.page import page
+from handover_dmp.evaluation.page import page, picture
 from handover_dmp.evaluation.protocol import Evaluation
+from handover_dmp.evaluation.rollouts import moved_from
+from handover_dmp.evaluation.scores import BANDS
 from handover_dmp.evaluation.sessions import SessionOutcome, sessions_beside, sessions_table
 from handover_dmp.evaluation.table import as_csv, as_text, PAPER
-from handover_dmp.evaluation.why import explanation, why_table
+from handover_dmp.evaluation.why import explanation, why_tables
+import numpy as np
 
 
 def as_json(
@@ -51,9 +56,9 @@ def as_json(
         sessions: what was done in whole sessions, if there are any.
 
     Returns:
-        `rows` and `summary` as the table has them, every single one of `rejections` and `why` they
-        are, `measures` of every motion and `sessions` with their summaries, and how all of it came
-        about.
+        `rows` and `summary` as the table has them, `distances` of every trial, every single one of
+        `rejections` and `why` they are, `measures` of every motion and `sessions` with their
+        summaries, all of it `in_short`, and how it came about.
 
     """
     protocol = evaluation.protocol
@@ -61,7 +66,7 @@ def as_json(
     rejections = [
         one.as_json() for judged in evaluation.cases for one in judged.rejections.values()
     ]
-    return {
+    table: dict[str, Any] = {
         'data_set': data_set,
         'trials': sum(len(judged.case) for judged in evaluation.cases),
         'cases': len(evaluation.cases),
@@ -76,6 +81,7 @@ def as_json(
         },
         'rows': [row.as_json() for row in evaluation.rows],
         'summary': [row.as_json() for row in evaluation.summary],
+        'distances': _distances(evaluation, arm),
         'rejections': rejections,
         'why': [line for learn in protocol.learn for line in explanation(rejections, learn)],
         'measures': [trial.as_json() for trial in evaluation.measures],
@@ -90,6 +96,42 @@ def as_json(
         },
         'version': __version__,
     }
+    return {**table, 'in_short': in_short(table, moved_from(protocol.learn))}
+
+
+def _distances(evaluation: Evaluation, arm: ArmEvaluation | None) -> list[dict[str, Any]]:
+    """Tell trial by trial how far off the decoupled primitive, the arm and people are."""
+    first, *_ = evaluation.protocol.learn
+    judged = [
+        (one.case, learn, method, scores)
+        for one in evaluation.cases
+        for (learn, method), scores in one.scores.items()
+        if method == 'decoupled' or (learn, method) == (first, 'human')
+    ]
+    if arm is not None:
+        judged += [(one.case, arm.learn, 'arm', one.arm) for one in arm.cases]
+    found = []
+    for case, learn, method, scores in judged:
+        totals = scores.by_trial()
+        for index in np.flatnonzero(scores.counted.any(axis=0)).tolist():
+            found.append(
+                {
+                    'configuration': case.configuration,
+                    'exchange': case.direction,
+                    'trial': case.trials[index].number,
+                    'method': method,
+                    'learn': None if method == 'human' else learn,
+                    'within': {
+                        str(k): float(totals.within_percent[index, column])
+                        for column, k in enumerate(BANDS)
+                    },
+                    'rms_m': float(totals.rms_m[index]),
+                    'final_gap_m': float(totals.gap_m[index]),
+                    'shifted_rms_m': float(totals.shifted_rms_m[index]),
+                    'lateness_s': float(totals.lateness_s[index]),
+                }
+            )
+    return found
 
 
 def write_evaluation(
@@ -116,21 +158,39 @@ def write_evaluation(
 
     """
     rows, summary = evaluation.rows, evaluation.summary
+    learn = moved_from(evaluation.protocol.learn)
     table = as_json(evaluation, data_set, arm, sessions)
     text = json.dumps(table, indent=1, allow_nan=False) + '\n'
     write_text(folder / 'table.json', text)
     write_text(folder / 'table.csv', as_csv([*rows, *summary]))
-    write_text(folder / 'table.txt', as_text(rows, summary))
-    title = f'Handovers by the primitive and by people: {data_set}'
-    facts = _facts(evaluation)
     seed = evaluation.protocol.seed
     beside = motions_beside(evaluation.measures, None if arm is None else arm.motions)
-    tables = [] if arm is None else [arm_table(arm)]
-    tables.append(measures_table(beside, seed))
-    tables.append(sessions_table(sessions, seed))
-    tables += [why_table(table['rejections'], learn) for learn in evaluation.protocol.learn]
-    sections = [one.as_html() for one in tables]
-    write_text(folder / 'index.html', page(title, facts, rows, summary, figures, sections))
+    captions = dict(figures)
+    shown: list[tuple[Sequence[CaseTable], list[str]]] = [
+        ([] if arm is None else arm_tables(arm), []),
+        ([measures_table(beside, learn, seed)], ['measures']),
+        ([sessions_table(sessions, seed)], ['sessions']),
+        (
+            why_tables(table['rejections'], evaluation.protocol.learn),
+            [name for name in captions if name.startswith('why_')],
+        ),
+    ]
+    tables = [one for some, _ in shown for one in some]
+    write_text(folder / 'table.txt', as_text(rows, summary, tables))
+    sections = []
+    for some, names in shown:
+        sections += [one.as_html() for one in some]
+        sections += [picture(name, captions.pop(name)) for name in names if name in captions]
+    html = page(
+        f'Handovers by the primitive and by people: {data_set}',
+        _facts(evaluation),
+        table['in_short'],
+        rows,
+        summary,
+        sections,
+        list(captions.items()),
+    )
+    write_text(folder / 'index.html', html)
     return text
 
 

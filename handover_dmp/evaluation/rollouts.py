@@ -132,6 +132,40 @@ def plan(case: Case, learn_from: str, *, leave_one_out: bool = False) -> list[Ro
     return [RolloutTask(0, (i,), tuple(against)) for i, against in tested.items()]
 
 
+def moved_from(learn: Sequence[str]) -> str:
+    """
+    Choose what the motions are learnt from that an arm makes, and that are measured.
+
+    Args:
+        learn: what was asked for.
+
+    Returns:
+        The mean where it is among them, else the first.
+
+    """
+    return 'mean' if 'mean' in learn else learn[0]
+
+
+def sources_of(
+    case: Case, learn_from: str, *, leave_one_out: bool = False
+) -> dict[int, tuple[int, ...]]:
+    """
+    Say which model moves against each trial where there is to be one alone.
+
+    Args:
+        case: the trials.
+        learn_from: as `plan` takes it; of the models of `single`, the representative one moves.
+        leave_one_out: as `plan` takes it.
+
+    Returns:
+        Each trial to those that its model is learnt from.
+
+    """
+    one_model = 'representative' if learn_from == 'single' else learn_from
+    tasks = plan(case, one_model, leave_one_out=leave_one_out)
+    return {index: task.sources for task in tasks for index in task.tested}
+
+
 def learn_from_case(
     case: Case, sources: Sequence[int], method: str, learning: Learning
 ) -> tuple[DecoupledDmp | ClassicalDmp, Array]:

@@ -98,6 +98,10 @@ class Scores:
         with np.errstate(invalid='ignore', divide='ignore'):
             return Totals(own + others * (trials * (trials - 1) / drawn))
 
+    def by_trial(self) -> Totals:
+        """Add up the rollouts against each trial: a line a trial in place of a round."""
+        return Totals(self.measures.sum(axis=1).T)
+
 
 @dataclass(frozen=True)
 class Totals:

@@ -23,7 +23,9 @@ import io
 import math
 from typing import Any
 
+from handover_dmp.common.digits import rounded
 from handover_dmp.evaluation import LEARN, METHODS
+from handover_dmp.evaluation.case_table import CaseTable, heading
 from handover_dmp.evaluation.scores import BANDS, Summary
 from rich import box
 from rich.console import Console, Group
@@ -46,9 +48,17 @@ TITLES = {
 LEARNING_METHODS = ('decoupled', 'partner_model', 'classical')
 """Methods with a row for each of what they may be learnt from."""
 
-SHORT = {'representative': 'nearest'}
+TITLE = 'Table I: curves of the decoupled DMP within kσ of P2, %'
+METHODS_TITLE = 'All cases, every method; beside each figure its 95 % interval'
+TIMING_TITLE = 'Distance after the best shift in time, and that shift'
+NOTE = (
+    'rms: distance to what P2 did, root mean square; end: mean distance to where P2 was at the '
+    'exchange; shifted, late by: what remains of the distance after the best shift in time of '
+    'each motion, and that shift, mean ± standard deviation. P2 itself: held against mean and '
+    'band of the other trials.'
+)
 
-WIDTH = 98
+WIDTH = 104
 """Characters that the table needs."""
 
 
@@ -130,14 +140,21 @@ def as_csv(rows: Sequence[Row]) -> str:
     return text.getvalue()
 
 
-def as_text(rows: Sequence[Row], summary: Sequence[Row], *, width: int = WIDTH) -> str:
+def as_text(
+    rows: Sequence[Row],
+    summary: Sequence[Row],
+    tables: Sequence[CaseTable] = (),
+    *,
+    width: int = WIDTH,
+) -> str:
     """
-    Write the table for people.
+    Write the tables for people.
 
     Args:
         rows: of the cases.
         summary: over all cases.
-        width: characters of a line.
+        tables: what follows.
+        width: characters of a line, or more where a table needs more.
 
     Returns:
         Plain text.
@@ -145,6 +162,8 @@ def as_text(rows: Sequence[Row], summary: Sequence[Row], *, width: int = WIDTH) 
     """
     console = Console(file=io.StringIO(), width=width, color_system=None, force_terminal=False)
     console.print(renderable(rows, summary))
+    for table in tables:
+        table.show(console)
     assert isinstance(console.file, io.StringIO)
     lines = console.file.getvalue().splitlines()
     return '\n'.join(line.rstrip() for line in lines) + '\n'
@@ -163,23 +182,25 @@ def renderable(rows: Sequence[Row], summary: Sequence[Row]) -> Group:
 
     """
     return Group(
-        _paper_table(rows, summary), Text(), _methods_table(summary), _timing_table(summary)
+        heading(TITLE),
+        _paper_table(rows, summary),
+        heading(METHODS_TITLE),
+        _methods_table(summary),
+        heading(TIMING_TITLE),
+        _timing_table(summary),
+        Text(f'{NOTE}\n'),
     )
 
 
 def _paper_table(rows: Sequence[Row], summary: Sequence[Row]) -> Table:
     learns = [learn for learn in LEARN if any(row.learn == learn for row in summary)]
-    table = Table(
-        box=box.SIMPLE_HEAD,
-        padding=(0, 0, 0, 1),
-        title='Table I: curves of the decoupled DMP within kσ of P2, %',
-    )
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1))
     table.add_column('configuration', no_wrap=True)
     table.add_column('exchange')
     table.add_column('n', justify='right')
     for learn in learns:
         for k in BANDS:
-            head = SHORT.get(learn, learn) if k == 1 else ''
+            head = learn if k == 1 else ''
             table.add_column(f'{head}\n≤{k}σ', justify='right', no_wrap=True)
     ours = {
         (row.configuration, row.direction, row.learn): row
@@ -206,11 +227,7 @@ def _within(
 
 
 def _methods_table(summary: Sequence[Row]) -> Table:
-    table = Table(
-        box=box.SIMPLE_HEAD,
-        padding=(0, 0, 0, 1),
-        title='All cases, every method; beside each figure its 95 % interval',
-    )
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1))
     table.add_column('method', no_wrap=True)
     table.add_column('learn', no_wrap=True)
     table.add_column('curves', justify='right', no_wrap=True)
@@ -238,14 +255,10 @@ def _with_interval(value: float, ends: Sequence[float]) -> str:
 
 
 def _timing_table(summary: Sequence[Row]) -> Table:
-    table = Table(
-        box=box.SIMPLE_HEAD,
-        padding=(0, 0, 0, 1),
-        title='Distance after the best shift in time, and that shift',
-    )
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1))
     table.add_column('method', no_wrap=True)
     table.add_column('learn', no_wrap=True)
-    for head in ('rms, mm', 'moved, mm', 'late by, ms'):
+    for head in ('rms, mm', 'shifted, mm', 'late by, ms'):
         table.add_column(head, justify='right', no_wrap=True)
     for row, learn in _each_once(summary):
         figures = row.figures
@@ -265,18 +278,19 @@ def _each_once(summary: Sequence[Row]) -> Iterator[tuple[Row, str]]:
     for row in sorted(summary, key=lambda row: METHODS.index(row.method)):
         learns = row.method in LEARNING_METHODS
         if learns or row.method not in shown:
-            yield row, SHORT.get(row.learn, row.learn) if learns else '–'
+            yield row, row.learn if learns else '–'
         shown.add(row.method)
 
 
 def _millis(value: float, digits: int = 0) -> str:
-    return '–' if math.isnan(value) else f'{1e3 * value:.{digits}f}'
+    return '–' if math.isnan(value) else rounded(1e3 * value, digits)
 
 
 def _lateness(figures: Summary) -> str:
     if math.isnan(figures.lateness_s):
         return '–'
-    return f'{1e3 * figures.lateness_s:+.0f} ± {1e3 * figures.lateness_deviation_s:.0f}'
+    late_ms = rounded(1e3 * figures.lateness_s, 0, '+')
+    return f'{late_ms} ± {1e3 * figures.lateness_deviation_s:.0f}'
 
 
 def _number(value: float) -> float | None:

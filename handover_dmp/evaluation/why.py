@@ -17,26 +17,26 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from statistics import median
 from typing import Any
 
-from handover_dmp.evaluation.case_table import CaseTable
+from handover_dmp.evaluation.case_table import case_name, CaseTable
 from handover_dmp.evaluation.rejections import AXES
 
 HEAD = (
-    'configuration', 'exchange', 'rejected', 'X', 'Y', 'Z', 'learnt from', 'leaves\nat',
-    'farthest\nat', 'beyond,\nmm', 'narrowest,\nmm', 'there', 'still\nout',
+    'case', 'rejected', 'X', 'Y', 'Z', 'learnt from', 'tested against', 'leaves\nat',
+    'farthest\nat', 'beyond,\nmm', 'narrowest,\nmm', 'in the\nneck', 'still\nout',
 )  # fmt: skip
 
 NOTE = (
-    'rejected: of how many curves. learnt from: the trials whose models have the most rejected '
-    'curves. leaves at, farthest at: median, as a fraction of the duration. beyond: median and '
-    'maximum, how far beyond 3σ. narrowest: least width of the band from −3σ to 3σ, and where. '
-    'there: farthest beyond where the band is narrower than {width:.0f} mm. still out: rejected '
-    'also by a band that is at least so wide everywhere.'
+    'rejected: of how many curves. learnt from, tested against: the trials with the most rejected '
+    'curves, and how many. leaves at, farthest at: median, as a fraction of the duration. beyond: '
+    'median and maximum, how far beyond 3σ. narrowest: least width of the band from −3σ to 3σ, '
+    'and where. in the neck: farthest beyond where the band is narrower than {width:.0f} mm. '
+    'still out: rejected also by a band that is at least so wide everywhere.'
 )
-SHOWN_SOURCES = 2
+SHOWN_TRIALS = 2
 
 
 def explanation(rejections: Sequence[Mapping[str, Any]], learn: str) -> list[dict[str, Any]]:
@@ -72,7 +72,8 @@ def _summary(learn: str, cases: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         'rejected': len(rejected),
         'curves': sum(case['curves'] for case in cases),
         'by_dimension': {axis: axes[axis] for axis in AXES},
-        'by_learnt': _by_learnt(cases),
+        'by_learnt': _by_trial(cases, lambda curve: curve['learnt']),
+        'by_tested': _by_trial(cases, lambda curve: [curve['tested']]),
         'leaves_at': median(curve['first'] for curve in rejected) if rejected else None,
         'farthest_at': median(curve['worst'] for curve in rejected) if rejected else None,
         'beyond_median_m': median(beyond_m) if rejected else None,
@@ -83,12 +84,14 @@ def _summary(learn: str, cases: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     }
 
 
-def _by_learnt(cases: Sequence[Mapping[str, Any]]) -> dict[str, int]:
-    """Count by the trial learnt from; over several cases their numbers mean nothing."""
-    rejected = [curve for case in cases for curve in case['rejected']]
-    if len(cases) > 1 or any(len(curve['learnt']) > 1 for curve in rejected):
+def _by_trial(
+    cases: Sequence[Mapping[str, Any]], trials: Callable[[Mapping[str, Any]], Sequence[int]]
+) -> dict[str, int]:
+    """Count by trial; over several cases, and of a mean, their numbers mean nothing."""
+    found = [trials(curve) for case in cases for curve in case['rejected']]
+    if len(cases) > 1 or any(len(numbers) > 1 for numbers in found):
         return {}
-    counts = Counter(curve['learnt'][0] for curve in rejected)
+    counts = Counter(number for numbers in found for number in numbers)
     ranked = sorted(counts, key=lambda number: (-counts[number], number))
     return {str(number): counts[number] for number in ranked}
 
@@ -99,13 +102,12 @@ def _line(one: Mapping[str, Any]) -> list[str]:
     if one['rejected']:
         beyond = f'{1e3 * one["beyond_median_m"]:.0f}, {1e3 * one["beyond_max_m"]:.0f}'
         timing = [f'{one["leaves_at"]:.2f}', f'{one["farthest_at"]:.2f}', beyond]
-    most = [f'#{number}: {count}' for number, count in one['by_learnt'].items()][:SHOWN_SOURCES]
     return [
-        one['configuration'],
-        one['exchange'],
+        case_name(one['configuration'], one['exchange']),
         f'{one["rejected"]} of {one["curves"]}',
         *(str(one['by_dimension'][axis]) for axis in AXES),
-        ', '.join(most) or '–',
+        _most(one['by_learnt']),
+        _most(one['by_tested']),
         *timing,
         f'{narrowest["dimension"]} {1e3 * narrowest["width_m"]:.0f} at {narrowest["at"]:.2f}',
         str(one['in_bottleneck']),
@@ -113,18 +115,27 @@ def _line(one: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def why_table(rejections: Sequence[Mapping[str, Any]], learn: str) -> CaseTable:
+def _most(counts: Mapping[str, int]) -> str:
+    most = [f'#{number} {count}' for number, count in counts.items()][:SHOWN_TRIALS]
+    return ', '.join(most) or '–'
+
+
+def why_tables(rejections: Sequence[Mapping[str, Any]], learns: Sequence[str]) -> list[CaseTable]:
     """
     Lay the explanation out.
 
     Args:
         rejections: `rejections` of `table.json`.
-        learn: what was learnt from.
+        learns: what was learnt from, one or more.
 
     Returns:
-        A line a case, and one over all.
+        A table each, a line a case and one over all; the first one says what the columns mean.
 
     """
-    *cases, everything = map(_line, explanation(rejections, learn))
     note = NOTE.format(width=1e3 * rejections[0]['min_width_m'])
-    return CaseTable(f'Why curves were rejected, learn {learn}', note, HEAD, cases, everything)
+    found: list[CaseTable] = []
+    for learn in learns:
+        *cases, everything = map(_line, explanation(rejections, learn))
+        title = f'Why curves were rejected, learn {learn}'
+        found.append(CaseTable(title, '' if found else note, HEAD, cases, everything))
+    return found

@@ -67,6 +67,27 @@ def test_an_arm_that_is_hardly_limited_does_what_the_primitive_does(
     assert np.abs(distances[0] - distances[1]).max() < 3 * case.apart_m
 
 
+def test_the_measures_of_an_arm_stand_beside_those_of_the_same_movement(
+    alone: Evaluation, with_arm: ArmEvaluation
+) -> None:
+    for trial in alone.measures:
+        primitive, arm = trial.primitive.motion, with_arm.motions[trial.label].motion
+        assert primitive is not None and arm is not None
+        assert arm.path_m == pytest.approx(primitive.path_m, rel=0.02)
+        assert arm.peak_speed == pytest.approx(primitive.peak_speed, rel=0.03)
+
+
+def test_all_cases_together_are_every_trial_once(with_arm: ArmEvaluation) -> None:
+    (case,) = with_arm.cases
+    counted = case.arm.counted & [True, False, True, False]
+    fewer = replace(case, arm=replace(case.arm, counted=counted))
+    total = ArmEvaluation('lwr4', 'mean', [case, fewer], []).total()
+    squared = [*case.arm.squared_m2[0], *fewer.arm.squared_m2[0][[0, 2]]]
+    assert total['trials'] == len(squared) == 6
+    assert total['arm']['rms_m'] == pytest.approx(np.sqrt(np.mean(squared)))
+    assert total['apart_m'] == pytest.approx(case.apart_m)
+
+
 def test_a_slower_arm_is_limited_and_loses(
     alone: Evaluation, with_arm: ArmEvaluation, tmp_path: Path
 ) -> None:

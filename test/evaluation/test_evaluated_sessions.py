@@ -85,7 +85,7 @@ def test_each_session_is_learnt_from_the_others_and_people_stand_beside(
     assert idle.values['P2'] == pytest.approx(people)
     assert len(waits.pairs) == 4
     table = sessions_table(found, 0)
-    assert table.lines[0][3] == f'{np.median(people):.2f}'
+    assert table.lines[0][2] == f'{np.median(people):.2f}'
     assert table.remarks == []
 
 

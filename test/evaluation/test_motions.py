@@ -19,7 +19,12 @@ from __future__ import annotations
 from math import log
 
 from handover_dmp.evaluation.cases import make_cases
-from handover_dmp.evaluation.motions import measure_trials, measures_table, motions_beside
+from handover_dmp.evaluation.motions import (
+    measure_beside,
+    measure_trials,
+    measures_table,
+    motions_beside,
+)
 from handover_dmp.evaluation.rollouts import Learning
 from handover_dmp.mocap import HandoverTrial
 import numpy as np
@@ -42,7 +47,7 @@ def reach(number: int, length_m: float, late_s: float) -> HandoverTrial:
 def test_people_who_move_in_minimum_jerk_are_measured_so() -> None:
     trials = [reach(1, 0.5, 0.2), reach(2, 0.4, 0.2), reach(3, 0.6, 0.3)]
     cases = make_cases(trials, cutoff_hz=None)
-    found = measure_trials(cases, Learning(cutoff_hz=None))
+    found = measure_trials(cases, Learning(cutoff_hz=None), 'representative')
     for one, late_s, length_m in zip(found, (0.2, 0.2, 0.3), (0.5, 0.4, 0.6), strict=True):
         person = one.person
         assert person.motion is not None and person.synchrony is not None
@@ -69,14 +74,27 @@ def test_people_who_move_in_minimum_jerk_are_measured_so() -> None:
     beside = motions_beside(found)
     (lag,) = [one for one in beside if one.name == 'lag_s']
     assert lag.pairs[:, 1] == pytest.approx([0.2, 0.2, 0.3], abs=0.006)
-    (line,) = [one for one in measures_table(beside, 0).lines if 'than the partner' in one[0]]
-    assert line[3] == '0.20'
-    assert line[2] == f'{np.median(lag.pairs[:, 0]):.2f}'
+    table = measures_table(beside, 'representative', 0)
+    (line,) = [one for one in table.lines if 'behind the partner' in one[0]]
+    assert line[2] == '0.20'
+    assert line[1] == f'{np.median(lag.pairs[:, 0]):.2f}'
     summed = lag.as_json(0)
     assert summed['median']['P2'] == pytest.approx(0.2, abs=0.006)
     mean = float((lag.pairs[:, 0] - lag.pairs[:, 1]).mean())
     assert summed['difference']['DMP'] == pytest.approx(mean)
     assert summed['interval']['DMP'][0] <= mean <= summed['interval']['DMP'][1]
+
+
+def test_two_on_straight_lines_pass_and_part_as_geometry_says() -> None:
+    times = np.arange(0.0, 2.0 + 1e-9, 0.005)[:, None]
+    partner = np.array([0.5, 0.3, 1.0]) + times * np.array([-0.2, 0.0, 0.0])
+    motion = np.array([-0.5, 0.0, 1.0]) + times * np.array([0.6, 0.1, 0.0])
+    found = measure_beside(HandoverTrial(times[:, 0], partner, motion, 'bench', 'give', 1), motion)
+    # they close in by (−0.8, −0.1) m/s from (1.0, 0.3) m; nearest after 0.83 / 0.65 s
+    assert found.relative_speed_m_s == pytest.approx(np.hypot(0.8, 0.1))
+    nearest = abs(1.0 * 0.1 - 0.3 * 0.8) / np.hypot(0.8, 0.1)
+    assert found.distance_min_m == pytest.approx(nearest, abs=1e-4)
+    assert found.fluency.concurrent == 1.0 and found.fluency.robot_idle == 0.0
 
 
 def test_an_arm_stands_between_the_primitive_and_people() -> None:

@@ -78,11 +78,14 @@ def test_they_are_the_rest_of_table_i_and_a_wider_band_rejects_fewer(kth_folder:
         assert len(rejections.rejected) == (scores.sigmas > 3.0).sum()
         assert rejections.curves == scores.curves
         assert rejections.outside.max() <= len(rejections.rejected)
+        told = rejections.as_json()
+        assert max(map(max, told['outside'].values())) == rejections.outside.max()
         assert all(r.widened for r in rejections.rejected if r.beyond_m > 0.1)
         assert sum(r.widened for r in widened.rejected) < len(rejections.rejected)
         deviation = Envelope.of(make_cases(trials)[narrow.cases.index(before)].curves).deviation
         for dimension, neck in enumerate(rejections.bottlenecks):
             assert neck.width_m == pytest.approx(6.0 * deviation[:, dimension].min())
+            assert min(told['widths_m']['XYZ'[dimension]]) == pytest.approx(neck.width_m, abs=1e-6)
             assert deviation[round(100 * neck.at), dimension] == deviation[:, dimension].min()
 
 
@@ -105,6 +108,21 @@ def test_the_command_tells_what_the_table_holds(
         )
         assert line[2:5] == [str(len(case['rejected'])), 'of', str(case['curves'])]
         assert line[5:8] == [str(axes[axis]) for axis in 'XYZ']
+        for counts, trials in (
+            ('by_learnt', [curve['learnt'][0] for curve in case['rejected']]),
+            ('by_tested', [curve['tested'] for curve in case['rejected']]),
+        ):
+            (summed,) = [
+                one[counts]
+                for one in table['why']
+                if one['configuration'] == case['configuration']
+                and one['exchange'] == case['exchange']
+            ]
+            assert summed == {str(number): count for number, count in Counter(trials).items()}
+            assert list(summed.values()) == sorted(summed.values(), reverse=True)
+            if summed:
+                most, count = next(iter(summed.items()))
+                assert f'#{most} {count}' in ' '.join(line)
     assert 'Why curves were rejected' in (tmp_path / 'index.html').read_text()
 
 

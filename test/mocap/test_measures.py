@@ -123,6 +123,24 @@ def test_a_copy_that_is_late_is_as_late_as_that(late: int, size: float) -> None:
     assert found.correlation == pytest.approx(1.0, abs=0.02)
 
 
+def test_half_of_a_motion_in_common_correlates_as_its_integrals_say() -> None:
+    """One bell against two: with A = ∫f and B = ∫f², the rest is means and variances over T."""
+    count, width_s = 2000, 0.1
+    times = np.arange(count) / RATE_HZ
+
+    def bell(share: float) -> Array:
+        return np.exp(-0.5 * ((times - share * times[-1]) / width_s) ** 2)
+
+    found = synchrony(bell(0.5), bell(0.4) + bell(0.6), RATE_HZ)
+    assert found is not None
+    assert abs(found.lag_s) == pytest.approx(0.1 * times[-1], abs=1 / RATE_HZ)
+    left_s = 0.9 * times[-1]
+    area, power = width_s * np.sqrt(2 * pi) / left_s, width_s * np.sqrt(pi) / left_s
+    covariance = power - 2 * area**2
+    variances = (power - area**2) * (2 * power - 4 * area**2)
+    assert found.correlation == pytest.approx(covariance / np.sqrt(variances), abs=1e-3)
+
+
 def test_who_rests_has_no_synchrony() -> None:
     assert synchrony(np.ones(50), np.arange(50.0), RATE_HZ) is None
 

@@ -1,0 +1,31 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Numbers as text."""
+
+
+def rounded(value: float, digits: int, sign: str = '-') -> str:
+    """
+    Write a number with fixed digits; what rounds to zero has no minus.
+
+    Args:
+        value: the number.
+        digits: behind the point.
+        sign: `+`: positive ones have a sign, too.
+
+    Returns:
+        The text.
+
+    """
+    return f'{round(value, digits) + 0.0:{sign}.{digits}f}'
