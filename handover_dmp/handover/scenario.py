@@ -135,9 +135,7 @@ def make_scenario(
         trial=replayed,
         model=learnt,
         robot=robot,
-        q_start=starting_joints(
-            robot, wrist_path[0], task, replayed.partner[-1]
-        ),
+        q_start=starting_joints(robot, wrist_path[0], task, replayed.partner[-1]),
         seed=seed,
         partner_model=partner_model or defaults('dmp')['partner_model'],
         carried=carried,

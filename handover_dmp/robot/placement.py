@@ -163,9 +163,7 @@ def choose_base_placement(
     return _chosen(wrist_path, model)
 
 
-def _chosen(
-    wrist_path: _WristPath, model: RobotModel, *, upright: bool = False
-) -> BasePlacement:
+def _chosen(wrist_path: _WristPath, model: RobotModel, *, upright: bool = False) -> BasePlacement:
     reach = model.reach_m
     middle = wrist_path.points.mean(axis=0)
     offsets = np.array(list(itertools.product(BEHIND, ASIDE, ABOVE))) * reach

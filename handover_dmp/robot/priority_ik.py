@@ -186,9 +186,7 @@ class PriorityIk:
         if hierarchy is None:
             left = iter(tasks)
             levels = [[next(left) for _ in level] for level in self.stack.levels]
-            hierarchy = Hierarchy(
-                self.model.dof, len(half_spaces), levels, self.stack.slowest
-            )
+            hierarchy = Hierarchy(self.model.dof, len(half_spaces), levels, self.stack.slowest)
             self._hierarchies[size] = hierarchy
         return hierarchy
 
