@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -180,6 +181,21 @@ def test_a_pull_opens_and_a_push_does_not(
     rule.reset(weight_n, side)
     level = -force_n * unit([*side[:2], 0.0]) if np.hypot(*side[:2]) > 0.1 else np.zeros(3)
     assert not any(opens for _, opens in run(rule, weight_n, lambda _t: level, duration_s=0.4))
+
+
+@ENOUGH
+@given(numbers(2.0, 40.0), weights, numbers(0.0, 2.0 * np.pi), numbers(-0.3, 0.3))
+def test_another_pull_is_obeyed(
+    pull_n: float, weight_n: float, bearing: float, beyond: float
+) -> None:
+    rule = ReleaseRule(replace(OPTIONS, pull_n=pull_n))
+    level = np.array([np.cos(bearing), np.sin(bearing), 0.0])
+    rule.reset(weight_n, level)
+    beyond = beyond + 0.02 if beyond >= 0.0 else beyond - 0.02
+    taker = (1.0 + beyond) * pull_n * level
+    opened = any(opens for _, opens in run(rule, weight_n, lambda _t: taker, duration_s=0.4))
+    assert opened == (beyond > 0.0)
+    assert rule.pull_n == pytest.approx((1.0 + beyond) * pull_n)
 
 
 def test_nothing_opens_without_contact_whatever_the_share() -> None:

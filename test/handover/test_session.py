@@ -26,6 +26,7 @@ from handover_dmp.common.errors import DataError
 from handover_dmp.dmp import DecoupledDmp
 from handover_dmp.handover.controller import HandoverController, HandoverOptions, HandoverState
 from handover_dmp.handover.recordings import example_model
+from handover_dmp.handover.release import ReleaseOptions
 from handover_dmp.handover.session import Leg, SessionController, SessionModels, SessionOptions
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -309,6 +310,22 @@ def test_a_wait_that_takes_too_long_ends_the_session_at_home() -> None:
     assert loop.now_s - since_s == pytest.approx(1.0, abs=0.02)
     # nothing is in the gripper, so that the next handover can only be a take
     assert loop.controller.next_leg is Leg.TAKE
+
+
+@pytest.mark.parametrize('pull_n', [4.0, 25.0])
+def test_the_gripper_opens_by_the_pull_that_is_set_and_no_less(pull_n: float) -> None:
+    loop = Loop(session=SessionOptions(release=ReleaseOptions(pull_n=pull_n)))
+    loop.force = (0.0, 0.0, -8.0)
+    loop.step(120)
+    loop.controller.signal(loop.now_s)
+    loop.until(S.EXCHANGE)
+    for share in (0.5, 0.9):
+        loop.force = (share * pull_n, 0.0, -8.0)
+        loop.step(200)
+        assert loop.controller.state is S.EXCHANGE
+    loop.force = (1.1 * pull_n, 0.0, -8.0)
+    loop.until(S.RELEASED, max_s=0.3)
+    check_gripper(loop.moments)
 
 
 def in_an_exchange_without_end(**session: float) -> Loop:
