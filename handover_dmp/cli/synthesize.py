@@ -141,15 +141,12 @@ def run(options: argparse.Namespace) -> int:
 
 def _run_sessions(options: argparse.Namespace) -> int:
     from handover_dmp.cli.progress import progress_bar
-    from handover_dmp.common.errors import UsageError
     from handover_dmp.mocap.garage import CONFIGURATIONS
     from handover_dmp.mocap.session import write_sessions
     from handover_dmp.mocap.synthetic_session import synthesize_sessions
     from handover_dmp.mocap.tables import save
     from rich.console import Console
 
-    if options.orientation:
-        raise UsageError('--orientation is for trials; sessions have positions alone')
     configurations = options.configuration or CONFIGURATIONS
     sessions = synthesize_sessions(
         options.seed,
@@ -157,6 +154,7 @@ def _run_sessions(options: argparse.Namespace) -> int:
         configurations=configurations,
         rate_hz=options.rate,
         noise_m=options.noise,
+        orientation=options.orientation,
     )
     with progress_bar(hidden=len(sessions) < SHORT_SESSIONS) as bar:
         task = bar.add_task('writing', total=len(sessions))
@@ -167,6 +165,7 @@ def _run_sessions(options: argparse.Namespace) -> int:
             'seed': options.seed,
             'rate_hz': options.rate,
             'noise_m': options.noise,
+            'orientation': options.orientation,
             'sessions': [
                 {
                     'file': session.file_name,

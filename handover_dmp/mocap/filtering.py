@@ -31,12 +31,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 import math
-from typing import Any, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.orientation import unit_orientations
-from handover_dmp.mocap.trial import HandoverTrial
+from handover_dmp.mocap.trial import HandoverTrial, WristColumns
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -71,24 +71,37 @@ def condition(
         DataError: rate or cut-off make no sense, or fewer than 10 samples would remain.
 
     """
-    times, positions, _ = smooth(
-        trial.times, np.hstack([trial.partner, trial.demonstrator]), rate_hz, cutoff_hz
-    )
-    turns: dict[str, Any] = {
-        # by component and brought to norm 1 again, whatever the axes of room and wrist are
-        name: unit_orientations(smooth(trial.times, quaternions, rate_hz, cutoff_hz)[1])
-        for name in ('partner_orientation', 'demonstrator_orientation')
-        if (quaternions := getattr(trial, name)) is not None
-    }
     way_back = trial.way_back and condition(trial.way_back, rate_hz, cutoff_hz)
-    return replace(
-        trial,
-        times=times,
-        partner=positions[:, :3],
-        demonstrator=positions[:, 3:],
-        way_back=way_back,
-        **turns,
+    smoothed = smooth_columns(WristColumns.of(trial), rate_hz, cutoff_hz)
+    return replace(trial, way_back=way_back, **smoothed._asdict())
+
+
+def smooth_columns(columns: WristColumns, rate_hz: float, cutoff_hz: float | None) -> WristColumns:
+    """
+    Resample the wrists of two people evenly, low-passed without phase.
+
+    Args:
+        columns: as recorded.
+        rate_hz: new sampling rate, Hz.
+        cutoff_hz: as of `smooth`, Hz.
+
+    Returns:
+        The same, sampled anew.
+
+    Raises:
+        DataError: as `smooth`.
+
+    """
+    both = np.hstack([columns.partner, columns.demonstrator])
+    times, positions, _ = smooth(columns.times, both, rate_hz, cutoff_hz)
+    # by component and brought to norm 1 again, whatever the axes of room and wrist are
+    turned = (
+        quaternions
+        if quaternions is None
+        else unit_orientations(smooth(columns.times, quaternions, rate_hz, cutoff_hz)[1])
+        for quaternions in columns[3:]
     )
+    return WristColumns(times, positions[:, :3], positions[:, 3:], *turned)
 
 
 def smooth(

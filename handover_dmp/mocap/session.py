@@ -29,10 +29,10 @@ import re
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
-from handover_dmp.mocap.filtering import smooth
+from handover_dmp.mocap.filtering import RATE_HZ, smooth_columns
 from handover_dmp.mocap.segmentation import ORDERS, Segment, segment, Segmentation
 from handover_dmp.mocap.tables import quote, read_records, save
-from handover_dmp.mocap.trial import DIRECTIONS, HEADER, read_columns
+from handover_dmp.mocap.trial import DIRECTIONS, read_columns, WristColumns, write_columns
 from handover_dmp.mocap.wrists import WristMotion
 import numpy as np
 
@@ -105,18 +105,8 @@ class RecordedSession:
         """
         if not cutoff_hz:
             return self
-        motion = self.motion
-        both = np.hstack([motion.partner, motion.demonstrator])
-        times, places, _ = smooth(motion.times, both, cutoff_hz=cutoff_hz)
-        smoothed = replace(
-            motion,
-            times=times,
-            partner=places[:, :3],
-            demonstrator=places[:, 3:],
-            partner_orientation=None,
-            demonstrator_orientation=None,
-        )
-        return replace(self, motion=smoothed)
+        smoothed = smooth_columns(WristColumns.of(self.motion), RATE_HZ, cutoff_hz)
+        return replace(self, motion=replace(self.motion, **smoothed._asdict()))
 
 
 def read_csv_wrists(path: str | Path) -> WristMotion:
@@ -266,10 +256,7 @@ def write_sessions(
             raise DataError(f'{folder / name}: exists already; a recording is never overwritten')
     lines = [','.join((*_WHAT, *_TIMES))]
     for session in sessions:
-        motion = session.motion
-        rows = np.column_stack([motion.times, motion.partner, motion.demonstrator]).tolist()
-        text = [','.join(HEADER), *(','.join(map(repr, row)) for row in rows)]
-        save(folder / session.file_name, '\n'.join(text) + '\n')
+        write_columns(WristColumns.of(session.motion), folder / session.file_name)
         lines += [_row(session, part) for part in session.exchanges]
         if progress:
             progress()

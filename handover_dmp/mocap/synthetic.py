@@ -30,7 +30,7 @@ What it is modelled on:
 - The ends: a short rest before the assistant starts, and a short hold when the hands have met.
 - The sensor: 200 Hz, white noise of 0.1 mm on each axis, values rounded to a micrometre.
 - How the wrists are turned, on request alone and from a random stream of its own, so that without
-  it the same bytes are made: see `synthetic_turns`.
+  it the same bytes are made: see `synthetic_turns.py`.
 
 Made of sums, products and square roots alone on a generator whose stream is frozen
 (`numpy.random.RandomState`), and rounded, so one seed gives the same bytes on every machine.
@@ -52,7 +52,7 @@ from handover_dmp.mocap.synthetic_motion import (
     spread,
     spread_curve,
 )
-from handover_dmp.mocap.synthetic_turns import synthetic_turns
+from handover_dmp.mocap.synthetic_turns import draw_turns, measured_turns
 from handover_dmp.mocap.trial import DIRECTIONS, HandoverTrial
 import numpy as np
 from numpy.random import RandomState
@@ -228,13 +228,11 @@ def _make_trial(
     demonstrator += noise_m * random.standard_normal(demonstrator.shape)
     turns: dict[str, Any] = {}
     if orientation:
-        place = CONFIGURATIONS.index(configuration), DIRECTIONS.index(direction)
-        own = RandomState(np.array([seed, *place, number, 1], dtype=np.uint32))
-        mechanic = planned.partner.share(times) if planned.partner else np.ones(len(times))
-        shares = mechanic, planned.demonstrator.share(times)
-        names = 'partner_orientation', 'demonstrator_orientation'
-        turned = synthetic_turns(own, configuration, *shares, noise_m)
-        turns = dict(zip(names, turned, strict=True))
+        mechanic, assistant = draw_turns(seed, configuration, direction, number)
+        done = planned.partner.share(times) if planned.partner else np.ones(len(times))
+        turns['partner_orientation'] = measured_turns(random, mechanic.at(done), noise_m)
+        done = planned.demonstrator.share(times)
+        turns['demonstrator_orientation'] = measured_turns(random, assistant.at(done), noise_m)
     return HandoverTrial(
         times=np.round(times, 6),
         partner=np.round(partner, 6),

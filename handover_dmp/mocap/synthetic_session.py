@@ -23,6 +23,7 @@ configuration and number, `synthetic.py`; what lies between them is made by the 
 - The object passes over while both hold still for 0.3 to 0.6 s. Who receives it leaves first.
 - P1 works, before the give and with the tool after it, by strokes of some centimetres.
 - P1's hand sways all the time.
+- The wrists turn as in the same give and take, on request, and turn back after each.
 """
 
 from __future__ import annotations
@@ -51,12 +52,14 @@ from handover_dmp.mocap.synthetic_motion import (
     HandSway,
     spread,
 )
+from handover_dmp.mocap.synthetic_turns import draw_turns, measured_turns, WristTurn
 from handover_dmp.mocap.wrists import WristMotion
 import numpy as np
 from numpy.random import RandomState
 
 _SESSION = 2
 """In a stream's name, where a give has 0 and a take 1."""
+TURNED = 'partner_orientation', 'demonstrator_orientation'
 _STROKE_M = np.array([0.025, 0.050, 0.030])
 _STROKE_SPREAD = 0.3
 _PACE_SPREAD = 0.08
@@ -73,6 +76,7 @@ def synthesize_sessions(
     configurations: Sequence[str] = CONFIGURATIONS,
     rate_hz: float = RATE_HZ,
     noise_m: float = NOISE_M,
+    orientation: bool = False,
 ) -> list[RecordedSession]:
     """
     Make synthetic sessions, a give and a take each.
@@ -83,6 +87,7 @@ def synthesize_sessions(
         configurations: which of `CONFIGURATIONS`.
         rate_hz: sampling rate of the sensor, Hz.
         noise_m: standard deviation of the sensor's noise on each axis, m.
+        orientation: whether the wrists have orientations, too; the positions stay the same.
 
     Returns:
         The sessions, by configuration, then number from 1.
@@ -93,7 +98,7 @@ def synthesize_sessions(
     """
     check_request(seed, trials, configurations, rate_hz, noise_m)
     return [
-        _make_session(seed, configuration, number, rate_hz, noise_m)
+        _make_session(seed, configuration, number, rate_hz, noise_m, orientation)
         for configuration in configurations
         for number in range(1, trials + 1)
     ]
@@ -153,7 +158,7 @@ class _Way:
 
 
 def _make_session(
-    seed: int, configuration: str, number: int, rate_hz: float, noise_m: float
+    seed: int, configuration: str, number: int, rate_hz: float, noise_m: float, orientation: bool
 ) -> RecordedSession:
     scene = SCENES[configuration]
     random = RandomState(
@@ -217,17 +222,41 @@ def _make_session(
     first += sway.at(times)
     first += noise_m * random.standard_normal(first.shape)
     second += noise_m * random.standard_normal(second.shape)
+    turned: dict[str, Array] = {}
+    if orientation:
+        turns = zip(
+            *(draw_turns(seed, configuration, which, number) for which in ('give', 'take')),
+            strict=True,
+        )
+        # the first of P2's ways, to the tool and with it to the start of the give, turn nothing
+        ways = partner.reaches, demonstrator.reaches[2:]
+        for name, (given, taken), reaches in zip(TURNED, turns, ways, strict=True):
+            path = _turned(given, taken, reaches, times)
+            turned[name] = measured_turns(random, path, noise_m)
     return RecordedSession(
         WristMotion(
             np.round(times, 6),
             np.round(first, 6),
             np.round(second, 6),
             f'synthetic session {configuration} {number} (seed {seed})',
+            **turned,
         ),
         tuple(exchanges),
         configuration,
         number,
     )
+
+
+def _turned(
+    give: WristTurn, take: WristTurn, reaches: Sequence[CorrectedReach], times: Array
+) -> Array:
+    """Turn a wrist as in the give and the take, and back after each of them."""
+    back, home = WristTurn.between(give.last, take.first), WristTurn.between(take.last, give.first)
+    path = give.at(np.zeros(len(times)))
+    for turn, reach in zip((give, back, take, home), reaches, strict=True):
+        begun = times >= reach.onset_s
+        path[begun] = turn.at(reach.share(times[begun]))
+    return path
 
 
 def _pick_up(

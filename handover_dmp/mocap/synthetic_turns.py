@@ -25,12 +25,15 @@ As in the data set itself, sums, products and square roots alone.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from handover_dmp.common.arrays import Array
+from handover_dmp.mocap.garage import CONFIGURATIONS
 from handover_dmp.mocap.orientation import unit_orientations
+from handover_dmp.mocap.trial import DIRECTIONS
 import numpy as np
 from numpy.random import RandomState
 
-Array = Array
 Pair = tuple[tuple[float, float, float, float], tuple[float, float, float, float]]
 
 NOISE_PER_M = 5.0
@@ -51,38 +54,78 @@ _MECHANIC: dict[str, Pair] = {
 }
 
 
-def synthetic_turns(
-    random: RandomState, configuration: str, mechanic: Array, assistant: Array, noise_m: float
-) -> tuple[Array, Array]:
+@dataclass(frozen=True, eq=False)
+class WristTurn:
     """
-    Turn the wrists of a handover.
+    How a wrist turns in one reach.
+
+    Attributes:
+        first: (4,), x, y, z, w, where it is turned at the start.
+        last: (4,), at the end, of the sign that is nearer to `first`.
+        wobble: (4,), what is added half way.
+
+    """
+
+    first: Array
+    last: Array
+    wobble: Array
+
+    @classmethod
+    def between(cls, first: Array, last: Array, wobble: Array | None = None) -> WristTurn:
+        """Go the shorter way."""
+        nearer = -last if float(first @ last) < 0.0 else last
+        return cls(first, nearer, np.zeros(4) if wobble is None else wobble)
+
+    def at(self, share: Array) -> Array:
+        """Return the turn at shares, (n,), of the reach that are done; (n, 4), not yet unit."""
+        arch = (4.0 * share * (1.0 - share))[:, None]
+        path: Array = self.first + share[:, None] * (self.last - self.first) + arch * self.wobble
+        return path
+
+
+def draw_turns(
+    seed: int, configuration: str, direction: str, number: int
+) -> tuple[WristTurn, WristTurn]:
+    """
+    Draw how the wrists turn in a handover, from a stream of its own.
+
+    Args:
+        seed: of the data set.
+        configuration: where it takes place.
+        direction: `give` or `take`.
+        number: of the trial.
+
+    Returns:
+        The turns of P1 and of P2.
+
+    """
+    place = CONFIGURATIONS.index(configuration), DIRECTIONS.index(direction)
+    random = RandomState(np.array([seed, *place, number, 1], dtype=np.uint32))
+    return _draw(random, _MECHANIC[configuration]), _draw(random, _ASSISTANT[configuration])
+
+
+def measured_turns(random: RandomState, path: Array, noise_m: float) -> Array:
+    """
+    Give what a sensor would tell of the turns of a wrist.
 
     Args:
         random: a stream of its own.
-        configuration: where it takes place.
-        mechanic: (n,), share of P1's reach that is done, 0 to 1.
-        assistant: (n,), the same of P2's.
+        path: (n, 4), x, y, z, w, of any length.
         noise_m: of a marker, m.
 
     Returns:
-        Unit quaternions x, y, z, w of P1 and of P2, (n, 4) each.
+        Unit quaternions, (n, 4).
 
     """
-    return (
-        _turned(random, _MECHANIC[configuration], mechanic, noise_m),
-        _turned(random, _ASSISTANT[configuration], assistant, noise_m),
-    )
-
-
-def _turned(random: RandomState, pair: Pair, share: Array, noise_m: float) -> Array:
-    first, last = (_near(random, np.array(turn)) for turn in pair)
-    if float(first @ last) < 0.0:
-        last = -last
-    wobble = _WOBBLE * np.clip(random.standard_normal(4), -2.0, 2.0)
-    arch = (4.0 * share * (1.0 - share))[:, None]
-    path = first + share[:, None] * (last - first) + arch * wobble
-    path += NOISE_PER_M * noise_m * random.standard_normal(path.shape)
+    path = path + NOISE_PER_M * noise_m * random.standard_normal(path.shape)
     return unit_orientations(np.round(path / np.sqrt((path * path).sum(axis=1))[:, None], 6))
+
+
+def _draw(random: RandomState, pair: Pair) -> WristTurn:
+    first, last = (_near(random, np.array(turn)) for turn in pair)
+    return WristTurn.between(
+        first, last, _WOBBLE * np.clip(random.standard_normal(4), -2.0, 2.0)
+    )
 
 
 def _near(random: RandomState, turn: Array) -> Array:

@@ -29,7 +29,7 @@ import numpy as np
 
 HEADER = ('t', 'p1_x', 'p1_y', 'p1_z', 'p2_x', 'p2_y', 'p2_z')
 TURN_HEADERS = tuple(tuple(f'{who}_{axis}' for axis in AXES_OF_TURN) for who in ('p1', 'p2'))
-"""Columns of the orientation of each wrist, where a trial has it."""
+"""WristColumns of the orientation of each wrist, where a trial has it."""
 DIRECTIONS = ('give', 'take')
 INDEX_NAME = 'trials.csv'
 WAY_BACK_FOLDER = 'way_back'
@@ -269,6 +269,20 @@ class WristColumns(NamedTuple):
     partner_orientation: Array | None
     demonstrator_orientation: Array | None
 
+    @classmethod
+    def of(cls, recorded: Any) -> WristColumns:
+        """
+        Take them from what has them under these names.
+
+        Args:
+            recorded: a trial or a recording.
+
+        Returns:
+            Its columns.
+
+        """
+        return cls(*(getattr(recorded, name) for name in cls._fields))
+
 
 def read_columns(path: Path) -> WristColumns:
     """
@@ -339,13 +353,25 @@ def write_trial(trial: HandoverTrial, path: str | Path) -> None:
     """
     if trial.way_back is not None:
         write_trial(trial.way_back, way_back_file(Path(path)))
-    turns = zip(
-        TURN_HEADERS, (trial.partner_orientation, trial.demonstrator_orientation), strict=True
-    )
+    write_columns(WristColumns.of(trial), path)
+
+
+def write_columns(columns: WristColumns, path: str | Path) -> None:
+    """
+    Write the wrists of two people as CSV, whole or not at all.
+
+    Args:
+        columns: what `read_columns` reads back, to the last bit.
+        path: the file; its folder is made if need be.
+
+    Raises:
+        DataError: it cannot be written there.
+
+    """
+    turns = zip(TURN_HEADERS, columns[3:], strict=True)
     turned = {names: quaternions for names, quaternions in turns if quaternions is not None}
     header = [*HEADER, *(name for names in turned for name in names)]
-    parts = [trial.times, trial.partner, trial.demonstrator, *turned.values()]
-    rows = np.column_stack(parts).tolist()
+    rows = np.column_stack([*columns[:3], *turned.values()]).tolist()
     lines = [','.join(header), *(','.join(map(repr, row)) for row in rows)]
     save(Path(path), '\n'.join(lines) + '\n')
 

@@ -130,7 +130,6 @@ def test_sessions_are_made_cut_and_are_what_went_in(tmp_path, capsys):
 @pytest.mark.parametrize(
     ('words', 'message'),
     [
-        (['synthesize', '--sessions', '--orientation'], '--orientation is for trials'),
         (['import', 'csv', 'x.csv', '--way-back'], '--way-back needs --segment'),
         (['import', 'csv', 'x.csv', '--p1', 'hand'], '--p1 and --p2'),
         (['import', 'csv', 'x.csv', '--up', 'y'], 'is in metres, z up'),

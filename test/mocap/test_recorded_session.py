@@ -19,6 +19,7 @@ from __future__ import annotations
 from dataclasses import replace
 import hashlib
 
+from handover_dmp.cli.main import main
 from handover_dmp.common.errors import DataError
 from handover_dmp.handover.teaching import learn_from_trials, reproduction_error
 from handover_dmp.mocap import read_data_set, read_trial, synthesize, write_data_set
@@ -72,6 +73,52 @@ def test_the_reaches_are_those_of_the_data_set(rate_hz):
             np.testing.assert_allclose(
                 session.motion.demonstrator[rows], trial.demonstrator, atol=2e-6
             )
+
+
+def same_turn(first, second, within_deg):
+    """Tell whether quaternions, (n, 4) each, are the same rotations."""
+    along = np.abs(np.sum(first * second, axis=1))
+    return np.degrees(2.0 * np.arccos(np.minimum(along, 1.0))).max() < within_deg
+
+
+def test_wrists_turn_as_in_the_data_set_and_turn_back():
+    wanted = {'noise_m': 0.0, 'orientation': True}
+    trials = {trial.label: trial for trial in synthesize(7, 2, **wanted)}
+    plain = synthesize_sessions(7, 2, noise_m=0.0)
+    for session, bare in zip(synthesize_sessions(7, 2, **wanted), plain, strict=True):
+        motion = session.motion
+        np.testing.assert_array_equal(motion.partner, bare.motion.partner)
+        assert bare.motion.partner_orientation is None
+        for name in ('partner_orientation', 'demonstrator_orientation'):
+            turned = getattr(motion, name)
+            assert np.abs(np.diff(turned, axis=0)).max() < 0.03
+            assert same_turn(turned[:1], turned[-1:], 0.1)
+            for part in session.exchanges:
+                trial = trials[f'{session.configuration} {part.direction} {session.number}']
+                first = round(part.start_s * 200.0)
+                reach = turned[first : first + len(trial.times)]
+                assert same_turn(reach, getattr(trial, name), 0.01)
+
+
+def test_orientations_are_kept_by_files_cuts_and_low_pass(tmp_path):
+    (session,) = synthesize_sessions(3, 1, configurations=['under_car'], orientation=True)
+    write_sessions([session], tmp_path / 'whole')
+    read = read_session(tmp_path / 'whole' / session.file_name)
+    cut = tmp_path / 'cut'
+    words = ['import', 'csv', str(tmp_path / 'whole' / session.file_name), '-o', str(cut)]
+    assert main([*words, '--segment', '--way-back']) == 0
+    trials = read_data_set(cut)
+    assert [trial.direction for trial in trials] == ['give', 'take']
+    smoothed = session.low_passed(6.0).motion
+    for name in ('partner_orientation', 'demonstrator_orientation'):
+        went_in = getattr(session.motion, name)
+        np.testing.assert_array_equal(getattr(read.motion, name), went_in)
+        assert same_turn(getattr(smoothed, name), went_in, 1.0)
+        for trial, part in zip(trials, segment(read.motion).segments, strict=True):
+            for one, start_s in ((trial, part.start_s), (trial.way_back, part.way_back_s[0])):
+                first = int(np.searchsorted(session.motion.times, start_s - 1e-9))
+                rows = slice(first, first + len(one.times))
+                assert same_turn(getattr(one, name), went_in[rows], 0.01)
 
 
 def test_it_is_as_people_move(sessions):
