@@ -123,9 +123,7 @@ def measured_turns(random: RandomState, path: Array, noise_m: float) -> Array:
 
 def _draw(random: RandomState, pair: Pair) -> WristTurn:
     first, last = (_near(random, np.array(turn)) for turn in pair)
-    return WristTurn.between(
-        first, last, _WOBBLE * np.clip(random.standard_normal(4), -2.0, 2.0)
-    )
+    return WristTurn.between(first, last, _WOBBLE * np.clip(random.standard_normal(4), -2.0, 2.0))
 
 
 def _near(random: RandomState, turn: Array) -> Array:
