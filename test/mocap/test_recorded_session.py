@@ -96,8 +96,8 @@ def test_wrists_turn_as_in_the_data_set_and_turn_back():
             for part in session.exchanges:
                 trial = trials[f'{session.configuration} {part.direction} {session.number}']
                 first = round(part.start_s * 200.0)
-                reach = turned[first : first + len(trial.times)]
-                assert same_turn(reach, getattr(trial, name), 0.01)
+                rows = slice(first, first + len(trial.times))
+                assert same_turn(turned[rows], getattr(trial, name), 0.01)
 
 
 def test_orientations_are_kept_by_files_cuts_and_low_pass(tmp_path):
