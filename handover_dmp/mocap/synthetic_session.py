@@ -29,7 +29,7 @@ configuration and number, `synthetic.py`; what lies between them is made by the 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 import math
 
 from handover_dmp.common.arrays import Array
@@ -59,7 +59,6 @@ from numpy.random import RandomState
 
 _SESSION = 2
 """In a stream's name, where a give has 0 and a take 1."""
-TURNED = 'partner_orientation', 'demonstrator_orientation'
 _STROKE_M = np.array([0.025, 0.050, 0.030])
 _STROKE_SPREAD = 0.3
 _PACE_SPREAD = 0.08
@@ -222,7 +221,12 @@ def _make_session(
     first += sway.at(times)
     first += noise_m * random.standard_normal(first.shape)
     second += noise_m * random.standard_normal(second.shape)
-    turned: dict[str, Array] = {}
+    motion = WristMotion(
+        np.round(times, 6),
+        np.round(first, 6),
+        np.round(second, 6),
+        f'synthetic session {configuration} {number} (seed {seed})',
+    )
     if orientation:
         turns = zip(
             *(draw_turns(seed, configuration, which, number) for which in ('give', 'take')),
@@ -230,21 +234,16 @@ def _make_session(
         )
         # the first of P2's ways, to the tool and with it to the start of the give, turn nothing
         ways = partner.reaches, demonstrator.reaches[2:]
-        for name, (given, taken), reaches in zip(TURNED, turns, ways, strict=True):
-            path = _turned(given, taken, reaches, times)
-            turned[name] = measured_turns(random, path, noise_m)
-    return RecordedSession(
-        WristMotion(
-            np.round(times, 6),
-            np.round(first, 6),
-            np.round(second, 6),
-            f'synthetic session {configuration} {number} (seed {seed})',
-            **turned,
-        ),
-        tuple(exchanges),
-        configuration,
-        number,
-    )
+        partner_turned, demonstrator_turned = (
+            measured_turns(random, _turned(given, taken, reaches, times), noise_m)
+            for (given, taken), reaches in zip(turns, ways, strict=True)
+        )
+        motion = replace(
+            motion,
+            partner_orientation=partner_turned,
+            demonstrator_orientation=demonstrator_turned,
+        )
+    return RecordedSession(motion, tuple(exchanges), configuration, number)
 
 
 def _turned(

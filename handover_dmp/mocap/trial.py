@@ -29,7 +29,7 @@ import numpy as np
 
 HEADER = ('t', 'p1_x', 'p1_y', 'p1_z', 'p2_x', 'p2_y', 'p2_z')
 TURN_HEADERS = tuple(tuple(f'{who}_{axis}' for axis in AXES_OF_TURN) for who in ('p1', 'p2'))
-"""WristColumns of the orientation of each wrist, where a trial has it."""
+"""Columns of the orientation of each wrist, where a trial has it."""
 DIRECTIONS = ('give', 'take')
 INDEX_NAME = 'trials.csv'
 WAY_BACK_FOLDER = 'way_back'
