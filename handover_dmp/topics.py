@@ -13,14 +13,14 @@
 # limitations under the License.
 
 """
-Every topic of the graph: name, type and quality of service, once.
+Name, type and quality of service of every topic of the graph.
 
-A node asks for the relative name, so that a namespace or a remap moves it; `/clock`,
-`/diagnostics`, `/tf` and `/tf_static` are those of everybody, as in all of ROS.
+Nodes use relative names, so that a namespace or a remap moves them; all graphs share `/clock`,
+`/diagnostics`, `/tf` and `/tf_static`, as usual in ROS.
 
-Sensor data is best effort with depth 1, since only the newest counts; commands are reliable with
-depth 1, since an old one must never be followed; what a late listener must still get is transient
-local. Positions are metres in the frame `world` (REP 103, REP 105), times are those of the header.
+Sensor data is best effort with depth 1, since only the newest counts. Commands are reliable with
+depth 1, since an old one must never be followed. Messages that a late subscriber must still get
+are transient local. Positions are in metres in the frame `world` (REP 103, REP 105).
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from typing import Any
 
 FRAME = 'world'
 TF_PERIOD_S = 0.02
-"""How often the links of a moving arm are told, s; viewers draw no faster."""
+"""Period of the transforms of a moving arm, s; viewers draw no faster."""
 SEPARATOR = ','
 HARDWARE_ID = 'handover_dmp'
-"""By which a report on `/diagnostics` says that it is of a node of this package."""
+"""Marks reports on `/diagnostics` that come from a node of this package."""
 
 
 class Quality(Enum):
@@ -46,9 +46,9 @@ class Quality(Enum):
     COMMAND = ('reliable', 'volatile', 1)
     LATCHED = ('reliable', 'transient_local', 1)
     REPORT = ('reliable', 'volatile', 10)
-    # as tf2 asks for
+    # as tf2 requires
     TRANSFORMS = ('reliable', 'volatile', 100)
-    # also for who listens late, where the first message matters beside the last
+    # for late subscribers that need the first message as well as the last
     LATCHED_REPORT = ('reliable', 'transient_local', 10)
 
 
@@ -61,8 +61,8 @@ class Topic:
         name: absolute, of a graph in the root namespace.
         type_name: of its messages, e.g. `geometry_msgs/msg/PoseStamped`.
         quality: of service, for publisher and subscription alike.
-        meaning: what its messages say, with units.
-        is_global: whether all graphs share it, in whatever namespace they are.
+        meaning: content of its messages, with units.
+        is_global: whether the graphs of all namespaces share it.
 
     """
 
@@ -79,10 +79,10 @@ class Topic:
 
     def within(self, namespace: str) -> str:
         """
-        Name the topic of a graph.
+        Name the topic in a namespace.
 
         Args:
-            namespace: of the graph, e.g. `/left`; `/` or nothing for the root.
+            namespace: namespace of the graph, e.g. `/left`; `/` or empty for the root.
 
         Returns:
             Its absolute name.
@@ -98,31 +98,31 @@ HAND_POSE = Topic(
     '/hand/pose',
     'geometry_msgs/msg/PoseStamped',
     Quality.SENSOR,
-    "the partner's wrist as tracked, m",
+    'tracked wrist of the partner, m',
 )
 HAND_FUSED = Topic(
     '/hand/fused',
     'geometry_msgs/msg/PoseWithCovarianceStamped',
     Quality.REPORT,
-    'where the hand is, by all trackers, m; nothing is known of its orientation',
+    'position of the hand, fused from all trackers, m; its orientation is unknown',
 )
 HAND_TRUTH = Topic(
     '/hand/truth',
     'geometry_msgs/msg/PoseStamped',
     Quality.REPORT,
-    'where the hand of a trial is, whatever its trackers say, m',
+    'true position of the hand of a trial, without tracker errors, m',
 )
 ELBOW_POSE = Topic(
     '/partner/elbow',
     'geometry_msgs/msg/PoseStamped',
     Quality.SENSOR,
-    "the elbow of the partner's tracked hand, m, where a tracker sees it",
+    "elbow of the partner's tracked arm, m, if a tracker sees it",
 )
 DEMONSTRATOR_POSE = Topic(
     '/human/pose',
     'geometry_msgs/msg/PoseStamped',
     Quality.SENSOR,
-    'where the person was whose place the robot takes, m',
+    'wrist of the demonstrator, whose role the robot takes, m',
 )
 SIGNAL = Topic(
     '/handover/signal',
@@ -134,19 +134,19 @@ WRIST_POSE = Topic(
     '/wrist/pose',
     'geometry_msgs/msg/PoseStamped',
     Quality.SENSOR,
-    "the robot's wrist as measured, m",
+    "measured pose of the robot's wrist, m",
 )
 POSE_COMMAND = Topic(
     '/wrist/pose_command',
     'geometry_msgs/msg/PoseStamped',
     Quality.COMMAND,
-    'where the wrist is to be, m',
+    'commanded pose of the wrist, m',
 )
 TWIST_COMMAND = Topic(
     '/wrist/twist_command',
     'geometry_msgs/msg/TwistStamped',
     Quality.COMMAND,
-    'how the wrist is to move, m/s; carries the stamp of its pose',
+    'commanded velocity of the wrist, m/s; with the stamp of its pose',
 )
 IK_STATUS = Topic(
     '/wrist/ik_status',
@@ -180,43 +180,43 @@ PHASE = Topic(
     '/handover/phase',
     'std_msgs/msg/Float64MultiArray',
     Quality.COMMAND,
-    'of the movement primitive; the label of the layout names the values',
+    'phase of the movement primitive; the label of the layout names the values',
 )
 GRIPPER_COMMAND = Topic(
     '/gripper/command',
     'std_msgs/msg/Bool',
     Quality.LATCHED,
-    'true: the gripper is to close; false: to open',
+    'true: close the gripper; false: open it',
 )
 WRIST_WRENCH = Topic(
     '/wrist/wrench',
     'geometry_msgs/msg/WrenchStamped',
     Quality.SENSOR,
-    'what acts on the wrist from what it holds, N and Nm; in the room, or as session.wrench_frame',
+    'force and torque of the object on the wrist, N and Nm; in the room or in session.wrench_frame',
 )
 OBJECT_POSE = Topic(
     '/object/pose',
     'geometry_msgs/msg/PoseStamped',
     Quality.REPORT,
-    'where the object is that is handed over, m',
+    'pose of the object, m',
 )
 OBJECT_HOLDER = Topic(
     '/object/holder',
     'std_msgs/msg/String',
     Quality.LATCHED,
-    'who holds the object: robot, partner, both, table or nobody',
+    'holder of the object: robot, partner, both, table or nobody',
 )
 MARKERS = Topic(
     '/handover/markers',
     'visualization_msgs/msg/MarkerArray',
     Quality.REPORT,
-    'hand, wrist, trails, learnt path, expected meeting point, exchange point',
+    'hand, wrist, trails, learnt path, expected goal, exchange position',
 )
 INFO = Topic(
     '/handover/info',
     'std_msgs/msg/String',
     Quality.LATCHED,
-    'JSON: what is run, with which versions',
+    'JSON: the scenario and the versions of the software',
 )
 ROBOT_DESCRIPTION = Topic(
     '/robot_description', 'std_msgs/msg/String', Quality.LATCHED, 'URDF of the arm'
@@ -225,14 +225,14 @@ TF = Topic(
     '/tf',
     'tf2_msgs/msg/TFMessage',
     Quality.TRANSFORMS,
-    'where the moving links of the arm are, each in the one before',
+    'pose of each moving link of the arm, relative to its parent',
     is_global=True,
 )
 TF_STATIC = Topic(
     '/tf_static',
     'tf2_msgs/msg/TFMessage',
     Quality.LATCHED,
-    'where the arm stands, and the links that do not move in the one before',
+    'pose of the arm in the room, and of each fixed link relative to its parent',
     is_global=True,
 )
 DIAGNOSTICS = Topic(
@@ -250,7 +250,7 @@ TOPICS = (
     TF, TF_STATIC, DIAGNOSTICS,
 )  # fmt: skip
 OPTIONAL = (GRIPPER_COMMAND, WRIST_WRENCH, OBJECT_POSE, OBJECT_HOLDER, ELBOW_POSE)
-"""Those that exist only where a gripper holds an object, or where a tracker sees the elbow."""
+"""Topics that exist only if a gripper holds an object, or a tracker sees the elbow."""
 
 
 def position_covariance(deviation_m: float) -> list[float]:
@@ -264,7 +264,7 @@ def position_covariance(deviation_m: float) -> list[float]:
         (36,), row by row, m² and rad².
 
     """
-    # of an angle that may be any, from -pi to pi
+    # variance of an angle that is uniform from -pi to pi
     anyhow = pi**2 / 3.0
     diagonal = [deviation_m**2] * 3 + [anyhow] * 3
     return [diagonal[k // 6] if k % 7 == 0 else 0.0 for k in range(36)]
@@ -272,10 +272,10 @@ def position_covariance(deviation_m: float) -> list[float]:
 
 def label_of(names: Iterable[str]) -> str:
     """
-    Put the names of values into one label, since an array of numbers has one dimension.
+    Join the names of values into one label, since an array of numbers has one dimension.
 
     Args:
-        names: of the values, in their order.
+        names: names of the values, in order.
 
     Returns:
         The label of the dimension.
@@ -286,13 +286,13 @@ def label_of(names: Iterable[str]) -> str:
 
 def names_of_values(message: Any) -> tuple[str, ...]:
     """
-    Read the names out of the layout of an array.
+    Read the names of the values from the layout of an array.
 
     Args:
         message: a `std_msgs/Float64MultiArray`.
 
     Returns:
-        Name of each value; also where each has a dimension of its own.
+        Name of each value, also if each has its own dimension.
 
     """
     labels = (dimension.label for dimension in message.layout.dim)

@@ -163,7 +163,7 @@ def parameter_table(node: str, parameters: Sequence[Parameter]) -> str:
             allowed = kind(default)
         when = 'at the start' if parameter.read_only else 'any time'
         rows.append((f'`{parameter.name}`', shown(default), allowed, when, parameter.description))
-    return table(('parameter', 'default', 'values', 'set', 'what it is'), rows)
+    return table(('parameter', 'default', 'values', 'set', 'meaning'), rows)
 
 
 def settings_table() -> str:
@@ -177,8 +177,10 @@ def settings_table() -> str:
             declared |= {parameter.name for parameter in module('dmp').PRIMITIVE}
         for name, value in defaults(node).items():
             if name not in declared | everywhere:
-                rows.append((f'`{node}`', f'`{name}`', shown(value), comments[node, name]))
-    return table(('section', 'setting', 'default', 'what it is'), rows)
+                meaning = comments[node, name]
+                meaning = meaning[:1].upper() + meaning[1:]
+                rows.append((f'`{node}`', f'`{name}`', shown(value), meaning))
+    return table(('section', 'setting', 'default', 'meaning'), rows)
 
 
 def yaml_comments() -> Iterator[tuple[tuple[str, str], str]]:
@@ -211,7 +213,7 @@ def topic_table() -> str:
                 ', '.join(subscribed.get(topic, [])) or '–', topic.meaning,
             )
         )  # fmt: skip
-    return table(('topic', 'type', 'quality of service', 'from', 'to', 'what it says'), rows)
+    return table(('topic', 'type', 'quality of service', 'from', 'to', 'meaning'), rows)
 
 
 def ends(method: str) -> dict[Topic, list[str]]:

@@ -85,41 +85,47 @@ class ApproachOptions:
     enabled: bool = setting(
         'dmp',
         'approach.enabled',
-        'whether any of this is done; without, the movement goes by (7) and (8) alone',
+        'Whether the approach rules hold; if not, the movement follows (7) and (8) alone',
     )
     near_m: float = setting(
-        'dmp', 'approach.near_m', 'ρ, distance left at which the goal takes over, m', 0.001, 1.0
+        'dmp',
+        'approach.near_m',
+        'Remaining distance ρ at which the goal takes over, m',
+        0.001,
+        1.0,
     )
     shape_beyond_m: float = setting(
         'dmp',
         'approach.shape_beyond_m',
-        'β, how far beyond the goal the learnt shape has to lead for that, m',
+        'Distance β beyond the goal to which the learnt shape must lead before the goal takes '
+        'over near ρ, m',
         0.001,
         10.0,
     )
     astray: float = setting(
         'dmp',
         'approach.astray',
-        'ε, by how much farther from the goal than at the start the wrist may get, beyond what '
-        'was learnt, before the goal takes over; in parts of that distance',
+        'Growth ε of the distance to the goal, beyond what was learnt, at which the goal takes '
+        'over; as a fraction of the distance at the start',
         0.01,
         10.0,
     )
     beyond_m: float = setting(
-        'dmp', 'approach.beyond_m', 'm, how far beyond the goal the wrist may get, m', 0.0, 1.0
+        'dmp', 'approach.beyond_m', 'Maximum distance of the wrist beyond the goal, m', 0.0, 1.0
     )
     braking_share: float = setting(
         'dmp',
         'approach.braking_share',
-        'part of the acceleration limit that braking may need; the rest is for what the hand does',
+        'Share of the acceleration limit that braking before the goal may use; the rest is kept '
+        'for motions of the hand',
         0.05,
         1.0,
     )
     stopping_limit: float = setting(
         'dmp',
         'approach.stopping_limit',
-        'bound on the acceleration of the wrist command where it would else run past the goal, '
-        'm/s²; what is less than acceleration_limit stands for that',
+        'Maximum acceleration of the wrist command when the wrist would otherwise overrun the '
+        'goal, m/s²; values below acceleration_limit mean acceleration_limit',
         0.0,
         1000.0,
     )

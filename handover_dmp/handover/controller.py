@@ -101,70 +101,70 @@ class HandoverOptions:
     start: str = setting(
         'dmp',
         'start',
-        "what starts it besides start(): signal (the partner's signal), motion (the hand moves) "
-        'or service (nothing else)',
+        "Trigger of the handover, besides ~/start: signal (the partner's signal), motion (the "
+        'hand moves) or service (~/start only)',
         choices=('signal', 'motion', 'service'),
     )
     motion_threshold: float = setting(
         'dmp',
         'motion_threshold',
-        'speed of the hand that counts as its start to move, m/s',
+        'Speed above which the hand counts as moving, m/s',
         0.0,
         5.0,
     )
     hand_timeout_s: float = setting(
         'dmp',
         'hand_timeout_s',
-        'age of the hand, by arrival, beyond which the wrist brakes, s',
+        'Age of the last hand pose, by arrival, beyond which the wrist brakes, s',
         0.01,
         5.0,
     )
     stamp_tolerance_s: float = setting(
         'dmp',
         'stamp_tolerance_s',
-        'by how much the stamps of the hand may differ from the time, s',
+        'Maximum difference between the stamp of a hand pose and the current time, s',
         0.01,
         60.0,
     )
     exchange_distance_m: float = setting(
         'dmp',
         'exchange_distance_m',
-        'wrist to goal, below which the exchange may begin, m',
+        'Distance from wrist to goal below which the exchange may begin, m',
         0.001,
         1.0,
     )
     exchange_speed: float = setting(
         'dmp',
         'exchange_speed',
-        'speed of the wrist relative to the goal, below which it may begin, m/s',
+        'Speed of the wrist relative to the goal below which the exchange may begin, m/s',
         0.001,
         5.0,
     )
     exchange_hold_s: float = setting(
-        'dmp', 'exchange_hold_s', 'how long the exchange lasts, s', 0.0, 60.0
+        'dmp', 'exchange_hold_s', 'Duration of the exchange, s', 0.0, 60.0
     )
     acceleration_limit: float = setting(
         'dmp',
         'acceleration_limit',
-        'bound on the acceleration of the wrist command, m/s²',
+        'Maximum acceleration of the wrist command, m/s²',
         0.1,
         1000.0,
     )
     tracking_error_limit_m: float = setting(
         'dmp',
         'tracking_error_limit_m',
-        'how far the command may run ahead of the measured wrist, m',
+        'Maximum distance of the command ahead of the measured wrist, m',
         0.001,
         10.0,
     )
     phase_stopping: bool = setting(
-        'dmp', 'phase_stopping', 'whether an arm that cannot keep up slows the phase'
+        'dmp', 'phase_stopping', 'Whether the phase slows down for an arm that cannot keep up'
     )
     approach: ApproachOptions = field(default_factory=ApproachOptions)
     partner_model: str = setting(
         'dmp',
         'partner_model',
-        'auto, to expect of the hand what the model knows of it, or off',
+        'Use of the partner model: auto (if the learnt movement has one) or off',
         choices=PARTNER_MODEL,
     )
     partner: PartnerOptions = field(default_factory=PartnerOptions)

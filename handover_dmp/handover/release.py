@@ -55,29 +55,37 @@ class ReleaseOptions:
     """
 
     share: float = setting(
-        'dmp', 'release.share', 'of the weight that the taker must carry, 0 to 1', 0.01, 2.0
+        'dmp',
+        'release.share',
+        'Share of the weight that the taker must carry before the giver opens',
+        0.01,
+        2.0,
     )
     pull_n: float = setting(
-        'dmp', 'release.pull_n', 'force towards the taker that opens, too, N', 0.1, 1000.0
+        'dmp',
+        'release.pull_n',
+        'Force towards the taker that opens the gripper as well, N',
+        0.1,
+        1000.0,
     )
     contact_n: float = setting(
         'dmp',
         'release.contact_n',
-        'force of the taker below which nobody has touched the object, N',
+        'Force of the taker below which the object counts as untouched, N',
         0.01,
         100.0,
     )
     window_s: float = setting(
         'dmp',
         'release.window_s',
-        'of the median; a bump of less than half of it is not felt, s',
+        'Window of the median filter of the force, s; bumps shorter than half of it are ignored',
         0.005,
         2.0,
     )
     tare_s: float = setting(
         'dmp',
         'release.tare_s',
-        'how long the force at rest is measured before anything is judged, s',
+        'Duration of the force measurement at rest, before the force is judged, s',
         0.01,
         10.0,
     )

@@ -109,67 +109,68 @@ class SessionOptions:
     take_start: str = setting(
         'dmp',
         'session.take_start',
-        "what starts the take: signal (the partner's) or motion (the hand comes towards the "
-        'robot)',
+        "Trigger of the take: signal (the partner's signal) or motion (the hand comes towards "
+        'the robot)',
         choices=('signal', 'motion'),
     )
     take_approach_m: float = setting(
         'dmp',
         'session.take_approach_m',
-        'by how much the hand comes nearer to the wrist in one go for that, m',
+        'Distance by which the hand must approach the wrist without a pause to trigger a take by '
+        'motion, m',
         0.0,
         5.0,
     )
     pick_up: bool = setting(
         'dmp',
         'session.pick_up',
-        'whether the object has to be picked up first; else the gripper holds it already',
+        'Whether the robot picks the object up first; if not, the gripper already holds it',
     )
     pick_up_position: Vector = setting(
-        'dmp', 'session.pick_up_position', 'of the wrist, m, where that is done'
+        'dmp', 'session.pick_up_position', 'Wrist position at which the object is picked up, m'
     )
     grip_s: float = setting(
-        'dmp', 'session.grip_s', 'how long the gripper takes to close, s', 0.0, 60.0
+        'dmp', 'session.grip_s', 'Time that the gripper takes to close, s', 0.0, 60.0
     )
     released_s: float = setting(
         'dmp',
         'session.released_s',
-        'how long the wrist stands still once the object is released, s',
+        'Time for which the wrist stands still after the object is released, s',
         0.0,
         60.0,
     )
     wait_timeout_s: float = setting(
         'dmp',
         'session.wait_timeout_s',
-        'the session is over without a take after a wait of so long, s; 0: never',
+        'Time after which the robot stops waiting for a take and ends the session, s; 0: never',
         0.0,
         86400.0,
     )
     exchange_timeout_s: float = setting(
         'dmp',
         'session.exchange_timeout_s',
-        'an exchange that takes longer is told, as the partner seems not to take or give the '
-        'object, s; 0: never',
+        'Duration of an exchange after which a warning is given, s; 0: never',
         0.0,
         86400.0,
     )
     withdraws_untaken: bool = setting(
         'dmp',
         'session.withdraws_untaken',
-        'whether the wrist then goes home with what it should have given, if nobody touches it',
+        'Whether the wrist goes home with the object if nobody has touched it within '
+        'exchange_timeout_s',
     )
     held_share: float = setting(
         'dmp',
         'session.held_share',
-        'of the weight that has to have come over to the robot in a take, where a force on the '
-        'wrist tells, before it withdraws',
+        'Share of the weight that the robot must carry in a take before it withdraws, if the '
+        'force on the wrist is measured',
         0.0,
         1.0,
     )
     wrench_timeout_s: float = setting(
         'dmp',
         'session.wrench_timeout_s',
-        'age of that force, by arrival, beyond which it tells nothing, s',
+        'Age of the wrench, by arrival, beyond which it is ignored, s',
         0.01,
         5.0,
     )

@@ -70,20 +70,24 @@ class WithdrawalOptions:
     """How the wrist goes home."""
 
     speed: float = setting(
-        'dmp', 'session.withdrawal_speed', 'of the wrist at most, m/s', 0.01, 2.0
+        'dmp',
+        'session.withdrawal_speed',
+        'Maximum speed of the wrist on its way home and to the object, m/s',
+        0.01,
+        2.0,
     )
     near_m: float = setting(
         'dmp',
         'session.near_m',
-        "distance to the hand's place of the exchange within which it is slow, m; at twice that "
-        'distance it may be as fast as it likes',
+        'Distance to the exchange position, as it would be with the hand now, within which '
+        'near_speed holds, m; the bound ends at twice that distance',
         0.001,
         2.0,
     )
     near_speed: float = setting(
         'dmp',
         'session.near_speed',
-        'of the wrist there, and where the hand is lost, m/s',
+        'Maximum speed of the wrist near the exchange position, and while the hand is lost, m/s',
         0.001,
         2.0,
     )

@@ -65,18 +65,19 @@ class CalibrationMotionNode(HandoverNode):
     PARAMETERS = (
         *ARM,
         *DRIVER,
-        Parameter('rate_hz', 'of the joint states, Hz', 10.0, 1000.0, read_only=True),
-        Parameter('duration_s', 'of the motion, s', 5.0, 600.0, read_only=True),
-        Parameter('wrist_speed', 'that the wrist keeps to, m/s', 0.01, 1.0, read_only=True),
+        Parameter('rate_hz', 'Rate of the joint states, Hz', 10.0, 1000.0, read_only=True),
+        Parameter('duration_s', 'Duration of the motion, s', 5.0, 600.0, read_only=True),
+        Parameter('wrist_speed', 'Maximum speed of the wrist, m/s', 0.01, 1.0, read_only=True),
         Parameter(
-            'start', 'auto: with the first joint states; service: when ~/start is called',
+            'start', 'Trigger of the motion: auto (the first joint states) or service (~/start)',
             choices=('auto', 'service'), read_only=True,
         ),
         Parameter(
-            'joint_state_timeout_s', 'older: the arm brakes, s', 0.005, 10.0, read_only=True
+            'joint_state_timeout_s', 'Age of the joint states beyond which the arm brakes, s',
+            0.005, 10.0, read_only=True,
         ),
-        Parameter(TRACKER + 'enabled', 'whether to play the tracker, too', read_only=True),
-        Parameter(TRACKER + 'frame', 'of its poses', read_only=True),
+        Parameter(TRACKER + 'enabled', 'Whether to simulate the tracker as well', read_only=True),
+        Parameter(TRACKER + 'frame', 'Frame of the simulated poses', read_only=True),
         *parameters_from(TrackerPlace),
     )  # fmt: skip
 

@@ -113,18 +113,18 @@ PRIMITIVE = parameters_from(
 SESSION_FIXED = (
     Parameter(
         'session.enabled',
-        'whether to give, wait, take back and go home, instead of one handover',
+        'Whether to run sessions (give, wait, take back, go home) in place of single handovers',
         read_only=True,
     ),
     Parameter(
         'session.take_model',
-        'file of the learnt take; empty: a synthetic one',
+        'File of the learnt take; empty: a synthetic one',
         read_only=True,
     ),
     Parameter(
         'session.holder',
-        'who has the object when the node starts: robot, partner, or auto: as object/holder '
-        'tells, and without that the robot, or nobody yet where it picks it up',
+        'Holder of the object when the node starts: robot, partner or auto (as object/holder '
+        'says; if it says nothing, the robot, or nobody if the robot picks the object up)',
         choices=('auto', 'robot', 'partner'),
         read_only=True,
     ),
@@ -146,25 +146,25 @@ class Dmp(HandoverNode):
 
     NAME = 'dmp'
     PARAMETERS = (
-        Parameter('model', 'file of the learnt movement; empty: a synthetic one', read_only=True),
-        Parameter('rate_hz', 'of the commands, Hz', 10.0, 1000.0, read_only=True),
+        Parameter('model', 'File of the learnt movement; empty: a synthetic one', read_only=True),
+        Parameter('rate_hz', 'Rate of the commands, Hz', 10.0, 1000.0, read_only=True),
         Parameter(
             'rate_at_rest_hz',
-            'of the commands while no handover is on and the wrist stands, Hz',
+            'Rate of the commands while no handover is active and the wrist stands still, Hz',
             1.0,
             1000.0,
             read_only=True,
         ),
         Parameter(
             'status_rate_at_rest_hz',
-            'of handover/phase and hand/fused then, Hz',
+            'Rate of handover/phase and hand/fused while no handover is active, Hz',
             0.1,
             1000.0,
             read_only=True,
         ),
         Parameter(
             'exit_when_done',
-            'whether to end after a handover, with exit code 0, or 1 if it was aborted',
+            'Whether to exit after a handover, with code 0, or 1 if it was aborted',
             read_only=True,
         ),
         *HAND,

@@ -29,20 +29,21 @@ from std_msgs.msg import Bool
 OF_GRIPPER = (
     Parameter(
         'session.gripper_action',
-        'of type control_msgs/action/GripperCommand, beside the topic; empty: none',
+        'Action of type control_msgs/action/GripperCommand that is called besides the topic; '
+        'empty: none',
         read_only=True,
     ),
     Parameter(
-        'session.gripper_closed_m', 'position to close it, of that action, m', 0.0, 1.0,
+        'session.gripper_closed_m', 'Position of the closed gripper, for the action, m', 0.0, 1.0,
         read_only=True,
     ),
     Parameter(
-        'session.gripper_open_m', 'position to open it, of that action, m', 0.0, 1.0,
+        'session.gripper_open_m', 'Position of the open gripper, for the action, m', 0.0, 1.0,
         read_only=True,
     ),
     Parameter(
-        'session.gripper_effort_n', 'greatest effort, of that action, N', 0.0, 1000.0,
-        read_only=True,
+        'session.gripper_effort_n', 'Maximum effort of the gripper, for the action, N',
+        0.0, 1000.0, read_only=True,
     ),
 )  # fmt: skip
 

@@ -47,19 +47,29 @@ from std_msgs.msg import Bool, Header, String
 
 LOOK_S = 0.1
 SENSOR = (
-    Parameter('sensor.rate_hz', 'of the poses, Hz; 0: of the node', 0.0, 1000.0, read_only=True),
-    Parameter('sensor.noise_m', 'standard deviation an axis, m', 0.0, 1.0, read_only=True),
-    Parameter('sensor.delay_s', 'from measurement to arrival, s', 0.0, 5.0, read_only=True),
-    Parameter('sensor.dropout', 'share of poses lost', 0.0, 1.0, read_only=True),
-    Parameter('sensor.outliers', 'share of poses far off', 0.0, 1.0, read_only=True),
-    Parameter('sensor.seed', 'of the random numbers', 0, 2**31 - 1, read_only=True),
-    Parameter('sensor.offset_m', 'by which all poses are off, m', read_only=True),
+    Parameter('sensor.rate_hz', 'Rate of the poses, Hz; 0: rate_hz', 0.0, 1000.0, read_only=True),
     Parameter(
-        'sensor.clock_s', 'how much too late they are stamped, s', -5.0, 5.0, read_only=True
+        'sensor.noise_m',
+        'Standard deviation of the noise on each axis, m',
+        0.0,
+        1.0,
+        read_only=True,
     ),
-    Parameter('sensor.fault', 'what happens to it in mid motion', choices=FAULTS, read_only=True),
-    Parameter('sensor.fault_at_s', 'when, after the start, s', 0.0, 60.0, read_only=True),
-    Parameter('sensor.fault_m', 'by how much it jumps or drifts, m', read_only=True),
+    Parameter('sensor.delay_s', 'Delay from measurement to arrival, s', 0.0, 5.0, read_only=True),
+    Parameter('sensor.dropout', 'Share of lost poses', 0.0, 1.0, read_only=True),
+    Parameter('sensor.outliers', 'Share of outliers', 0.0, 1.0, read_only=True),
+    Parameter('sensor.seed', 'Seed of the random numbers', 0, 2**31 - 1, read_only=True),
+    Parameter('sensor.offset_m', 'Constant offset of all poses, m', read_only=True),
+    Parameter(
+        'sensor.clock_s', 'Error of the stamps, s; positive: too late', -5.0, 5.0, read_only=True
+    ),
+    Parameter(
+        'sensor.fault', 'Fault of the tracker during the motion', choices=FAULTS, read_only=True
+    ),
+    Parameter(
+        'sensor.fault_at_s', 'Time of the fault, after the start, s', 0.0, 60.0, read_only=True
+    ),
+    Parameter('sensor.fault_m', 'Size of the jump or drift, m', read_only=True),
 )
 
 
@@ -74,42 +84,57 @@ class HandTracker(HandoverNode):
     PARAMETERS = (
         Parameter(
             'source',
-            'a trial or a session as a tracker sees it, or the poses of a bag as they are',
+            'What is published: a trial or a session as a tracker would see it, or the recorded '
+            'poses of a bag',
             choices=('trial', 'session', 'bag'),
             read_only=True,
         ),
-        Parameter('bag', 'what source: bag plays', read_only=True),
-        Parameter('trial', 'or session: CSV file or bag; empty: a synthetic one', read_only=True),
+        Parameter('bag', 'Bag that is played, if source is bag', read_only=True),
+        Parameter(
+            'trial',
+            'CSV file or bag of the trial or session; empty: a synthetic one',
+            read_only=True,
+        ),
         Parameter(
             'session.lead_s',
-            'of the recording before the first reach of a session that is played, s',
+            'Part of the recording that is played before the first reach of a session, s',
             0.1,
             3600.0,
             read_only=True,
         ),
         Parameter(
             'session.patience_s',
-            'how long the partner holds out the hand at an exchange, s',
+            'Time for which the partner holds out the hand at an exchange, s',
             0.0,
             3600.0,
             read_only=True,
         ),
         Parameter(
-            'cutoff_hz', 'low-pass of the recording, Hz; 0: none', 0.0, 100.0, read_only=True
+            'cutoff_hz',
+            'Cutoff frequency of the low-pass filter of the recording, Hz; 0: no filter',
+            0.0,
+            100.0,
+            read_only=True,
         ),
         Parameter(
             'replay_at_s',
-            'when to start, on simulated time; on the wall clock, after all nodes are there; '
-            'negative: when told, s',
+            'Start of the replay, s: in simulated time, or on the wall clock after all nodes are '
+            'there; negative: when ~/replay is called',
             -1.0,
             1e9,
             read_only=True,
         ),
-        Parameter('lead_s', 'from the signal to the start, s', 0.0, 60.0, read_only=True),
-        Parameter('rate_hz', 'of the tracker, Hz', 1.0, 1000.0, read_only=True),
+        Parameter(
+            'lead_s',
+            'Time from the signal to the start of the replay, s',
+            0.0,
+            60.0,
+            read_only=True,
+        ),
+        Parameter('rate_hz', 'Rate of the poses, Hz', 1.0, 1000.0, read_only=True),
         Parameter(
             'rate_at_rest_hz',
-            'of its poses of a hand that stands, to the last bit, on the wall clock, Hz',
+            'Rate at which an unmoved hand is published again, wall clock only, Hz',
             1.0,
             1000.0,
             read_only=True,

@@ -115,15 +115,21 @@ def parameters_from(*kinds: type[Any], names: Collection[str] = ()) -> tuple[Par
 
 
 COMMON = (
-    Parameter('frame', 'of all positions', read_only=True),
-    Parameter('lockstep', 'wait for each other on simulated time', read_only=True),
-    Parameter('patience_s', 'how long to wait for another node then, s', 0.05, 600.0),
+    Parameter('frame', 'Frame of all positions', read_only=True),
     Parameter(
-        'executor', 'which executor of rclpy', choices=('events', 'default'), read_only=True
+        'lockstep', 'Whether the nodes wait for each other on simulated time', read_only=True
+    ),
+    Parameter('patience_s', 'Maximum time to wait for another node in lockstep, s', 0.05, 600.0),
+    Parameter(
+        'executor',
+        'Executor of rclpy: events, or default (single-threaded)',
+        choices=('events', 'default'),
+        read_only=True,
     ),
     Parameter(
         'thread_priority',
-        'real-time (FIFO), where the system permits it; not in lockstep; 0: ordinary',
+        'Real-time priority (FIFO), if the system permits it; ignored in lockstep; 0: ordinary '
+        'scheduling',
         0,
         99,
         read_only=True,
@@ -134,24 +140,43 @@ COMMON = (
 ARM = (
     Parameter(
         'robot',
-        'lwr4, iiwa14, panda, ur5, the path of a URDF or xacro, or the topic of a description',
+        'Robot: lwr4, iiwa14, panda, ur5, the path of a URDF or xacro file, or the topic of a '
+        'description',
         read_only=True,
     ),
     Parameter(
-        'wrist_frame', 'link that follows the wrist; empty: by the description', read_only=True
+        'wrist_frame',
+        'Link that follows the wrist; empty: found from the description',
+        read_only=True,
     ),
-    Parameter('base_frame', 'link that the arm begins at; empty: the root', read_only=True),
-    Parameter('base_position', 'of the robot in the room, m', read_only=True),
-    Parameter('base_roll', 'about x, the first of three turns, rad', -6.3, 6.3, read_only=True),
-    Parameter('base_pitch', 'about y, the second, rad', -6.3, 6.3, read_only=True),
-    Parameter('base_yaw', 'about z, the last, rad', -6.3, 6.3, read_only=True),
+    Parameter(
+        'base_frame', 'First link of the arm; empty: the root of the description', read_only=True
+    ),
+    Parameter('base_position', 'Position of the robot base in the room, m', read_only=True),
+    Parameter(
+        'base_roll',
+        'Rotation of the robot base about x, applied first, rad',
+        -6.3,
+        6.3,
+        read_only=True,
+    ),
+    Parameter(
+        'base_pitch',
+        'Rotation of the robot base about y, applied second, rad',
+        -6.3,
+        6.3,
+        read_only=True,
+    ),
+    Parameter(
+        'base_yaw',
+        'Rotation of the robot base about z, applied last, rad',
+        -6.3,
+        6.3,
+        read_only=True,
+    ),
 )
 
-DRIVER = (
-    Parameter(
-        'joint_prefix', 'what the driver puts before the names of the joints', read_only=True
-    ),
-)
+DRIVER = (Parameter('joint_prefix', 'Prefix of the joint names of the driver', read_only=True),)
 
 
 def declare(

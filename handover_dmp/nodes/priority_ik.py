@@ -101,14 +101,14 @@ class PriorityIkNode(HandoverNode):
         *TASK_PARAMETERS,
         Parameter(
             'rate_hz',
-            'of the wrist commands, and of the watchdog in their place, Hz',
+            'Rate of the wrist commands, and of the watchdog when they are missing, Hz',
             10.0,
             1000.0,
             read_only=True,
         ),
         Parameter(
             'status_rate_at_rest_hz',
-            'of wrist/ik_status while the arm stands where it is told to, on the wall clock, Hz',
+            'Rate of wrist/ik_status while the arm stands at its target, wall clock only, Hz',
             0.1,
             1000.0,
             read_only=True,

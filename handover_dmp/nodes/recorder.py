@@ -74,14 +74,15 @@ class Recorder(HandoverNode):
 
     NAME = 'recorder'
     PARAMETERS = (
-        Parameter('folder', 'of the bag, which must not exist', read_only=True),
-        Parameter('topics', 'what to record; empty: every topic', read_only=True),
+        Parameter('folder', 'Folder of the bag; it must not exist', read_only=True),
+        Parameter('topics', 'Topics to record; empty: all', read_only=True),
         Parameter(
-            'info', 'JSON about the run, kept as a message of /handover/info', read_only=True
+            'info', 'JSON about the run, recorded as a message of /handover/info', read_only=True
         ),
         Parameter(
             'rest_s',
-            's without a handover, after which only what is rarely said is recorded; 0: all',
+            'Time without a handover after which fast streams are no longer recorded, s; 0: they '
+            'always are',
             0.0,
             1e6,
             read_only=True,
@@ -90,16 +91,35 @@ class Recorder(HandoverNode):
         *DRIVER,
         Parameter(
             'transforms',
-            'whether to write /tf of this arm where nobody publishes it',
+            'Whether to write /tf of this arm if nobody publishes it',
             read_only=True,
         ),
-        Parameter('compression', 'of the chunks', choices=('zstd', 'lz4', 'none'), read_only=True),
         Parameter(
-            'chunk_size', 'bytes after which a chunk is closed', 1024, 2**26, read_only=True
+            'compression',
+            'Compression of the chunks',
+            choices=('zstd', 'lz4', 'none'),
+            read_only=True,
         ),
-        Parameter('flush_period_s', 'longest time in memory, s', 0.01, 60.0, read_only=True),
-        Parameter('split_size', 'bytes a file; 0: no limit', 0, 2**40, read_only=True),
-        Parameter('split_duration_s', 's a file; 0: no limit', 0.0, 1e6, read_only=True),
+        Parameter(
+            'chunk_size', 'Size at which a chunk is closed, bytes', 1024, 2**26, read_only=True
+        ),
+        Parameter(
+            'flush_period_s',
+            'Maximum time for which a message stays in memory, s',
+            0.01,
+            60.0,
+            read_only=True,
+        ),
+        Parameter(
+            'split_size', 'Maximum size of a file, bytes; 0: no limit', 0, 2**40, read_only=True
+        ),
+        Parameter(
+            'split_duration_s',
+            'Maximum duration of a file, s; 0: no limit',
+            0.0,
+            1e6,
+            read_only=True,
+        ),
     )
 
     def __init__(self) -> None:

@@ -58,12 +58,17 @@ MAX_STEP_S = 1.0
 
 CHANGEABLE = (
     Parameter(
-        'real_time_factor', 'of simulated time in lockstep; 0: as fast as it goes', 0.0, 100.0
+        'real_time_factor',
+        'Ratio of simulated time to real time in lockstep; 0: as fast as possible',
+        0.0,
+        100.0,
     ),
 )
 POSTURE = (
     Parameter(
-        'initial_positions', 'of the joints, rad; the home posture if not set', read_only=True
+        'initial_positions',
+        'Initial joint positions, rad; not set: the home configuration',
+        read_only=True,
     ),
 )
 
@@ -76,16 +81,16 @@ class RobotSim(HandoverNode):
     PARAMETERS = (
         *ARM,
         *CHANGEABLE,
-        Parameter('rate_hz', 'of the joint states, Hz', 10.0, 1000.0, read_only=True),
+        Parameter('rate_hz', 'Rate of the joint states, Hz', 10.0, 1000.0, read_only=True),
         Parameter(
             'rate_at_rest_hz',
-            'of the joint states of an arm that stands, on the wall clock, Hz',
+            'Rate of the joint states while the arm stands still, wall clock only, Hz',
             1.0,
             1000.0,
             read_only=True,
         ),
         *parameters_from(ArmOptions),
-        Parameter('paused', 'whether time stands still at the start', read_only=True),
+        Parameter('paused', 'Whether simulated time stands still at the start', read_only=True),
         *OBJECT,
     )  # fmt: skip
 

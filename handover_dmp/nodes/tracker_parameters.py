@@ -33,24 +33,34 @@ from handover_dmp.tracking import GoalEstimator, HandFilter, Tracker
 from rclpy.node import Node
 
 SENSOR = 'sensor.'
-TRACKERS = Parameter('trackers', 'names of those that see the hand', read_only=True)
-TOPIC = Parameter(TRACKER + 'topic', 'of its poses', read_only=True)
+TRACKERS = Parameter('trackers', 'Names of the trackers that see the hand', read_only=True)
+TOPIC = Parameter(TRACKER + 'topic', 'Topic of the poses', read_only=True)
 
 
 ONE_TRACKER = (
     TOPIC,
     Parameter(
-        TRACKER + 'type', 'of the messages about the hand; empty: what they have', read_only=True
+        TRACKER + 'type', 'Type of the messages; empty: as the topic has it', read_only=True
     ),
     Parameter(
-        TRACKER + 'body', 'name or number of the hand, where there are several', read_only=True
+        TRACKER + 'body',
+        'Name or number of the hand, if the messages contain several bodies',
+        read_only=True,
     ),
-    Parameter(TRACKER + 'frame', "of the tracker's poses, if that is another", read_only=True),
-    Parameter(TRACKER + 'position', 'of that frame in ours, m', read_only=True),
-    Parameter(TRACKER + 'quaternion', 'from its axes to ours, x, y, z, w', read_only=True),
+    Parameter(TRACKER + 'frame', 'Frame of the poses, if it differs from frame', read_only=True),
+    Parameter(
+        TRACKER + 'position',
+        'Position of the origin of that frame in our frame, m',
+        read_only=True,
+    ),
+    Parameter(
+        TRACKER + 'quaternion',
+        'Rotation from the axes of that frame to ours, as x, y, z, w',
+        read_only=True,
+    ),
     Parameter(
         TRACKER + 'latency_s',
-        'from measurement to arrival; in lockstep it is waited for, s',
+        'Time from measurement to arrival, s; in lockstep the nodes wait for it',
         0.0,
         5.0,
         read_only=True,
@@ -63,7 +73,7 @@ HAND = (
     *ONE_TRACKER,
     Parameter(
         'hand_stamps',
-        'time of a pose of the hand: of its header, or of its arrival',
+        'Source of the time of a hand pose: its header or its arrival',
         choices=('header', 'arrival'),
         read_only=True,
     ),

@@ -44,7 +44,7 @@ class VelocityToPosition(HandoverNode):
     PARAMETERS = (
         *ARM,
         *DRIVER,
-        Parameter('rate_hz', 'of the joint positions, Hz', 10.0, 1000.0, read_only=True),
+        Parameter('rate_hz', 'Rate of the joint positions, Hz', 10.0, 1000.0, read_only=True),
         *parameters_from(ArmOptions, PositionCommanderOptions),
     )
 

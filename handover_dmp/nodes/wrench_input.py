@@ -37,12 +37,13 @@ NOTHING: Vector = (0.0, 0.0, 0.0)
 OF_WRENCH = (
     Parameter(
         'session.wrench_frame',
-        'of a wrench that is not in the frame of the room: a frame that moves with the wrist',
+        'Frame of a wrench that is not given in the frame of the room; it must move with the '
+        'wrist',
         read_only=True,
     ),
     Parameter(
         'session.wrench_quaternion',
-        "x, y, z, w, from the axes of that frame to those of the wrist's link",
+        "Rotation from the axes of that frame to those of the wrist's link, as x, y, z, w",
         read_only=True,
     ),
 )

@@ -32,12 +32,16 @@ class _Clearance:
 
     model: RobotModel
     collision_distance: float = setting(
-        'priority_ik', 'collision_distance', 'distance that is always kept, m', 0.0, 1.0
+        'priority_ik',
+        'collision_distance',
+        'Minimum distance between links, and to the forearm, m',
+        0.0,
+        1.0,
     )
     collision_deceleration: float = setting(
         'priority_ik',
         'collision_deceleration',
-        'with which a link slows on its way to another one or to the forearm, m/s²',
+        'Deceleration of a link on its way to another link or to the forearm, m/s²',
         0.01,
         100.0,
     )
@@ -81,7 +85,7 @@ class ForearmLimit(_Clearance):
     collision_activation: float = setting(
         'priority_ik',
         'collision_activation',
-        'distance to the forearm below which a link is bounded, m',
+        'Distance to the forearm below which the motion of a link is limited, m',
         0.0,
         5.0,
     )

@@ -46,31 +46,40 @@ class DirectionTask:
 
     model: RobotModel
     position_gain: float = setting(
-        'priority_ik', 'position_gain', 'wrist speed for its position error, 1/s', 0.0, 200.0
+        'priority_ik',
+        'position_gain',
+        'Proportional gain of the wrist position error, 1/s',
+        0.0,
+        200.0,
     )
     feedback_deceleration: float = setting(
         'priority_ik',
         'feedback_deceleration',
-        'm/s²; the error is worked off no faster than can be slowed by this',
+        'Deceleration that bounds the correction of the position error, m/s²: the correction is '
+        'never faster than this can stop',
         0.01,
         100.0,
     )
     singularity_activation: float = setting(
         'priority_ik',
         'singularity_activation',
-        'smallest singular value below which outward speed is limited, m',
+        'Smallest singular value below which the outward speed is limited, m',
         0.0,
         2.0,
     )
     singularity_min: float = setting(
         'priority_ik',
         'singularity_min',
-        'smallest singular value at which the arm rests at the end of its reach, m',
+        'Smallest singular value with which the arm rests at the end of its reach, m',
         0.0,
         2.0,
     )
     singularity_rate: float = setting(
-        'priority_ik', 'singularity_rate', 'how fast it gets there, 1/s', 0.0, 50.0
+        'priority_ik',
+        'singularity_rate',
+        'Rate at which the smallest singular value approaches singularity_min, 1/s',
+        0.0,
+        50.0,
     )
     name = 'position'
 

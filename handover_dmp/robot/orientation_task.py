@@ -50,20 +50,24 @@ class OrientationTask:
     orientation: str = setting(
         'priority_ik',
         'orientation',
-        "none, full (the target's rotation), level (what is up in the home configuration stays "
-        "up), upright (what is up in the target's rotation stays up) or point (the wrist's z axis "
-        "points at the partner's hand)",
+        "Orientation task: none, full (the target's rotation), level (what is up in the home "
+        "configuration stays up), upright (what is up in the target's rotation stays up) or "
+        "point (the wrist's z axis points at the partner's hand)",
         choices=ORIENTATIONS,
     )
     orientation_gain: float = setting(
         'priority_ik',
         'orientation_gain',
-        'angular speed for the orientation error, 1/s',
+        'Proportional gain of the orientation error, 1/s',
         0.0,
         200.0,
     )
     orientation_speed: float = setting(
-        'priority_ik', 'orientation_speed', 'what that gain may ask for, rad/s', 0.0, 20.0
+        'priority_ik',
+        'orientation_speed',
+        'Maximum angular speed for the correction of the orientation, rad/s',
+        0.0,
+        20.0,
     )
     name = 'orientation'
 

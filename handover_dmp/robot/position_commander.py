@@ -52,7 +52,7 @@ class PositionCommanderOptions:
     joint_state_timeout_s: float = setting(
         'velocity_to_position',
         'joint_state_timeout_s',
-        'age of the joint states beyond which the arm brakes, s',
+        'Age of the joint states beyond which the arm brakes, s',
         0.005,
         10.0,
         read_only=True,
@@ -60,8 +60,8 @@ class PositionCommanderOptions:
     lead_limit_rad: float = setting(
         'velocity_to_position',
         'lead_limit_rad',
-        'how far a position may be ahead of the measured one, rad; an arm that does not follow, '
-        'since its brakes are on for example, is not to leap after them later',
+        'Maximum lead of a commanded position over the measured one, rad; beyond it the arm '
+        'stops, lest it leaps when its brakes are released',
         0.001,
         1.0,
         read_only=True,

@@ -46,14 +46,14 @@ class Posture:
     posture_gain: float = setting(
         'priority_ik',
         'posture_gain',
-        'joint speed for the distance to the home configuration, 1/s',
+        'Proportional gain towards the home configuration, 1/s',
         0.0,
         50.0,
     )
     limit_margin: float = setting(
         'priority_ik',
         'limit_margin',
-        'rad before a position limit from where the joint is pushed away',
+        'Distance to a position limit below which the joint is pushed away from it, rad',
         0.0,
         3.0,
     )
@@ -98,14 +98,14 @@ class ElbowClearance:
     elbow_distance: float = setting(
         'priority_ik',
         'elbow_distance',
-        'm to the partner within which the elbow is moved away',
+        'Distance between elbow and partner below which the elbow is moved away, m',
         0.0,
         2.0,
     )
     elbow_gain: float = setting(
         'priority_ik',
         'elbow_gain',
-        'elbow speed for what is missing of that distance, 1/s',
+        'Proportional gain of the missing distance of the elbow, 1/s',
         0.0,
         50.0,
     )

@@ -47,17 +47,21 @@ class SeparationLimit:
     separation_distance: float = setting(
         'priority_ik',
         'separation_distance',
-        'm to the hand within which separation_speed holds',
+        'Distance to the hand within which separation_speed holds, m',
         0.0,
         5.0,
     )
     separation_speed: float = setting(
-        'priority_ik', 'separation_speed', 'm/s relative to the hand', 0.0, 5.0
+        'priority_ik',
+        'separation_speed',
+        'Maximum speed of the wrist relative to the hand, m/s',
+        0.0,
+        5.0,
     )
     separation_deceleration: float = setting(
         'priority_ik',
         'separation_deceleration',
-        'm/s², with which the wrist slows on its way there',
+        'Deceleration of the wrist on its way to that distance, m/s²',
         0.01,
         100.0,
     )

@@ -44,28 +44,29 @@ class StackOptions:
     """What belongs to no single task or limit."""
 
     separation: bool = setting(
-        'priority_ik', 'separation', 'whether the wrist is slowed near the hand (ISO/TS 15066)'
+        'priority_ik', 'separation', 'Whether the wrist slows down near the hand (ISO/TS 15066)'
     )
     self_collision: bool = setting(
-        'priority_ik', 'self_collision', 'whether the links are kept apart'
+        'priority_ik', 'self_collision', 'Whether the links are kept apart from each other'
     )
     forearm_collision: bool = setting(
         'priority_ik',
         'forearm_collision',
-        "whether the links are kept off the partner's forearm, where partner/elbow tells of it",
+        "Whether the links are kept away from the partner's forearm, if partner/elbow is "
+        'published',
     )
     braking_share: float = setting(
         'priority_ik',
         'braking_share',
-        'β, part of the acceleration limit with which a joint brakes before its limit',
+        'Share β of the acceleration limit with which a joint brakes before its position limit',
         0.01,
         1.0,
     )
     orientation_slows_to: float = setting(
         'priority_ik',
         'orientation_slows_to',
-        "share of the wrist's speed down to which it is slowed where its orientation could not "
-        'keep up; 1: not at all',
+        'Share of its speed to which the wrist may be slowed so that its orientation keeps up; '
+        '1: it is not slowed',
         0.05,
         1.0,
     )

@@ -46,7 +46,7 @@ class ArmOptions:
     command_timeout_s: float = setting(
         'robot_sim',
         'command_timeout_s',
-        'simulated time without a good command after which it brakes, s',
+        'Time without a valid command after which the arm brakes, s',
         0.001,
         10.0,
         read_only=True,
@@ -54,14 +54,14 @@ class ArmOptions:
     resume_required: bool = setting(
         'robot_sim',
         'resume_required',
-        'whether it then stays stopped, if it was in motion, until resume',
+        'Whether an arm that was stopped in motion stays stopped until ~/resume is called',
         read_only=True,
     )
     resume_within_s: float = setting(
         'robot_sim',
         'resume_within_s',
-        'silence, s, up to which it goes on all the same when commands are back, as after a '
-        'moment in which the machine had no time for who sends them',
+        'Silence after which the arm still continues without ~/resume once commands are back, s; '
+        'covers short stalls of a busy machine',
         0.0,
         60.0,
         read_only=True,

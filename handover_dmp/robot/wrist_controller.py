@@ -52,28 +52,28 @@ class WristControllerOptions:
     joint_state_timeout_s: float = setting(
         'priority_ik',
         'joint_state_timeout_s',
-        'age, by arrival, beyond which the arm brakes without looking, s',
+        'Age of the joint states, by arrival, beyond which the arm brakes without feedback, s',
         0.005,
         10.0,
     )
     command_timeout_s: float = setting(
         'priority_ik',
         'command_timeout_s',
-        'the same for the wrist command, beyond which the arm brakes, s',
+        'Age of the wrist command, by arrival, beyond which the arm brakes, s',
         0.005,
         10.0,
     )
     hand_timeout_s: float = setting(
         'priority_ik',
         'hand_timeout_s',
-        'the same for the hand, beyond which it is taken to be anywhere, s',
+        'Age of the hand, by arrival, beyond which its position counts as unknown, s',
         0.005,
         10.0,
     )
     hold_distance_m: float = setting(
         'priority_ik',
         'hold_distance_m',
-        'a wrist this near to a target that stands is there, m',
+        'Distance to a standing target below which the wrist holds still, m',
         0.0,
         0.1,
     )

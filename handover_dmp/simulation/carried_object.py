@@ -117,38 +117,42 @@ class CarriedObjectOptions:
     mass_kg: float = setting(
         'robot_sim',
         'object.mass_kg',
-        'of what is handed over, kg; 0: nothing',
+        'Mass of the object, kg; 0: no object',
         0.0,
         50.0,
         read_only=True,
     )
     size: Sequence[float] = setting(
-        'robot_sim', 'object.size', '(3,), of a box, for its inertia, m', read_only=True
+        'robot_sim',
+        'object.size',
+        'Size of the box that gives the inertia of the object, (3,), m',
+        read_only=True,
     )
     position: Sequence[float] = setting(
         'robot_sim',
         'object.position',
-        "(3,), of its middle from the wrist that holds it at the start, m; the partner's has it "
-        'on the other side',
+        'Position of the centre of the object relative to the wrist that holds it at the start, '
+        '(3,), m; mirrored if the partner holds it',
         read_only=True,
     )
     holder: str = setting(
         'robot_sim',
         'object.holder',
-        'who has it at the start: robot, partner or table',
+        'Holder of the object at the start: robot, partner or table',
         choices=('robot', 'partner', 'table'),
         read_only=True,
     )
     table: Sequence[float] = setting(
         'robot_sim',
         'object.table',
-        '(3,), of its middle on the table, where that has it at the start, m',
+        'Position of the centre of the object on the table, if the table is its holder at the '
+        'start, (3,), m',
         read_only=True,
     )
     reach_m: float = setting(
         'robot_sim',
         'object.reach_m',
-        'from the wrist to its middle, for the gripper to close on it, m',
+        'Maximum distance from the wrist to the centre of an object that the gripper can grasp, m',
         0.001,
         5.0,
         read_only=True,
@@ -156,7 +160,7 @@ class CarriedObjectOptions:
     grip_s: float = setting(
         'robot_sim',
         'object.grip_s',
-        'within which the closed gripper draws it to its place in it, s;',
+        'Time within which the closed gripper draws the object to its position in the gripper, s',
         0.01,
         60.0,
         read_only=True,
@@ -164,7 +168,7 @@ class CarriedObjectOptions:
     grip_speed: float = setting(
         'robot_sim',
         'object.grip_speed',
-        'but no faster than this, m/s',
+        'Maximum speed with which the gripper draws the object, m/s',
         0.001,
         5.0,
         read_only=True,
@@ -172,7 +176,7 @@ class CarriedObjectOptions:
     noise_n: float = setting(
         'robot_sim',
         'object.noise_n',
-        'standard deviation of the sensor in the wrist on each axis, N',
+        'Standard deviation of the force sensor on each axis, N',
         0.0,
         10.0,
         read_only=True,

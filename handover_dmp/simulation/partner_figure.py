@@ -85,17 +85,18 @@ class PartnerFigureOptions:
     hand_below_shoulder_m: float = setting(
         'robot_sim',
         'human.hand_below_shoulder_m',
-        'height of the shoulder over the hand at the exchange where the height of the floor is '
-        'not known, m',
+        'Height of the shoulder over the hand at the exchange, if the height of the floor is not '
+        'known, m',
     )
     reach_at_exchange_m: float = setting(
         'robot_sim',
         'human.reach_at_exchange_m',
-        'horizontal distance that the arm would rather have from shoulder to wrist at the '
-        'exchange, m',
+        'Preferred horizontal distance from shoulder to wrist at the exchange, m',
     )
     update_rate_hz: float = setting(
-        'robot_sim', 'human.update_rate_hz', 'how often a running simulation moves the figure, Hz'
+        'robot_sim',
+        'human.update_rate_hz',
+        'Rate at which a running simulation moves the figure, Hz',
     )
 
 

@@ -59,7 +59,8 @@ class PartnerGripOptions:
     reach_m: float = setting(
         'robot_sim',
         'partner.reach_m',
-        'from the hand (the wrist) to the middle of an object that it can take, m',
+        'Maximum distance from the hand (the wrist) to the centre of an object that the partner '
+        'can take, m',
         0.001,
         5.0,
         read_only=True,
@@ -67,7 +68,7 @@ class PartnerGripOptions:
     speed: float = setting(
         'robot_sim',
         'partner.speed',
-        'of hand and object relative to each other, up to which it takes, m/s',
+        'Maximum speed of the object relative to the hand at which the partner takes it, m/s',
         0.001,
         5.0,
         read_only=True,
@@ -75,7 +76,8 @@ class PartnerGripOptions:
     reaction_s: float = setting(
         'robot_sim',
         'partner.reaction_s',
-        'how long both must be so, and how long it takes to feel the other, s',
+        'Reaction time of the partner, before taking an object in reach and before feeling the '
+        "robot's grip, s",
         0.001,
         5.0,
         read_only=True,
@@ -83,7 +85,7 @@ class PartnerGripOptions:
     grip_s: float = setting(
         'robot_sim',
         'partner.grip_s',
-        'within which grip and share of the weight grow or fade, s',
+        "Time within which the partner's grip and share of the weight grow or fade, s",
         0.001,
         5.0,
         read_only=True,
@@ -91,7 +93,7 @@ class PartnerGripOptions:
     stiffness: float = setting(
         'robot_sim',
         'partner.stiffness',
-        'of the arm behind the hand, N/m',
+        "Stiffness of the partner's arm, N/m",
         1.0,
         10000.0,
         read_only=True,
@@ -99,7 +101,7 @@ class PartnerGripOptions:
     share: float = setting(
         'robot_sim',
         'partner.share',
-        'of the weight that the robot must have taken before the hand opens',
+        'Share of the weight that the robot must carry before the partner lets go',
         0.01,
         1.0,
         read_only=True,
@@ -107,7 +109,7 @@ class PartnerGripOptions:
     slip_m: float = setting(
         'robot_sim',
         'partner.slip_m',
-        'so far from where it was gripped, the object has slipped out of the hand, m',
+        'Distance from the grasp at which the object slips out of the hand, m',
         0.001,
         1.0,
         read_only=True,

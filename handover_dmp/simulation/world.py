@@ -49,9 +49,9 @@ class WorldOptions:
 
     """
 
-    time_step_s: float = setting('robot_sim', 'time_step_s', 'of the physics, s')
+    time_step_s: float = setting('robot_sim', 'time_step_s', 'Time step of the physics, s')
     tracking_gain: float = setting(
-        'robot_sim', 'tracking_gain', "k of the motors' velocity q̇_ref + k(q_ref − q), 1/s"
+        'robot_sim', 'tracking_gain', 'Gain k of the motor velocity q̇_ref + k(q_ref − q), 1/s'
     )
     gravity: float = -9.81
 

@@ -35,8 +35,8 @@ class HandFilter:
     acceleration_noise: float = setting(
         'dmp',
         'hand_filter.acceleration_noise',
-        "root of the spectral density of the hand's acceleration, m/s²/√Hz. Larger: less lag, "
-        "more noise. Its ratio to a tracker's noise_m sets the smoothing",
+        "Square root of the spectral density of the hand's acceleration, m/s²/√Hz. Larger: less "
+        "lag, more noise. Its ratio to a tracker's noise_m sets the smoothing",
         1e-06,
         1000.0,
         read_only=True,
@@ -44,8 +44,8 @@ class HandFilter:
     outlier_distance_m: float = setting(
         'dmp',
         'hand_filter.outlier_distance_m',
-        'a pose further than this from where the hand is expected, m, is not believed; of a '
-        'tracker with more noise, six standard deviations',
+        'Distance to the expected hand beyond which a pose is rejected as an outlier, m; at '
+        'least six standard deviations of the tracker',
         1e-06,
         100.0,
         read_only=True,
@@ -53,8 +53,8 @@ class HandFilter:
     hand_acceleration: float = setting(
         'dmp',
         'hand_filter.hand_acceleration',
-        'what a hand may do between two poses, m/s²; widens the gate by half of it times the '
-        'square of the time between them, to three times its width at most',
+        'Acceleration a of the hand that widens the outlier gate by a·t²/2 after a time t '
+        'without a pose, to three times its width at most, m/s²',
         0.0,
         1000.0,
         read_only=True,
@@ -62,8 +62,8 @@ class HandFilter:
     hand_speed: float = setting(
         'dmp',
         'hand_filter.hand_speed',
-        'a hand that is seen again no further off than this speed allows, m/s, is believed at '
-        'once',
+        'Speed that bounds how far a lost hand may have moved, m/s; a pose within that distance '
+        'is accepted at once',
         0.001,
         1000.0,
         read_only=True,
@@ -71,7 +71,7 @@ class HandFilter:
     reacquire_poses: int = setting(
         'dmp',
         'hand_filter.reacquire_poses',
-        'one that is further off is believed after so many poses that agree with each other',
+        'Number of consistent poses after which a hand beyond that distance is accepted',
         1,
         1000000,
         read_only=True,
@@ -79,7 +79,7 @@ class HandFilter:
     frozen_s: float = setting(
         'dmp',
         'hand_filter.frozen_s',
-        'a pose that stays the same to the last bit for longer than this, s, is frozen',
+        'Time after which a pose that does not change by a single bit counts as frozen, s',
         0.001,
         1000000.0,
         read_only=True,
@@ -87,14 +87,14 @@ class HandFilter:
     refuse_frozen: bool = setting(
         'dmp',
         'hand_filter.refuse_frozen',
-        'whether such a pose is none; a live tracker always has noise, a replay at rest may have '
-        'none',
+        'Whether frozen poses are rejected; a live tracker always has noise, a replay at rest '
+        'may have none',
         read_only=True,
     )
     max_deviation_m: float = setting(
         'dmp',
         'hand_filter.max_deviation_m',
-        'a pose whose covariance tells more than this standard deviation, m, is none',
+        'Standard deviation, by the covariance of the message, beyond which a pose is rejected, m',
         1e-06,
         1000.0,
         read_only=True,
@@ -102,7 +102,7 @@ class HandFilter:
     lost_s: float = setting(
         'dmp',
         'hand_filter.lost_s',
-        'without a pose for this long, s, the old ones no longer tell where the hand is',
+        'Time without a pose after which the hand counts as lost, s',
         0.001,
         60.0,
         read_only=True,
@@ -110,7 +110,7 @@ class HandFilter:
     late_limit_s: float = setting(
         'dmp',
         'hand_filter.late_limit_s',
-        'poses up to this much older than the newest, s, are still worked in',
+        'Maximum age of a late pose relative to the newest one at which it is still used, s',
         0.0,
         10.0,
         read_only=True,
@@ -118,8 +118,8 @@ class HandFilter:
     prediction_limit_s: float = setting(
         'dmp',
         'hand_filter.prediction_limit_s',
-        'how far ahead of the newest pose the hand is taken to move on at its speed, s; the speed '
-        'then falls to zero within the same time again',
+        'Maximum time for which the hand is predicted at its last speed, s; the speed then falls '
+        'to zero within the same time',
         0.0,
         10.0,
         read_only=True,

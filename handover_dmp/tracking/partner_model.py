@@ -69,85 +69,89 @@ class PartnerOptions:
     mu: float = setting(
         'dmp',
         'partner.mu',
-        'centre of the goal weight (7) with this model, in units of τ',
+        'Centre of the goal weight (7) with the partner model, in units of τ',
         0.0,
         2.0,
     )
     sigma: float = setting(
         'dmp',
         'partner.sigma',
-        'width of the goal weight (7) with this model, in units of τ; wider than without, since '
-        'the expected meeting point is calm enough to be looked at early',
+        'Width of the goal weight (7) with the partner model, in units of τ; wider than without, '
+        'since the expected goal is steady enough to be followed early',
         0.0001,
         2.0,
     )
     lead_deviation: float = setting(
         'dmp',
         'partner.lead_deviation',
-        'of the lead e before anything was seen, standard deviation, units of τ',
+        'Standard deviation of the lead e before the hand is seen, in units of τ',
         0.0,
         1.0,
     )
     lead_drift: float = setting(
         'dmp',
         'partner.lead_drift',
-        'by how much e may change over one τ, standard deviation, units of τ',
+        'Standard deviation of the change of the lead e over one τ, in units of τ',
         0.0,
         10.0,
     )
     reach_deviation_m: float = setting(
         'dmp',
         'partner.reach_deviation_m',
-        "of the length of the hand's way, standard deviation, m",
+        "Standard deviation of the length of the hand's path, m",
         0.0,
         1.0,
     )
     noise_m: float = setting(
         'dmp',
         'partner.noise_m',
-        'by how much a hand strays from its mean path, standard deviation, m',
+        'Standard deviation of the hand about its mean path, m',
         0.0001,
         1.0,
     )
     noise_time_s: float = setting(
-        'dmp', 'partner.noise_time_s', 'for how long a hand goes on to stray alike, s', 0.001, 10.0
+        'dmp', 'partner.noise_time_s', 'Correlation time of that deviation, s', 0.001, 10.0
     )
     trust_within_m: float = setting(
         'dmp',
         'partner.trust_within_m',
-        'a hand that is farther from where it is expected is not trusted, m',
+        'Deviation of the hand from where it is expected beyond which the trust is 0, m',
         0.0,
         10.0,
     )
     trust_width_m: float = setting(
-        'dmp', 'partner.trust_width_m', 'over which trust grows from 0 to 1, m', 0.001, 10.0
+        'dmp',
+        'partner.trust_width_m',
+        'Range of that deviation over which the trust falls from 1 to 0, m',
+        0.001,
+        10.0,
     )
     release: float = setting(
         'dmp',
         'partner.release',
-        'phase-time φ_q at which the expectation gives way to the hand, units of τ',
+        'Phase time φ_q at which the expected goal gives way to the hand, in units of τ',
         0.0,
         1.0,
     )
     release_width: float = setting(
-        'dmp', 'partner.release_width', 'σ_q, how gradually it does, units of τ', 0.001, 1.0
+        'dmp', 'partner.release_width', 'Width σ_q of that transition, in units of τ', 0.001, 1.0
     )
     following: float = setting(
         'dmp',
         'partner.following',
-        "share c of the partner's lead that the phase goes along with",
+        "Share c of the partner's lead that the phase follows",
         0.0,
         0.9,
     )
     following_time_s: float = setting(
         'dmp',
         'partner.following_time_s',
-        'T, within which the phase goes along with that, s',
+        'Time T within which the phase follows the lead, s',
         0.001,
         10.0,
     )
     max_phase_rate: float = setting(
-        'dmp', 'partner.max_phase_rate', 'r_max, how fast the phase may run', 1.0, 3.0
+        'dmp', 'partner.max_phase_rate', 'Maximum phase rate r_max', 1.0, 3.0
     )
 
     def __post_init__(self) -> None:

@@ -33,18 +33,21 @@ class TrackerPlace:
     """What is to be found out about the tracker."""
 
     position: Sequence[float] = setting(
-        NODE, 'simulated_tracker.position', '(3,) m, of its frame in the room', read_only=True
+        NODE,
+        'simulated_tracker.position',
+        'Position of the origin of its frame in the room, (3,), m',
+        read_only=True,
     )
     quaternion: Sequence[float] = setting(
         NODE,
         'simulated_tracker.quaternion',
-        'x, y, z, w, from its axes to those of the room',
+        'Rotation from the axes of its frame to those of the room, as x, y, z, w',
         read_only=True,
     )
     delay_s: float = setting(
         NODE,
         'simulated_tracker.delay_s',
-        'how much later than the truth it stamps its poses, s',
+        'Delay of the stamps of its poses, s',
         0.0,
         10.0,
         read_only=True,
@@ -52,7 +55,7 @@ class TrackerPlace:
     noise_m: float = setting(
         NODE,
         'simulated_tracker.noise_m',
-        'standard deviation on each axis, m',
+        'Standard deviation of the noise on each axis, m',
         0.0,
         1.0,
         read_only=True,
@@ -60,11 +63,11 @@ class TrackerPlace:
     marker: Sequence[float] = setting(
         NODE,
         'simulated_tracker.marker',
-        '(3,) m, where the marker is in the axes of the body',
+        'Position of the marker in the axes of the body, (3,), m',
         read_only=True,
     )
     seed: int = setting(
-        NODE, 'simulated_tracker.seed', 'of the noise', 0, 2147483647, read_only=True
+        NODE, 'simulated_tracker.seed', 'Seed of the noise', 0, 2147483647, read_only=True
     )
 
 

@@ -43,7 +43,7 @@ class Tracker:
     noise_m: float = setting(
         'dmp',
         'tracker.noise_m',
-        'standard deviation of a pose on each axis, m',
+        'Standard deviation of a pose on each axis, m',
         1e-09,
         1.0,
         read_only=True,
@@ -51,7 +51,7 @@ class Tracker:
     weight: float = setting(
         'dmp',
         'tracker.weight',
-        'how much a pose counts beside what its noise tells; 2: as much as two of them',
+        'Weight of a pose in addition to its noise; 2: as much as two poses',
         1e-06,
         1000000.0,
         read_only=True,
@@ -59,13 +59,13 @@ class Tracker:
     use_covariance: bool = setting(
         'dmp',
         'tracker.use_covariance',
-        'whether the covariance of a message, where it has one, takes the place of noise_m',
+        'Whether the covariance of a message, if it has one, replaces noise_m',
         read_only=True,
     )
     delay_s: float = setting(
         'dmp',
         'tracker.delay_s',
-        'how much later than the truth its poses are stamped, s; negative: earlier',
+        'Delay of the stamps of the poses, s; negative: the stamps are early',
         -10.0,
         10.0,
         read_only=True,
@@ -73,18 +73,18 @@ class Tracker:
     bias: str = setting(
         'dmp',
         'tracker.bias',
-        'whether its poses are off by a constant: none, fixed (by bias_m) or learnt (found while '
-        'another tracker sees the hand, from bias_m on)',
+        'Constant offset of the poses: none, fixed (bias_m) or learnt (estimated from bias_m on, '
+        'while another tracker sees the hand)',
         choices=('none', 'fixed', 'learnt'),
         read_only=True,
     )
     bias_m: tuple[float, ...] = setting(
-        'dmp', 'tracker.bias_m', '(3,), m, its poses minus the truth', read_only=True
+        'dmp', 'tracker.bias_m', 'Offset of the poses from the truth, (3,), m', read_only=True
     )
     bias_deviation_m: float = setting(
         'dmp',
         'tracker.bias_deviation_m',
-        'how far off from that a learnt bias may be, standard deviation, m',
+        'Standard deviation of a learnt bias about bias_m, m',
         1e-06,
         10.0,
         read_only=True,
@@ -92,7 +92,7 @@ class Tracker:
     bias_drift: float = setting(
         'dmp',
         'tracker.bias_drift',
-        'how fast a learnt bias may change, m/√s',
+        'Rate at which a learnt bias may change, m/√s',
         0.0,
         1.0,
         read_only=True,
@@ -100,7 +100,7 @@ class Tracker:
     rate_hz: float = setting(
         'dmp',
         'tracker.rate_hz',
-        'how often its poses come, Hz, so that it is known when one is missing',
+        'Rate of the poses, Hz, from which a missing pose is noticed',
         0.1,
         10000.0,
         read_only=True,

@@ -85,18 +85,18 @@ class SceneOptions:
     """What the pictures look like."""
 
     samples: int = setting(
-        'robot_sim', 'scene.samples', 'renders each pixel this many times in width and in height'
+        'robot_sim', 'scene.samples', 'Samples of a pixel, in width and in height'
     )
     elevation_deg: float = setting(
-        'robot_sim', 'scene.elevation_deg', 'of the camera over the horizon, deg'
+        'robot_sim', 'scene.elevation_deg', 'Elevation of the camera over the horizon, deg'
     )
     object_length_m: tuple[float, float] = setting(
         'robot_sim',
         'scene.object_length_m',
-        'shortest and longest of the rod that changes hands, m; between these it spans the gap '
-        'between the partners at the exchange',
+        'Shortest and longest length of the rod that changes hands, m; between them it spans the '
+        'gap between the partners at the exchange',
     )
-    object_radius_m: float = setting('robot_sim', 'scene.object_radius_m', 'of the same, m')
+    object_radius_m: float = setting('robot_sim', 'scene.object_radius_m', 'Radius of the rod, m')
 
 
 @dataclass(frozen=True)
