@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Write docs/robots.md: what becomes of the arms that two public packages hold; takes minutes.
+Write docs/robots.md: the results for the arms of two public packages; takes minutes.
 
 The arms are those of example-robot-data and of PyBullet's pybullet_data, found by their joints,
-and small ones whose descriptions are odd in one way each.
+and small ones, each with one peculiarity in its description.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ from write_docs import filled, ROOT, table
 
 ARM_HEAD = (
     'arm', 'joints', 'reach, m', 'self-check', 'IK, µs', 'limits used, %', 'size', 'gap, mm',
-    'what it needs, or is told of',
+    'options needed; remarks',
 )  # fmt: skip
-ODD_HEAD = ('what is odd', 'limits used, %', 'gap, mm', 'what is said')
+ODD_HEAD = ('peculiarity', 'limits used, %', 'gap, mm', 'remarks')
 MOST_CHARACTERS = 260
 
 
 def main() -> int:
-    """Try all arms and write what became of them."""
+    """Try all arms and write the results."""
     use_one_thread()
     arms = [_row(_examined(arm)) for arm in zoo()]
     with TemporaryDirectory() as folder:
@@ -87,7 +87,7 @@ def _odd_row(outcome: ZooOutcome, folder: str) -> Sequence[str]:
 
 
 def _limits(outcome: ZooOutcome) -> str:
-    """Say how much of position, velocity and acceleration limits was used."""
+    """Give the used shares of position, velocity and acceleration limits."""
     if outcome.shares is None:
         return '–'
     return ' / '.join(f'{100.0 * share:.0f}' for share in outcome.shares.values())
