@@ -216,6 +216,7 @@ class SessionController(HandoverController):
 
         """
         self.leg = Leg.GIVE
+        self.state = HandoverState.IDLE
         self.session = session or SessionOptions()
         self.gripper_closed = not self.session.pick_up
         self._trace: Trace | None = None
@@ -223,6 +224,7 @@ class SessionController(HandoverController):
         self._last_seen: Vector | None = None
         self._rule = ReleaseRule(self.session.release)
         self._weight_n: float | None = None
+        self._lies = False
         self._force: Vector | None = None
         self._force_arrival_s = -inf
         super().__init__(models.give, options, estimator)
@@ -250,8 +252,12 @@ class SessionController(HandoverController):
         self.use(self._movements[self.leg], options)
 
     def reset(self) -> None:
-        """Forget session and hand; brake if need be, hold. The gripper stays as it is."""
-        self._leave_way()
+        """
+        Forget the hand and how far the session was; brake if need be, hold.
+
+        The gripper stays as it is, and who has the object is not forgotten.
+        """
+        self._break_off()
         super().reset()
         self._since_s = 0.0
         self._nearer_m = 0.0
@@ -262,17 +268,21 @@ class SessionController(HandoverController):
         self._lets_go = False
         self._overdue = False
         self._speed_before: Vector | None = None
-        self.leg = Leg.GIVE
-        self.leg = self.next_leg
-        self._begin_to_feel()
 
     def abort(self) -> None:
         """Brake and hold; the gripper stays as it is. Only `start` or `reset` lead on."""
-        if self.state in (HandoverState.RELEASED, HandoverState.WITHDRAWING):
-            # else nobody would remember who has the object
-            self.leg = self.next_leg
-        self._leave_way()
+        self._break_off()
         super().abort()
+
+    def _break_off(self) -> None:
+        """Remember who has the object, and what of it is felt, beyond the state."""
+        leg, self.leg = self.leg, self.next_leg
+        if self._lies and not self.gripper_closed:
+            self.leg = Leg.GIVE
+        self._leave_way()
+        if leg is Leg.TAKE or not self.gripper_closed:
+            self._begin_to_feel()
+        # else the partner's hand may be on it by now, and what was felt without it still holds
 
     def set_wrench(self, force: Vector, arrival_s: float) -> None:
         """
@@ -293,19 +303,22 @@ class SessionController(HandoverController):
 
     def begin_with(self, holder: str) -> bool:
         """
-        Take who has the object, before the first handover.
+        Take who has the object, before the first handover, or that it lies on the table again.
 
         Args:
-            holder: `robot`, `partner`, `both`, or another word, as on `object/holder`.
+            holder: `robot`, `partner`, `both`, `table` or another word, as on `object/holder`.
 
         Returns:
             Whether that was news: the partner has it, so the gripper is open and the take comes
             first. What the robot holds, too, is never let go of, and of nothing is nothing told.
 
         """
-        if self._trace is not None or self.state is not HandoverState.IDLE:
+        self._lies = holder == 'table'
+        if self.state is not HandoverState.IDLE or (self._trace is not None and not self._lies):
             return False
-        if holder == 'partner' and self.next_leg is Leg.GIVE:
+        if self._lies and self.leg is Leg.TAKE and not self.gripper_closed:
+            self.leg = Leg.GIVE
+        elif holder == 'partner' and self.next_leg is Leg.GIVE:
             self.leg, self.gripper_closed = Leg.TAKE, False
         elif holder in ('robot', 'both') and not self.gripper_closed:
             self.leg, self.gripper_closed = Leg.GIVE, True

@@ -73,7 +73,9 @@ def test_stages_are_told_by_state_and_gripper() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('fault', ['tracker stopped', 'force sensor at zero', 'dmp silent'])
+@pytest.mark.parametrize(
+    'fault', ['tracker stopped', 'force sensor at zero', 'dmp silent', 'abort', 'reset']
+)
 def test_a_fault_at_every_stage_drops_nothing(fault: str) -> None:
     assert fault in FAULTS
     found = row(make_session_scenario(pick_up=True), fault)

@@ -466,8 +466,8 @@ def test_goes_on_away_from_a_hand_that_is_lost_and_stands_before_it() -> None:
 
 
 @pytest.mark.parametrize('state', [S.RELEASED, S.WITHDRAWING, S.WAITING])
-@pytest.mark.parametrize('how', ['abort', 'hold'])
-def test_what_was_picked_up_and_given_is_taken_back_after_an_abort(
+@pytest.mark.parametrize('how', ['abort', 'hold', 'reset'])
+def test_what_was_picked_up_and_given_is_taken_back_after_it_was_broken_off(
     state: HandoverState, how: str
 ) -> None:
     """And not looked for where it was picked up."""
@@ -484,6 +484,65 @@ def test_what_was_picked_up_and_given_is_taken_back_after_an_abort(
     assert loop.controller.start()
     loop.until(S.DONE)
     assert loop.controller.gripper_closed
+    check_gripper(loop.moments)
+
+
+@pytest.mark.parametrize('told_first', [False, True])
+def test_what_lies_on_the_table_again_is_fetched_from_there(told_first: bool) -> None:
+    place = (GIVE.start[0] + 0.1, GIVE.start[1] - 0.2, GIVE.start[2] - 0.1)
+    loop = Loop(SessionOptions(pick_up=True, pick_up_position=place))
+    loop.step(20)
+    loop.controller.begin_with('table')
+    loop.controller.start()
+    loop.controller.begin_with('partner')
+    loop.until(S.WAITING)
+    if told_first:
+        loop.controller.begin_with('table')
+    loop.controller.reset()
+    if not told_first:
+        assert loop.controller.next_leg is Leg.TAKE
+        assert loop.controller.begin_with('table')
+    loop.step(120)
+    assert loop.controller.start()
+    assert loop.controller.state is S.PICKING_UP
+
+
+@pytest.mark.parametrize('state', [S.RELEASED, S.WITHDRAWING])
+@pytest.mark.parametrize('how', ['abort', 'reset'])
+def test_what_is_felt_is_felt_from_where_it_was_broken_off(state: HandoverState, how: str) -> None:
+    """With nothing in the gripper, and then with the object in it again."""
+    loop = Loop()
+    loop.force = (0.0, 0.0, -8.0)
+    loop.step(120)
+    loop.controller.start()
+    loop.until(S.EXCHANGE)
+    loop.force = (0.0, 0.0, -1.0)
+    loop.until(S.RELEASED)
+    loop.force = (0.0, 0.0, 0.1)
+    loop.until(state)
+    for _ in range(2):
+        getattr(loop.controller, how)()
+        loop.hand = hand_of(TAKE)
+        loop.step(220)
+        assert loop.controller.start()
+        loop.until(S.EXCHANGE)
+        loop.step(300)
+        # what has not come over yet is not pulled at
+        assert loop.controller.state is S.EXCHANGE
+        assert loop.controller.gripper_closed
+        loop.force = (0.0, 0.0, -8.0)
+        loop.until(S.WITHDRAWING)
+        getattr(loop.controller, how)()
+        loop.hand = hand_of(GIVE)
+        loop.step(220)
+        assert loop.controller.start()
+        loop.until(S.EXCHANGE)
+        loop.step(100)
+        assert loop.controller.state is S.EXCHANGE
+        loop.force = (0.0, 0.0, -1.0)
+        loop.until(S.RELEASED)
+        loop.force = (0.0, 0.0, 0.1)
+        loop.until(state)
     check_gripper(loop.moments)
 
 
