@@ -192,7 +192,8 @@ WRIST_WRENCH = Topic(
     '/wrist/wrench',
     'geometry_msgs/msg/WrenchStamped',
     Quality.SENSOR,
-    'force and torque of the object on the wrist, N and Nm; in the room or in session.wrench_frame',
+    'force and torque of the object on the wrist, N and Nm; in the room or in '
+    'session.wrench_frame',
 )
 OBJECT_POSE = Topic(
     '/object/pose',

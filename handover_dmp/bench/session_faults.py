@@ -17,8 +17,9 @@ Every fault at every stage of a session, in one process: a matrix of what become
 
 The faults are those of the soak (tracker, joint states, commands, orders) and those of the force
 sensor. For each, two sessions run in which it strikes at the beginning of every other stage, lasts
-a while, and is over before it strikes again, and a third one for stages that these left out. Whatever becomes of it, the limits are kept, the
-object is never dropped, and the wrist never goes towards a hand that is lost.
+a while, and is over before it strikes again, and a third one for the stages that these left out.
+Whatever becomes of it, the limits are kept, the object is never dropped, and the wrist never goes
+towards a hand that is lost.
 """
 
 from __future__ import annotations
