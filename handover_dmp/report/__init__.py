@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Reports on recorded runs, made from the bag alone: figures, numbers, one page."""
+"""Reports on recorded runs: figures, numbers and one page, made from the bag alone."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Runs side by side: the same measures of each, and their differences in pairs."""
+"""Comparison of runs: the same measures of each, and their paired differences."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ CONFIDENCE = 0.95
 COMPARED: tuple[tuple[str, tuple[str, ...], float, str, int], ...] = (
     ('gap when the exchange began', ('exchange_gap_m',), 1e3, 'mm', 1),
     ('reach until the exchange', ('reach_duration_s',), 1.0, 's', 2),
-    ('distance to the person, RMS', ('to_human', 'rms_m'), 1e3, 'mm', 0),
+    ('distance to the demonstrator, RMS', ('to_human', 'rms_m'), 1e3, 'mm', 0),
     ('lag behind the moving hand', ('lag', 'time_ms'), 1.0, 'ms', 1),
     ('lag behind the command', ('arm_lag', 'time_ms'), 1.0, 'ms', 2),
-    ('joint speed, of its limit', ('limits', 'velocity', 'share'), 100.0, '%', 0),
-    ('joint acceleration, of its limit', ('limits', 'acceleration', 'share'), 100.0, '%', 0),
-    ('length of the path', ('motions', 'robot', 'path_m'), 1e3, 'mm', 0),
-    ('path over the straight line', ('motions', 'robot', 'path_ratio'), 1.0, '', 3),
+    ('joint speed, share of limit', ('limits', 'velocity', 'share'), 100.0, '%', 0),
+    ('joint acceleration, share of limit', ('limits', 'acceleration', 'share'), 100.0, '%', 0),
+    ('path length', ('motions', 'robot', 'path_m'), 1e3, 'mm', 0),
+    ('path length / straight line', ('motions', 'robot', 'path_ratio'), 1.0, '', 3),
     ('peak speed', ('motions', 'robot', 'peak_speed'), 1.0, 'm/s', 2),
     ('onset to peak speed', ('motions', 'robot', 'time_to_peak_s'), 1.0, 's', 2),
-    ('peaks of the speed', ('motions', 'robot', 'peaks'), 1.0, '', 1),
+    ('number of speed peaks', ('motions', 'robot', 'peaks'), 1.0, '', 1),
     ('spectral arc length', ('motions', 'robot', 'spectral_arc_length'), 1.0, '', 2),
     ('log dimensionless jerk', ('motions', 'robot', 'log_dimensionless_jerk'), 1.0, '', 2),
     ('lag behind the hand’s speed', ('motions', 'synchrony', 'robot', 'lag_s'), 1e3, 'ms', 0),
@@ -54,7 +54,7 @@ COMPARED: tuple[tuple[str, tuple[str, ...], float, str, int], ...] = (
     ('both active', ('motions', 'fluency', 'concurrent'), 100.0, '%', 0),
     ('functional delay', ('motions', 'fluency', 'functional_delay'), 100.0, '%', 0),
 )  # fmt: skip
-"""In words, where it stands in `report.json`, factor, unit, digits."""
+"""Label, keys in `report.json`, factor, unit, digits."""
 
 
 @dataclass(frozen=True)
@@ -65,10 +65,10 @@ class Difference:
     Attributes:
         name: of the measure.
         unit: of all figures.
-        digits: that are worth showing.
-        means: one a set; None where no run has it.
-        differences: mean difference in pairs of each further set to the first; None likewise.
-        intervals: 95 % intervals of these, by Student's t; None for fewer than two pairs.
+        digits: number of decimal places to show.
+        means: one per set; None if no run has the measure.
+        differences: mean paired difference of each further set to the first; None likewise.
+        intervals: their 95 % intervals, by Student's t; None for fewer than two pairs.
 
     """
 
@@ -88,7 +88,7 @@ def find_runs(place: Path) -> dict[str, Path]:
         place: a run, a bag, or a folder of runs.
 
     Returns:
-        Name to run; a single one has the name ``.``.
+        The runs by name; a single run has the name ``.``.
 
     Raises:
         DataError: there is no run.
@@ -104,16 +104,16 @@ def find_runs(place: Path) -> dict[str, Path]:
 
 def compare_runs(places: Sequence[Path]) -> tuple[list[Difference], int]:
     """
-    Hold sets of runs against each other.
+    Compare sets of runs.
 
     Args:
-        places: two or more sets; runs of one name belong together.
+        places: two or more sets; runs of the same name form a pair.
 
     Returns:
         The measures, and how many pairs there are.
 
     Raises:
-        DataError: a set without runs, or sets that have no run in common.
+        DataError: a set has no runs, or the sets have no run in common.
 
     """
     sets = [find_runs(place) for place in places]
@@ -122,7 +122,7 @@ def compare_runs(places: Sequence[Path]) -> tuple[list[Difference], int]:
         listed = '; '.join(
             f'{place}: {", ".join(runs)}' for place, runs in zip(places, sets, strict=True)
         )
-        raise DataError(f'no run has the same name in all of them ({listed})')
+        raise DataError(f'no run has the same name in all sets ({listed})')
     figures = [[_figures(runs[name]) for name in names] for runs in sets]
     return [
         _difference(name, unit, digits, _values(figures, path, factor))
@@ -138,7 +138,7 @@ def _figures(place: Path) -> dict[str, Any]:
 def _values(
     figures: Sequence[Sequence[Mapping[str, Any]]], path: Sequence[str], factor: float
 ) -> Array:
-    """Look a measure up, (sets, pairs); NaN where a run has none."""
+    """Look a measure up, (sets, pairs); NaN if a run has none."""
 
     def look_up(found: Any) -> float:
         for key in path:

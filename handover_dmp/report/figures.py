@@ -47,8 +47,8 @@ import numpy as np
 
 Style = dict[str, Any]
 
-# The paper's colours in shades of different lightness, and every line with a stroke of its own,
-# so that nothing hangs on telling red from green.
+# The paper's colours, in different lightness and with different line styles, so that readers
+# who cannot tell red from green can read the figures.
 HAND: Style = {'color': '#c8372d', 'linewidth': 1.8, 'linestyle': '-', 'zorder': 2.2}
 ROBOT: Style = {'color': '#1f4e9c', 'linewidth': 2.2, 'linestyle': '-', 'zorder': 2.3}
 DEMONSTRATOR: Style = {
@@ -63,10 +63,10 @@ QUIET: Style = {'color': '#59626d', 'linewidth': 1.5, 'linestyle': '-'}
 HAND_NAME, ROBOT_NAME, DEMONSTRATOR_NAME = (
     "partner's hand (P1)",
     'robot wrist',
-    'human in its place (P2)',
+    'demonstrator (P2)',
 )
 
-# Of trackers, marks of a shape and a colour of their own.
+# Markers of the trackers; each has its own shape and colour.
 SEEN: tuple[Style, ...] = (
     {'color': '#8a5a00', 'linestyle': '', 'marker': '.', 'markersize': 3.0, 'zorder': 2.0},
     {'color': '#1f4e9c', 'linestyle': '', 'marker': 'x', 'markersize': 4.5, 'zorder': 2.15},
@@ -76,7 +76,7 @@ SEEN: tuple[Style, ...] = (
 SMALL_MM = 0.1
 DPI = 120
 WIDTH = 9.0
-# before the arm begins to move there is little to see
+# time shown before the arm begins to move
 BEFORE_S = 0.3
 
 
@@ -86,8 +86,8 @@ class Picture:
     A figure of a report.
 
     Attributes:
-        name: of its file, without suffix.
-        caption: what it shows, a sentence or two.
+        name: file name without suffix.
+        caption: one or two sentences on what it shows.
 
     """
 
@@ -97,42 +97,41 @@ class Picture:
 
 def write_figures(run: RunRecord, folder: Path) -> list[Picture]:
     """
-    Draw everything that the run has data for.
+    Draw every figure that the run has data for.
 
     Args:
         run: the run.
-        folder: where the PNG files go; made if need be.
+        folder: folder for the PNG files; created if missing.
 
     Returns:
-        What was drawn, in the order of a report.
+        The figures, in the order of a report.
 
     """
     drawings: list[tuple[Picture, Callable[[RunRecord], Figure | None]]] = [
         (
             Picture(
                 'session',
-                'The whole session: X, Y and Z of the hand of the partner (red), of the wrist of '
-                'the robot (blue), and of the person whose place the robot takes (green, dashed). '
-                'Give and take are shaded from the reach to the parting; the dotted line is where '
-                'the exchange began.',
+                "The whole session: X, Y and Z of the partner's hand (red), the robot's wrist "
+                "(blue), and the demonstrator's wrist (green, dashed). Give and take are shaded "
+                'from the start of the reach until the hands part; the dotted line is the start '
+                'of the exchange.',
             ),
             draw_session_of_run,
         ),
         (
             Picture(
                 'positions',
-                'Position over time: hand of the partner (red), wrist of the robot (blue), and '
-                'the wrist of the person whose place the robot takes (green, dashed). '
-                'The exchange is shaded.',
+                "Position over time: the partner's hand (red), the robot's wrist (blue), and the "
+                "demonstrator's wrist (green, dashed). The exchange is shaded.",
             ),
             draw_positions,
         ),
         (
             Picture(
                 'trackers',
-                'What each tracker saw of the hand (marks, when it was measured) beside where it '
-                'was (red), and what was made of it (black): along the axis on which it moved '
-                'most, and as a distance.',
+                'The hand: measurements of each tracker (markers, at the time of measurement), '
+                'true position (red) and fused estimate (black). Above: the axis with the largest '
+                'motion; below: distance from the true position.',
             ),
             draw_trackers,
         ),
@@ -140,16 +139,15 @@ def write_figures(run: RunRecord, folder: Path) -> list[Picture]:
         (
             Picture(
                 'speeds',
-                'Speeds. The thin line is the minimum-jerk bell nearest to the reach of the '
-                'robot.',
+                "Speeds. The thin line is the minimum-jerk profile fitted to the robot's reach.",
             ),
             draw_speeds,
         ),
         (
             Picture(
                 'phase',
-                'The movement primitive: its phase s, and the weight of the goal, which takes '
-                'the wrist from the learnt shape over to following the hand.',
+                'The movement primitive: its phase s, and the goal weight, which blends from the '
+                'learnt shape to following the hand.',
             ),
             draw_phase,
         ),
@@ -160,15 +158,15 @@ def write_figures(run: RunRecord, folder: Path) -> list[Picture]:
         (
             Picture(
                 'inverse_kinematics',
-                'Inverse kinematics: share of the speed asked for that was possible, number of '
-                'limits that held, what was left over, and the distance from singularity.',
+                'Inverse kinematics: speed scale (share of the commanded speed that the limits '
+                'allowed), number of active limits, residuals, and distance from singularity.',
             ),
             draw_inverse_kinematics,
         ),
         (
             Picture(
                 'timing',
-                'Regularity: time between messages by their stamps, and age of the hand when '
+                'Timing: time between messages by their stamps, and age of the hand pose when '
                 'it was used.',
             ),
             draw_timing,
@@ -187,7 +185,7 @@ def write_figures(run: RunRecord, folder: Path) -> list[Picture]:
 
 
 def draw_session_of_run(run: RunRecord) -> Figure | None:
-    """Draw X, Y and Z over a whole session, as Fig. 3 of the paper; None of a single handover."""
+    """Draw X, Y and Z over a whole session, like Fig. 3; None for a single handover."""
     exchanges = exchanges_of(run)
     if len(exchanges) < 2:
         return None
@@ -205,7 +203,7 @@ def exchanges_of(run: RunRecord) -> list[ShadedExchange]:
         run: the session.
 
     Returns:
-        Those that came to pass, a give and a take in turn.
+        The exchanges that took place, give and take in turn.
 
     """
     found: list[ShadedExchange] = []
@@ -224,7 +222,7 @@ def exchanges_of(run: RunRecord) -> list[ShadedExchange]:
 
 
 def draw_positions(run: RunRecord) -> Figure:
-    """Draw X, Y and Z over time, as Fig. 4 of the paper."""
+    """Draw X, Y and Z over time, like Fig. 4 of the paper."""
     with _panels(3, 2.0, run) as (figure, axes):
         for axis, ax in enumerate(axes):
             for times, positions, style, name in _tracks(run):
@@ -234,7 +232,7 @@ def draw_positions(run: RunRecord) -> Figure:
 
 
 def draw_trackers(run: RunRecord) -> Figure | None:
-    """Draw what each tracker saw beside where the hand was, unless that was always the same."""
+    """Draw the measurements of each tracker and the true hand, unless they are identical."""
     if not tracker_errors(run):
         return None
     axis = int(np.argmax(np.ptp(run.hand_positions, axis=0)))
@@ -250,8 +248,8 @@ def draw_trackers(run: RunRecord) -> Figure | None:
             place.plot(times, positions[:, axis], **style, label=label)
             apart.plot(times, np.linalg.norm(off, axis=1) * 1e3, **style)
         place.set_ylabel(f'{"XYZ"[axis]}, m')
-        # what is far out is to be seen, too, and is not to hide the rest
-        apart.set(ylabel='from the hand, mm', yscale='log')
+        # logarithmic, so that outliers are visible and do not hide the rest
+        apart.set(ylabel='distance from the hand, mm', yscale='log')
         apart.set_ylim(bottom=SMALL_MM)
         apart.yaxis.set_major_formatter(FormatStrFormatter('%g'))
     return figure
@@ -311,7 +309,7 @@ def draw_paths(run: RunRecord) -> Figure:
 
 
 def draw_speeds(run: RunRecord) -> Figure:
-    """Draw the speeds, and the bell of minimum jerk."""
+    """Draw the speeds and the minimum-jerk profile."""
     with _panels(1, 3.6, run) as (figure, axes):
         (ax,) = axes
         for times, positions, style, name in _tracks(run):
@@ -329,14 +327,14 @@ def draw_speeds(run: RunRecord) -> Figure:
 
 
 def draw_phase(run: RunRecord) -> Figure | None:
-    """Draw phase and goal weight, and the distance that is left to the goal."""
+    """Draw phase, goal weight and the distance to the goal."""
     if not {'phase', 'goal_weight'} <= set(run.phase):
         return None
     with _panels(2, 2.3, run) as (figure, (ax, gap)):
         weight = run.phase['goal_weight']
         ax.plot(run.phase_times, run.phase['phase'], **{**QUIET, 'linestyle': (0, (5, 2))},
                 label='phase s')  # fmt: skip
-        ax.plot(run.phase_times, weight, **ROBOT, label='weight of the goal $w_g$')
+        ax.plot(run.phase_times, weight, **ROBOT, label='goal weight $w_g$')
         ax.set(ylim=(-0.04, 1.04), ylabel='share')
         goal = goal_at(run, run.wrist_times)
         distance = np.linalg.norm(goal - run.wrist_positions, axis=1) * 1e3
@@ -386,12 +384,12 @@ def draw_joints(run: RunRecord) -> Figure:
 
 
 def draw_inverse_kinematics(run: RunRecord) -> Figure | None:
-    """Draw what the inverse kinematics says of itself."""
+    """Draw the status of the inverse kinematics."""
     panels = [
-        ('speed_scale', 'speed kept', 1.0, (-0.04, 1.06), 0.0),
-        ('active_limits', 'limits that hold', 1.0, None, 1.0),
-        ('position_residual', 'position left\nover, mm/s', 1e3, None, 1.0),
-        ('orientation_residual', 'orientation left\nover, mrad/s', 1e3, None, 1.0),
+        ('speed_scale', 'speed scale', 1.0, (-0.04, 1.06), 0.0),
+        ('active_limits', 'active limits', 1.0, None, 1.0),
+        ('position_residual', 'position\nresidual, mm/s', 1e3, None, 1.0),
+        ('orientation_residual', 'orientation\nresidual, mrad/s', 1e3, None, 1.0),
         ('smallest_singular_value', 'smallest singular\nvalue, m', 1.0, None, 0.1),
     ]
     panels = [panel for panel in panels if panel[0] in run.ik]
@@ -413,7 +411,7 @@ def draw_inverse_kinematics(run: RunRecord) -> Figure | None:
 
 
 def draw_timing(run: RunRecord) -> Figure:
-    """Draw histograms of periods and of the age of the hand."""
+    """Draw histograms of the periods and of the age of the hand pose."""
     topics = [
         topic.name
         for topic in (HAND_POSE, JOINT_STATES, WRIST_POSE, POSE_COMMAND)
@@ -424,7 +422,7 @@ def draw_timing(run: RunRecord) -> Figure:
     axes = figure.subplots(2, 3).ravel()
     _margins(figure, left=0.6, right=0.15, top=0.5, bottom=0.5, hspace=0.62, wspace=0.3)
     for ax, topic in zip(axes, topics, strict=False):
-        # in lockstep a period is asked for again until it is answered: once is enough here
+        # in lockstep a message is repeated until it is answered; count each stamp once
         periods = np.diff(np.unique(run.stamps[topic])) * 1e3
         _histogram(ax, periods, topic, 'time between messages, ms')
     rest = axes[len(topics):]  # fmt: skip
@@ -442,11 +440,11 @@ def draw_timing(run: RunRecord) -> Figure:
 def _histogram(ax: Axes, values_ms: Array, title: str, label: str) -> None:
     low, high = float(values_ms.min()), float(values_ms.max())
     room = max(0.25, 0.1 * (high - low))
-    # an odd number, so that a period which is always the same is one bar and not two halves
+    # an odd number of bins, so that a constant period is one bar and not two halves
     ax.hist(values_ms, bins=41, range=(max(0.0, low - room), high + room), color='#1f4e9c')
     ax.set(xlabel=label, ylabel='count', yscale='log')
     ax.set_ylim(bottom=0.7)
-    # a lone outlier is as important as the crowd, so the scale is logarithmic and the tail named
+    # single outliers matter, too: the scale is logarithmic and the title has the tail
     ax.yaxis.set_minor_locator(NullLocator())
     middle, tail = np.percentile(values_ms, (50, 99))
     ax.set_title(f'{title}\nmedian {middle:.2f} ms, 99 % {tail:.2f} ms', fontsize=9.5)
@@ -456,7 +454,7 @@ def _histogram(ax: Axes, values_ms: Array, title: str, label: str) -> None:
 def _panels(
     rows: int, height: float, run: RunRecord, columns: int = 1
 ) -> Iterator[tuple[Figure, list[Axes]]]:
-    """Give panels above one another over one time, with the exchange shaded."""
+    """Make stacked panels with a common time axis and a shaded exchange."""
     figure = Figure(figsize=(WIDTH, 1.0 + rows * height))
     grid = figure.subplots(rows, columns, sharex=True, squeeze=False)
     _margins(figure, left=0.85, right=0.15, top=0.4 if columns == 1 else 0.65, bottom=0.55)
@@ -480,7 +478,7 @@ def _panels(
 
 
 def _exchange_spans(run: RunRecord) -> list[tuple[float, float]]:
-    """Give begin and end of the exchange, of a session those of both, s."""
+    """Return begin and end of each exchange, s."""
     of_one = [leg.run for leg in legs_of(run)] if is_session(run) else [run]
     return [one.exchange_span_s for one in of_one if one.exchange_span_s is not None]
 
@@ -497,7 +495,7 @@ def _margins(
 
 
 def _tracks(run: RunRecord) -> list[tuple[Array, Array, Style, str]]:
-    """Return times, positions, line and name of whoever moved."""
+    """Return times, positions, line style and name of each recorded motion."""
     tracks = [
         (run.hand_times, run.hand_positions, HAND, HAND_NAME),
         (run.wrist_times, run.wrist_positions, ROBOT, ROBOT_NAME),

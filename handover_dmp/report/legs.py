@@ -13,11 +13,10 @@
 # limitations under the License.
 
 """
-The legs of a recorded session: the give and the take, each as a handover of its own.
+The legs of a recorded session: the give and the take, each as a separate handover.
 
-A leg lasts from a little before its reach until the wrist is home again. As a run of its own it
-is `done` where its exchange has ended, and ends there, so that whatever measures a handover
-measures a leg.
+A leg lasts from a little before its reach until the wrist is home again. As a run it ends, `done`,
+with its exchange, so that all measures of a handover apply to a leg.
 """
 
 from __future__ import annotations
@@ -31,13 +30,13 @@ from handover_dmp.report.recorded_run import RunRecord
 import numpy as np
 
 BEFORE_S = 0.3
-"""Of what comes before a reach, this much belongs to it."""
+"""Time before a reach that belongs to its leg, s."""
 AFTER_S = 0.2
-"""Of what comes after an exchange, the same."""
+"""Time after an exchange that belongs to its leg, s."""
 DIRECTIONS = ('give', 'take')
-"""Of the legs of a session, in turn."""
+"""Directions of the legs of a session, in turn."""
 WITHDRAWN = ('released', 'withdrawing', 'waiting', 'done')
-"""The states one of which follows an exchange in which the object has passed."""
+"""States that follow an exchange if the object has changed hands."""
 TRACKS = (
     ('hand_times', 'hand_positions'),
     ('fused_times', 'fused_positions'),
@@ -59,9 +58,9 @@ class SessionLeg:
 
     Attributes:
         direction: `give` or `take`.
-        run: what was recorded of reach and exchange, as a run of its own.
-        end_s: when it ends: the wrist is home, or what comes next begins, s.
-        home_s: when the wrist was home again, s; None if it never was.
+        run: the recorded reach and exchange, as a separate run.
+        end_s: time at which the wrist is home or the next leg begins, s.
+        home_s: time at which the wrist was home again, s; None if it never was.
 
     """
 
@@ -79,7 +78,7 @@ def legs_of(run: RunRecord) -> list[SessionLeg]:
         run: the session.
 
     Returns:
-        A leg for each reach, in order; of several sessions in a row, all of them.
+        One leg per reach, in order, of all recorded sessions.
 
     """
     begins = [time_s for time_s, state in run.states if state == 'reaching']
@@ -98,7 +97,7 @@ def legs_of(run: RunRecord) -> list[SessionLeg]:
 
 
 def _states_of_leg(within: list[tuple[float, str]]) -> tuple[tuple[float, str], ...]:
-    """Give the states up to the end of the exchange, then done, unless it was broken off."""
+    """Return the states until the end of the exchange, then done, unless it was aborted."""
     found: list[tuple[float, str]] = []
     for time_s, state in within:
         if found and found[-1][1] == 'exchange' and state in WITHDRAWN:
@@ -108,7 +107,7 @@ def _states_of_leg(within: list[tuple[float, str]]) -> tuple[tuple[float, str], 
 
 
 def _info_of_leg(info: Mapping[str, Any], direction: str) -> dict[str, Any]:
-    """Put what a session says of one of its legs in the place of what it says of both."""
+    """Replace the facts of the whole session by those of one leg."""
     own = (info.get('legs') or {}).get(direction) or {}
     return {**info, 'exchange': direction, **own}
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The numbers of a run: how near, how fast, how far behind, how regular, within which limits."""
+"""Measures of a run: distances, speeds, lags, timing and use of the limits."""
 
 from __future__ import annotations
 
@@ -26,31 +26,31 @@ from handover_dmp.report.recorded_run import RecordedLimits, RunRecord
 from handover_dmp.topics import DIAGNOSTICS, HAND_TRUTH
 import numpy as np
 
-# the wrist follows the hand alone where the goal has all the weight
+# above this goal weight the wrist only follows the hand
 FEEDBACK_WEIGHT = 0.99
-# below this speed a hand at rest and its noise would be taken for a moving one
+# below this speed, noise of a hand at rest would count as motion
 MIN_HAND_SPEED = 0.05
 MIN_FEEDBACK_SAMPLES = 20
-# a lag that is known no better than this is not known
+# a lag with a larger standard error counts as unknown
 LARGEST_LAG_ERROR_S = 0.01
-# 1/s, of springs that bring a wrist to its goal in a second and in a twentieth of one
+# decay rates, 1/s, of springs that reach their goal within 1 s and within 0.05 s
 DECAYS = np.geomspace(3.0, 60.0, 60)
-# a hundredth of a millimetre is less than any tracker or arm can tell
+# below the resolution of any tracker or arm
 RESOLUTION_M = 1e-5
 UNIT_NORM = 1e-3
-"""By how much a quaternion may differ from norm 1."""
-# what comes less often is no stream
+"""Tolerance of the norm of a unit quaternion."""
+# topics with fewer messages are no streams
 MIN_RATE_SAMPLES = 10
-# of the limits: measured joint states carry the noise of the simulator or of the encoders
+# share of the limit; measured joint states contain noise of the simulator or the encoders
 LIMIT_TOLERANCE = 0.01
-# limits as text lose digits
+# limits lose digits when they are written as text
 BELIEF_TOLERANCE = 1e-6
 
 Numbers = dict[str, Any]
 
 PERFECT_M = 1e-5
 FUSED = 'fused'
-"""Name, among those of the trackers, of what was made of all of them."""
+"""Name of the fused estimate among the names of the trackers."""
 
 
 def measure(run: RunRecord) -> Numbers:
@@ -61,7 +61,7 @@ def measure(run: RunRecord) -> Numbers:
         run: the run.
 
     Returns:
-        Plain types, for JSON; names carry their units; None where something cannot be told.
+        Plain types, for JSON; names include their units; None if a value is unknown.
 
     """
     return {
@@ -86,7 +86,7 @@ def measure(run: RunRecord) -> Numbers:
 
 def goal_at(run: RunRecord, times: Array) -> Array:
     """
-    Return where the wrist ought to be: at the hand, moved by the offset that was learnt.
+    Return the goal of the wrist: the hand plus the learnt goal offset.
 
     Args:
         run: the run.
@@ -102,22 +102,21 @@ def goal_at(run: RunRecord, times: Array) -> Array:
 
 def lag_behind_hand(run: RunRecord) -> Numbers:
     """
-    Find how far the wrist runs behind the hand while it follows it.
+    Find the lag of the wrist behind the hand while it follows the hand.
 
-    With g(t) the goal and x(t) the wrist, a wrist that runs the time L behind is x(t) = g(t − L),
-    which for the small lags that matter is g − x = L ġ. What is left of the way when the goal
-    takes over dies away as in a critically damped spring, and is no lag. So L is fitted together
-    with that, g − x = L ġ + (a + b t) exp(−ω t), by least squares over all axes and samples of
-    the feedback phase: those where the weight of the goal is at least 0.99 and the hand moves
-    faster than 0.05 m/s, up to the end of the exchange.
+    With the goal g(t) and a wrist that lags by L, x(t) = g(t − L); for small lags, g − x = L ġ.
+    The distance that remains when the goal takes over decays like a critically damped spring and
+    is no lag. L is therefore fitted together with this decay, g − x = L ġ + (a + b t) exp(−ω t),
+    by least squares over all axes and samples of the feedback phase, up to the end of the
+    exchange: goal weight at least 0.99, and hand faster than 0.05 m/s.
 
     Args:
         run: the run.
 
     Returns:
         `time_ms`, its standard error `error_ms`, `distance_mm` at the mean speed of the hand
-        `hand_speed_m_s`, and the number of `samples`; None where the hand did not move, or too
-        shortly for the lag to be known to 10 ms.
+        `hand_speed_m_s`, and the number of `samples`; None if the hand did not move, or too
+        briefly to know the lag to 10 ms.
 
     """
     nothing: Numbers = {
@@ -155,17 +154,17 @@ def lag_behind_hand(run: RunRecord) -> Numbers:
 
 def lag_behind_command(run: RunRecord) -> Numbers:
     """
-    Find how far the measured wrist runs behind its command c.
+    Find the lag of the measured wrist behind its command c.
 
-    The slope of c − x = L ċ over all axes and samples from the start of the reach to the end of
-    the exchange in which the command moves faster than 0.05 m/s.
+    It is the slope L of c − x = L ċ, over all axes and samples from the start of the reach to the
+    end of the exchange in which the command is faster than 0.05 m/s.
 
     Args:
         run: the run.
 
     Returns:
-        `time_ms`, and `rms_mm` and `largest_mm` of the distance; None where no command was
-        recorded or it does not move.
+        `time_ms`, and `rms_mm` and `largest_mm` of the distance; None if no command was recorded
+        or it does not move.
 
     """
     nothing: Numbers = {'time_ms': None, 'rms_mm': None, 'largest_mm': None}
@@ -191,8 +190,8 @@ def _fit_lag(times: Array, behind: Array, speeds: Array) -> tuple[float, float]:
     """
     Fit behind = lag · speed + (a + b t) exp(−ω t); return the lag and its standard error, s.
 
-    Several decays ω may explain a short stretch about as well, with different lags, so the lag is
-    the mean over all of them, weighted by their likelihood, and its error holds their spread.
+    Several decays ω may explain a short stretch equally well, with different lags. The lag is
+    therefore the mean over all ω, weighted by likelihood, and its error includes their spread.
     """
     target = behind.T.ravel()
     lags, variances, rests = [], [], []
@@ -206,7 +205,7 @@ def _fit_lag(times: Array, behind: Array, speeds: Array) -> tuple[float, float]:
         variances.append(np.linalg.pinv(matrix.T @ matrix)[0, 0])
     squares = np.array([(rest**2).mean() for rest in rests]) + RESOLUTION_M**2
     best = rests[int(np.argmin(squares))].reshape(3, -1)
-    # neighbours miss alike, so there is less to go by than there are samples
+    # errors of neighbours are correlated, so there are fewer independent samples
     alike = float((best[:, 1:] * best[:, :-1]).sum() / ((best**2).sum() + 1e-30))
     independent = len(target) * (1 - alike) / (1 + alike)
     weights = (squares / squares.min()) ** (-independent / 2)
@@ -218,20 +217,20 @@ def _fit_lag(times: Array, behind: Array, speeds: Array) -> tuple[float, float]:
 
 def joint_limits(run: RunRecord) -> Numbers:
     """
-    Hold the joint states against the limits of the arm: those of its recorded description.
+    Compare the joint states with the limits of the arm, from its recorded description.
 
-    Accelerations are differences of successive measured velocities over successive stamps.
+    Accelerations are difference quotients of successive measured velocities.
 
     Args:
         run: the run.
 
     Returns:
         For `position`, `velocity` and `acceleration`: the greatest share of the limit that was
-        used (`share`, 1 at the limit), the joint, and whether it was kept (`met`, with 1 %
-        for the noise of measurement); `met` for all; None where the limits are not known.
-        Joints without a limit, as those that turn for ever, do not count. `judged_by` is the topic
-        that the limits are of, `sources` where each comes from, `believed_beyond` the joints that
-        whoever moved the arm believed to be capable of more, with both numbers.
+        used (`share`, 1 at the limit), the joint, and whether the limit was kept (`met`, with 1 %
+        for measurement noise); `met` for all; None if the limits are unknown. Joints without a
+        limit, such as continuous ones, do not count. `judged_by` is the topic of the limits,
+        `sources` the origin of each, `believed_beyond` the joints for which the controller
+        assumed wider limits, with both numbers.
 
     """
     limits = run.joint_limits
@@ -262,7 +261,7 @@ def joint_limits(run: RunRecord) -> Numbers:
 
 
 def _believed_beyond(run: RunRecord, limits: RecordedLimits) -> list[str]:
-    """Name the limits that were believed to be wider than they are."""
+    """Name the limits that the controller assumed to be wider than they are."""
     believed, found = run.believed_limits, []
     if believed is None or believed is limits:
         return []
@@ -277,7 +276,7 @@ def _believed_beyond(run: RunRecord, limits: RecordedLimits) -> list[str]:
         ):
             beyond = sign * (told - true) > BELIEF_TOLERANCE * abs(true)
             if beyond or (np.isnan(told) and np.isfinite(true)):
-                found.append(f'{quantity} of {name}: {told:.4g} {unit}, is {true:.4g}')
+                found.append(f'{quantity} of {name}: assumed {told:.4g} {unit}, actual {true:.4g}')
     return found
 
 
@@ -296,23 +295,23 @@ def _most_used(names: Sequence[str], values: Array, bound: Array) -> Numbers | N
 
 def topic_rates(run: RunRecord) -> dict[str, Numbers]:
     """
-    Find the rate and the regularity of every topic that sends again and again.
+    Find the rate and the jitter of every periodic topic.
 
     Args:
         run: the run.
 
     Returns:
-        Topic to `count`; `rate_hz`; the median period, `period_ms`; how far periods are from the
-        median, `jitter_median_ms`, `jitter_99_ms`; the longest one, `longest_ms`; all by the times
-        that the messages carry, and those of their arrival as `arrival_jitter_99_ms`. Messages of
-        one and the same time count once in all but the first and the last: in lockstep a period is
-        asked for again until it is answered.
+        By topic: `count`; `rate_hz`; the median period `period_ms`; the distance of periods from
+        the median, `jitter_median_ms` and `jitter_99_ms`; the longest period `longest_ms`; all by
+        stamps, and by arrival `arrival_jitter_99_ms`. Messages with equal stamps count once,
+        except in the first and the last figure: in lockstep a message is repeated until it is
+        answered.
 
     """
     found = {}
     for topic, stamps in sorted(run.stamps.items()):
         if topic == DIAGNOSTICS.name:
-            # every node sends there, each on its own clock
+            # all nodes publish there, each on its own clock
             continue
         periods = np.diff(np.unique(stamps)) * 1e3
         if len(stamps) < MIN_RATE_SAMPLES or periods.sum() <= 0:
@@ -335,13 +334,13 @@ def topic_rates(run: RunRecord) -> dict[str, Numbers]:
 
 def node_status(run: RunRecord) -> dict[str, Numbers]:
     """
-    Sum up what the nodes said of themselves.
+    Summarise the diagnostics of the nodes.
 
     Args:
         run: the run.
 
     Returns:
-        Node to the number of its `reports`, its `faults` in order and its last `values`.
+        By node: the number of its `reports`, its `faults` in order and its last `values`.
 
     """
     found: dict[str, Numbers] = {}
@@ -383,9 +382,9 @@ def _exchange(run: RunRecord) -> Numbers:
 
 def _against_demonstration(run: RunRecord) -> Numbers:
     """
-    Compare the hand's distance with the one that was learnt, and find how far the wrist passed it.
+    Compare the hand's distance with the demonstration, and measure the overshoot of the wrist.
 
-    Both along the line from where the wrist started to the goal.
+    Both are measured along the line from the start of the wrist to the goal.
     """
     begin, span = run.reaching_time_s, run.exchange_span_s
     end = span[1] if span else run.end_time_s
@@ -406,11 +405,11 @@ def _against_demonstration(run: RunRecord) -> Numbers:
 
 def _carried(run: RunRecord) -> Numbers:
     """
-    Tell how what is carried was held, as far as that matters for it.
+    Measure the orientation of the carried object, as far as its task demands one.
 
-    What is to stay upright: the most that it was tilted, deg, against how the run began, from the
-    start of the reach on. What is to point at the hand: by how much it did not when the exchange
-    began, deg.
+    For an object that shall stay upright: the largest tilt from the start of the reach on,
+    relative to the start of the run, deg. For one that shall point at the hand: the angle between
+    the two at the start of the exchange, deg.
     """
     known = run.info.get('object')
     found: Numbers = {
@@ -456,7 +455,7 @@ def _speeds(run: RunRecord) -> Numbers:
 
 
 def _from_bell(run: RunRecord, times: Array, speeds: Array) -> float | None:
-    """RMS difference of the reach's speed from the nearest bell, as a share of the bell's peak."""
+    """RMS difference of the reach from the fitted minimum-jerk speed, as a share of its peak."""
     bell = bell_of(times, speeds, run.exchange_time_s)
     if bell is None:
         return None
@@ -466,7 +465,7 @@ def _from_bell(run: RunRecord, times: Array, speeds: Array) -> float | None:
 
 
 def _to_demonstrator(run: RunRecord) -> Numbers:
-    """Compare with the person whose place the robot takes, from reaching to the exchange's end."""
+    """Compare with the demonstrator, from the start of the reach to the end of the exchange."""
     begin = run.reaching_time_s or 0.0
     span = run.exchange_span_s
     end = span[1] if span else run.end_time_s
@@ -494,15 +493,15 @@ def _to_demonstrator(run: RunRecord) -> Numbers:
 
 def tracker_errors(run: RunRecord) -> dict[str, Numbers]:
     """
-    Compare what each tracker saw, and what was made of it, with where the hand was.
+    Compare each tracker, and the fused estimate, with the true hand.
 
     Args:
         run: the run.
 
     Returns:
-        Name of the tracker, or `fused`, to `poses`, `rate_hz`, `rms_m` from the hand, the constant
-        part of it `bias_m` and the standard deviation of the rest, `noise_m`; empty where it was
-        not recorded where the hand was, or where all saw it there.
+        By name of the tracker, or `fused`: `poses`, `rate_hz`, the RMS error `rms_m`, its constant
+        part `bias_m` and the standard deviation of the rest, `noise_m`; empty if the true hand
+        was not recorded, or if all trackers saw exactly the truth.
 
     """
     if run.hand_topic != HAND_TRUTH.name:
@@ -528,21 +527,21 @@ def tracker_errors(run: RunRecord) -> dict[str, Numbers]:
 
 def seen_hands(run: RunRecord) -> dict[str, tuple[Array, Array]]:
     """
-    List what was seen of the hand.
+    List the measurements of the hand.
 
     Args:
         run: the run.
 
     Returns:
-        Name of the tracker to times (k,) s and positions (k, 3) m; last `fused`, as `dmp` took
-        the hand to be.
+        By name of the tracker: times (k,) s and positions (k, 3) m; last `fused`, the estimate
+        of `dmp`.
 
     """
     return {**run.trackers, FUSED: (run.fused_times, run.fused_positions)}
 
 
 def _hand_age(run: RunRecord) -> Numbers:
-    """Age of the hand when it was used, from reaching on."""
+    """Age of the hand pose when it was used, from the start of the reach on."""
     age = run.phase.get('hand_age_s', np.zeros(0))
     used = np.isfinite(age) & (run.phase_times >= (run.reaching_time_s or 0.0))
     if not used.any():
@@ -552,7 +551,7 @@ def _hand_age(run: RunRecord) -> Numbers:
 
 
 def _inverse_kinematics(run: RunRecord) -> Numbers:
-    """How well the arm could follow while it reached and handed over."""
+    """How well the arm could follow during reach and exchange."""
     begin, span = run.reaching_time_s or 0.0, run.exchange_span_s
     end = span[1] if span else run.end_time_s
     used = (run.ik_times >= begin) & (run.ik_times <= end)
@@ -567,7 +566,7 @@ def _inverse_kinematics(run: RunRecord) -> Numbers:
         found['limited_time_share'] = float((run.ik['active_limits'][used] > 0).mean())
     if used.any() and {'position_residual', 'smallest_singular_value'} <= set(run.ik):
         found['largest_position_residual_m_s'] = float(run.ik['position_residual'][used].max())
-        # not known where the joints were not
+        # unknown while the joints are unknown
         singular_values = run.ik['smallest_singular_value'][used]
         known = singular_values[np.isfinite(singular_values)]
         found['smallest_singular_value_m'] = float(known.min()) if known.size else None

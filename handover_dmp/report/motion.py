@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Velocities out of recorded positions, and the bell that an unhurried reach would have."""
+"""Velocities from recorded positions, and the minimum-jerk profile of a reach."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ RATE_HZ = 200.0
 # long enough for the noise of a tracker (0.1 mm) to stay below 5 mm/s, short against a reach
 WINDOW_S = 0.1
 ORDER = 3
-# where the speed passes this share of its peak, a reach begins
+# a reach begins when the speed exceeds this share of its peak
 ONSET = 0.05
 MIN_SAMPLES = 10
 MIN_SPEED = 1e-3
@@ -41,7 +41,7 @@ def resample(times: Array, values: Array, at: Array) -> Array:
         at: (m,) s.
 
     Returns:
-        (m, d), the first and the last value beyond the ends.
+        (m, d); beyond the ends, the first and the last value.
 
     """
     return np.column_stack([np.interp(at, times, column) for column in values.T])
@@ -56,10 +56,10 @@ def velocity(times: Array, positions: Array) -> tuple[Array, Array]:
         positions: (n, d) m.
 
     Returns:
-        (m,) s at 200 Hz, and (m, d) m/s; both empty where there is less than 0.1 s.
+        (m,) s at 200 Hz, and (m, d) m/s; both empty if there is less than 0.1 s.
 
     """
-    # imported here, since it takes a second, and not everybody who imports this differentiates
+    # imported here, because it takes a second and most callers do not need it
     from scipy.signal import savgol_filter
 
     window = round(WINDOW_S * RATE_HZ) | 1
@@ -79,9 +79,9 @@ class Bell:
     Speed of a straight minimum-jerk reach (Flash and Hogan 1985).
 
     Attributes:
-        begin_s: when it begins, s.
-        duration_s: how long it takes, s.
-        distance: its length, m.
+        begin_s: start of the reach, s.
+        duration_s: duration, s.
+        distance: length, m.
 
     """
 
@@ -103,16 +103,16 @@ class Bell:
 
 def bell_of(times: Array, speeds: Array, until_s: float | None = None) -> Bell | None:
     """
-    Find the minimum-jerk reach whose speed is nearest to a measured one, by least squares.
+    Fit the speed of a minimum-jerk reach to a measured one, by least squares.
 
     Args:
         times: (n,) s.
         speeds: (n,) m/s.
-        until_s: when the reach is over at the latest, s; a hand that moves on takes the wrist
-            along, and that is no reach any more.
+        until_s: latest end of the reach, s. Later motion does not count: a hand that moves on
+            takes the wrist along.
 
     Returns:
-        The bell; None where nothing moves.
+        The fitted reach; None if nothing moves.
 
     """
     from scipy.optimize import least_squares

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Tables of the measures of motions, robot beside person."""
+"""Tables of the measures of motions, robot and people side by side."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ from typing import Any
 from handover_dmp.report.page import Table
 
 MEASURES: tuple[tuple[str, str, float, str, int], ...] = (
-    ('path_m', 'length of the path', 1e3, 'mm', 0),
-    ('path_ratio', 'that in parts of the straight line', 1.0, '', 3),
+    ('path_m', 'path length', 1e3, 'mm', 0),
+    ('path_ratio', 'path length / straight line', 1.0, '', 3),
     ('peak_speed', 'peak speed', 1.0, 'm/s', 2),
     ('time_to_peak_s', 'time from onset to peak speed', 1.0, 's', 2),
     ('duration_s', 'time from onset to rest', 1.0, 's', 2),
-    ('peaks', 'peaks of the speed', 1.0, '', 0),
+    ('peaks', 'number of speed peaks', 1.0, '', 0),
     ('spectral_arc_length', 'spectral arc length', 1.0, '', 2),
     ('log_dimensionless_jerk', 'log dimensionless jerk', 1.0, '', 2),
 )
-"""Name in `report.json`, in words, factor, unit, digits."""
+"""Name in `report.json`, label, factor, unit, digits."""
 
 WHO = {
     'robot': 'robot',
-    'person': 'person in its place (P2)',
+    'person': 'demonstrator (P2)',
     'partner': 'partner (P1)',
 }
 
@@ -48,7 +48,7 @@ def motion_tables(motions: Mapping[str, Any]) -> tuple[Table, Table]:
         motions: what `compare_motions` gives.
 
     Returns:
-        The measures of each motion; and those of the two partners together.
+        The measures of each motion, and the measures of robot and partner together.
 
     """
     rows = []
@@ -57,7 +57,7 @@ def motion_tables(motions: Mapping[str, Any]) -> tuple[Table, Table]:
         rows.append((words, *cells))
     for key, words, factor, unit, digits in (
         ('lag_s', "lag of its speed behind the partner's", 1e3, 'ms', 0),
-        ('correlation', 'correlation of the two at that lag', 1.0, '', 2),
+        ('correlation', 'correlation of the two speeds at that lag', 1.0, '', 2),
     ):
         cells = [
             _cell(motions['synchrony'][who], key, factor, unit, digits)
@@ -68,10 +68,10 @@ def motion_tables(motions: Mapping[str, Any]) -> tuple[Table, Table]:
     facts = [
         ('least distance between wrist and hand', _cell(motions, 'distance_min_m', 1e3, 'mm', 0)),
         (
-            'speed against each other when the exchange began',
+            'relative speed when the exchange began',
             _cell(motions, 'relative_speed_m_s', 1.0, 'm/s', 3),
         ),
-        ('partner idle, of the run', _cell(fluent, 'person_idle', 100.0, '%', 0)),
+        ('partner idle, share of the run', _cell(fluent, 'person_idle', 100.0, '%', 0)),
         ('robot idle', _cell(fluent, 'robot_idle', 100.0, '%', 0)),
         ('both moving', _cell(fluent, 'concurrent', 100.0, '%', 0)),
         ('functional delay', _cell(fluent, 'functional_delay', 100.0, '%', 0)),

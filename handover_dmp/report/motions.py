@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Robot beside person: the measures of their motions in one run."""
+"""Measures of the motions of robot and people in one run."""
 
 from __future__ import annotations
 
@@ -33,17 +33,17 @@ def compare_motions(run: RunRecord) -> dict[str, Any]:
     """
     Measure the motions of the robot and of the people from the start of the reach to the exchange.
 
-    All are low-passed alike, at 6 Hz without phase, so that the noise of a tracker or of joint
-    sensors does not pass for roughness.
+    All are low-passed at 6 Hz with zero phase, so that the noise of a tracker or of joint sensors
+    does not count as roughness.
 
     Args:
         run: the run.
 
     Returns:
-        `robot`, `person` (the one whose place the robot takes) and `partner`: the figures of
+        `robot`, `person` (the demonstrator) and `partner`: the figures of
         `MotionMeasures`; `synchrony` of robot and of person with the partner; `distance_min_m`
         between robot and partner; `relative_speed_m_s` of the two when the exchange begins;
-        `fluency` of partner and robot over the whole run. None where it cannot be told.
+        `fluency` of partner and robot over the whole run. None if it cannot be measured.
 
     """
     begin_s = run.reaching_time_s
@@ -93,14 +93,14 @@ def compare_motions(run: RunRecord) -> dict[str, Any]:
 
 def low_passed_track(times: Array, positions: Array) -> tuple[Array, Array, Array] | None:
     """
-    Low-pass a track at 6 Hz, where there is enough of it.
+    Low-pass a track at 6 Hz, if it is long enough.
 
     Args:
         times: (n,) s.
         positions: (n, 3) m.
 
     Returns:
-        Times, low-passed positions and velocities, evenly spaced; None where it is too short.
+        Times, low-passed positions and velocities, evenly spaced; None if it is too short.
 
     """
     kept = np.flatnonzero(np.diff(times, prepend=-np.inf) > 0.0)

@@ -50,8 +50,8 @@ class Table:
     A table.
 
     Attributes:
-        head: of the columns; empty for a list of facts, name, value and note.
-        rows: texts.
+        head: column headings; empty for a list of facts (name, value and note).
+        rows: cells of each row.
 
     """
 
@@ -68,9 +68,9 @@ class Section:
         title: its heading.
         text: a paragraph.
         code: a command to copy.
-        tables: of it.
-        images: paths of pictures that stand side by side.
-        figures: path and caption of each.
+        tables: its tables.
+        images: paths of pictures shown side by side.
+        figures: path and caption of each figure.
 
     """
 
@@ -89,9 +89,9 @@ class Page:
 
     Attributes:
         title: its heading.
-        outcome: what came of it, in one sentence.
-        good: whether that is what was wanted.
-        sections: of it.
+        outcome: the result, in one sentence.
+        good: whether the result is a success.
+        sections: its sections.
 
     """
 
@@ -103,7 +103,7 @@ class Page:
 
 def as_markdown(page: Page) -> str:
     """
-    Write the page as Markdown, with the pictures beside it.
+    Write the page as Markdown that links to its pictures.
 
     Args:
         page: what to write.
@@ -134,11 +134,11 @@ def as_markdown(page: Page) -> str:
 
 def as_html(page: Page, folder: Path) -> str:
     """
-    Write the page as one file of HTML that needs no other and no network.
+    Write the page as one self-contained HTML file.
 
     Args:
         page: what to write.
-        folder: that the paths of the pictures start from.
+        folder: base of the relative picture paths.
 
     Returns:
         The text.

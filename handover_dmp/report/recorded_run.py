@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A recorded run as arrays, from its bag alone; it may have been recorded by rosbag2 itself."""
+"""A recorded run as arrays, read from its bag alone; rosbag2 may have recorded it."""
 
 from __future__ import annotations
 
@@ -61,8 +61,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 NEEDED = (WRIST_POSE, JOINT_STATES)
-# the log time of a message and the clock of its graph are the same up to delays of this size,
-# or the recorder used another clock
+# if log times and the clock of the graph differ by more, the recorder used another clock
 SAME_CLOCK_NS = 10**9
 MIN_SAMPLES = 5
 TRACKER = 'tracker'
@@ -75,12 +74,12 @@ class RecordedLimits:
     Limits of the joints, in the order of the joints of the run.
 
     Attributes:
-        lower: (n,) rad; not finite for a joint that turns for ever.
+        lower: (n,) rad; not finite for a continuous joint.
         upper: (n,) rad; the same.
         velocity: (n,) rad/s.
-        acceleration: (n,) rad/s²; not finite where nobody says.
-        origin: the topic that says so.
-        sources: quantity to where its limits come from, in words.
+        acceleration: (n,) rad/s²; not finite if unknown.
+        origin: the topic that contains the limits.
+        sources: by quantity, where the limits come from, in words.
 
     """
 
@@ -95,14 +94,14 @@ class RecordedLimits:
 @dataclass(frozen=True)
 class NodeStatus:
     """
-    What a node said of itself on `/diagnostics`.
+    The status of a node on `/diagnostics`.
 
     Attributes:
-        time_s: when.
-        node: its name.
-        level: 0 for all well.
-        message: in words.
-        values: its figures, as text.
+        time_s: time of the report, s.
+        node: name of the node.
+        level: 0 if all is well.
+        message: status in words.
+        values: figures, as text.
 
     """
 
@@ -118,57 +117,56 @@ class RunRecord:
     """
     A recorded run.
 
-    Times are seconds from the first message on, by the stamps of the messages (by the time of
-    arrival where a message has none), on the clock of the graph. Positions in frame `world`, m.
-    What was not recorded is empty.
+    Times are seconds since the first message, by the stamps of the messages (by arrival if a
+    message has no stamp), on the clock of the graph. Positions are in frame `world`, m. Arrays of
+    topics that were not recorded are empty.
 
     Attributes:
         source: the bag or run folder that was read.
-        namespace: of the graph.
-        info: what the run says of itself, `/handover/info`.
+        namespace: namespace of the graph.
+        info: description of the run, `/handover/info`.
         robot_description: URDF of the arm.
         simulated_clock: whether the graph ran on `/clock`.
         start_ns: time of zero, ns.
         hand_times: (a,) s, and
-        hand_positions: (a, 3) m, the partner's wrist: where it was, if that was recorded, else as
-            it was tracked, by several trackers as they were fused.
-        hand_topic: which of these it is.
+        hand_positions: (a, 3) m, the partner's wrist: the true one if it was recorded, otherwise
+            the tracked one, with several trackers the fused one.
+        hand_topic: the topic of these.
         fused_times: (z,) s, and
-        fused_positions: (z, 3) m, the same as `dmp` took it to be.
-        trackers: name to (k,) s and (k, 3) m, the same as each tracker saw it.
+        fused_positions: (z, 3) m, the hand as estimated by `dmp`.
+        trackers: by name, (k,) s and (k, 3) m, the hand as seen by each tracker.
         demonstrator_times: (b,) s, and
-        demonstrator_positions: (b, 3) m, where the person was whose place the robot takes.
+        demonstrator_positions: (b, 3) m, the demonstrator's wrist.
         wrist_times: (c,) s, and
-        wrist_positions: (c, 3) m, the robot's wrist as measured, and
-        wrist_quaternions: (c, 4) x, y, z, w, how it is turned.
+        wrist_positions: (c, 3) m, the robot's measured wrist, and
+        wrist_quaternions: (c, 4) x, y, z, w, its orientation.
         command_times: (d,) s, and
-        command_positions: (d, 3) m, where the wrist was to be.
+        command_positions: (d, 3) m, commanded positions of the wrist.
         twist_times: (e,) s, and
-        twist_velocities: (e, 3) m/s, how it was to move.
+        twist_velocities: (e, 3) m/s, commanded velocities of the wrist.
         joint_names: n names.
         joint_times: (f,) s.
         joint_positions: (f, n) rad.
         joint_velocities: (f, n) rad/s.
         joint_command_times: (g,) s, and
         joint_commands: (g, n) rad/s.
-        joint_limits: those that the joints are judged by: of the recorded description, or, where
-            there is none, those that the run says of itself; None where there are neither.
-        believed_limits: those that the run says of itself, which whoever moved the arm believed;
-            None where it does not tell.
+        joint_limits: limits to judge by: of the recorded description, or, without one, of `info`;
+            None if neither has them.
+        believed_limits: limits in `info`, as the controller assumed them; None if it has none.
         phase_times: (h,) s.
-        phase: name to (h,), the values of `/handover/phase`.
+        phase: by name, (h,), the values of `/handover/phase`.
         ik_times: (k,) s.
-        ik: name to (k,), the values of `/wrist/ik_status`.
+        ik: by name, (k,), the values of `/wrist/ik_status`.
         states: time in s and name of every state of the handover, in order.
-        gripper: time in s of every command of the gripper, and whether it was to close.
-        holders: time in s, and who had the object from then on, where one was simulated.
+        gripper: time in s of every gripper command, and whether it was to close.
+        holders: time in s and the holder of the object from then on, if one was simulated.
         wrench_times: (q,) s, and
-        wrench_forces: (q, 3) N, what acted on the wrist, in frame `world`, if it was told so.
+        wrench_forces: (q, 3) N, force on the wrist, in frame `world`, if it was given there.
         object_times: (r,) s, and
-        object_positions: (r, 3) m, where the object was.
-        diagnostics: what the nodes said of themselves.
-        arrivals: topic to (m,) s, when its messages were recorded, in order.
-        stamps: topic to (m,) s, the times that they carry, in order.
+        object_positions: (r, 3) m, position of the object.
+        diagnostics: status reports of the nodes.
+        arrivals: by topic, (m,) s, times of recording, in order.
+        stamps: by topic, (m,) s, stamps, in order.
 
     """
 
@@ -232,12 +230,12 @@ class RunRecord:
 
     @property
     def end_time_s(self) -> float:
-        """When the arm and the hand were last heard of, s."""
+        """Time of the last message of arm and hand, s."""
         return float(max(self.wrist_times[-1], self.joint_times[-1], self.hand_times[-1]))
 
     @property
     def exchange_span_s(self) -> tuple[float, float] | None:
-        """Begin and end of the exchange, s; None where there was none."""
+        """Begin and end of the exchange, s; None if there was none."""
         begin = self.exchange_time_s
         if begin is None:
             return None
@@ -251,12 +249,12 @@ class RunRecord:
 
     @property
     def goal_offset(self) -> Array:
-        """(3,) m: goal of the wrist minus hand, as the learnt model has it; zeros if not told."""
+        """(3,) m: goal of the wrist minus hand, from the learnt model; zeros if unknown."""
         return _vector(self.info.get('goal_offset_m'), 3, self.source)
 
     @property
     def learnt_distance_m(self) -> float | None:
-        """How far the hand was at the end of the demonstration, from its start, m."""
+        """Distance from the start of the demonstration to the hand at its end, m."""
         distance = self.info.get('learnt_distance_m')
         return float(distance) if isinstance(distance, int | float) and distance > 0 else None
 
@@ -267,14 +265,14 @@ def load_run(path: Path | str, namespace: str | None = None) -> RunRecord:
 
     Args:
         path: the folder of a run, the folder of its bag, or its MCAP file.
-        namespace: of the graph, where several are in it; None: the only one.
+        namespace: namespace of the graph, if the bag contains several; None: the only one.
 
     Returns:
-        The run as arrays; its topics have the names that they have in the root namespace.
+        The run as arrays; its topics are named as in the root namespace.
 
     Raises:
-        DataError: there is no such bag, it is damaged, it is not that of a run, or several graphs
-            are in it and none is chosen.
+        DataError: the bag is missing, damaged or not of a run, or it contains several graphs and
+            none is chosen.
 
     """
     path = Path(path)
@@ -291,7 +289,7 @@ def load_run(path: Path | str, namespace: str | None = None) -> RunRecord:
 
 
 def _trackers(path: Path, namespace: str) -> dict[str, Topic]:
-    """Return the trackers of a run and the topics of their poses, as it says itself."""
+    """Return the trackers and their topics from the description of the run."""
     texts = [str(message.data) for _, message, _ in read_bag(path, [INFO.within(namespace)])]
     told = _info(path, texts).get('trackers') or {TRACKER: HAND_POSE.name}
     if not isinstance(told, dict) or not all(isinstance(name, str) for name in told.values()):
@@ -300,14 +298,14 @@ def _trackers(path: Path, namespace: str) -> dict[str, Topic]:
 
 
 def _topic_of_hand(samples: _Samples, trackers: Sequence[Topic]) -> Topic:
-    """Return the topic that tells best where the hand was."""
+    """Return the topic with the best knowledge of the hand."""
     tracked = trackers[0] if len(trackers) == 1 else HAND_FUSED
     known = [topic for topic in (HAND_TRUTH, tracked) if samples.values[topic.name]]
     return known[0] if known else HAND_POSE
 
 
 class _Samples:
-    """Messages of a bag, taken apart as far as is needed."""
+    """The needed parts of the messages of a bag."""
 
     def __init__(self) -> None:
         self.values: dict[str, list[Any]] = defaultdict(list)
@@ -317,7 +315,7 @@ class _Samples:
         self.namespace = '/'
 
     def graph_time(self) -> Callable[[Sequence[int]], NDArray[np.int64]]:
-        """Give the function from the recorder's clock to that of the graph, ns."""
+        """Return the function from the recorder's clock to that of the graph, ns."""
         log_ns = np.array(self.logs_ns[CLOCK.name], dtype=np.int64)
         clock_ns = np.array(self.values[CLOCK.name], dtype=np.int64)
         shift = np.abs(log_ns - clock_ns)
@@ -327,7 +325,7 @@ class _Samples:
         log_ns, clock_ns = log_ns[order], clock_ns[order]
 
         def convert(times_ns: Sequence[int]) -> NDArray[np.int64]:
-            # differences, for a double does not hold the nanoseconds since 1970
+            # differences, because a double cannot hold the nanoseconds since 1970
             elapsed = np.array(times_ns, dtype=np.int64) - log_ns[0]
             known = np.interp(elapsed, log_ns - log_ns[0], clock_ns - clock_ns[0])
             converted: NDArray[np.int64] = clock_ns[0] + np.rint(known).astype(np.int64)
@@ -392,7 +390,7 @@ def _assemble(
     graph_time = samples.graph_time()
     arrivals_ns = {topic: graph_time(times) for topic, times in samples.logs_ns.items()}
     stamps_ns = {
-        # a stamp of zero means that there is none
+        # a stamp of zero means no stamp
         topic: np.where(np.array(stamps) > 0, np.array(stamps, dtype=np.int64), arrivals_ns[topic])
         for topic, stamps in samples.stamps_ns.items()
     }
@@ -439,7 +437,7 @@ def _assemble(
     phase_labels = samples.labels.get(PHASE.name, ())
     ik_labels = samples.labels.get(IK_STATUS.name, ())
     phase_times, phase = track(PHASE.name, len(phase_labels) or 1)
-    # an arm whose joints are not known still says that it is not commanded
+    # an arm with unknown joints still reports that it is not commanded
     ik_times, ik = track(IK_STATUS.name, len(ik_labels) or 1, partly=True)
     believed = _believed_limits(path, info, names)
     for wanted, times in zip(needed, (hand_times, wrist_times, joint_times), strict=True):
@@ -495,7 +493,7 @@ def _assemble(
 def _told(
     samples: _Samples, arrivals: dict[str, Array], topic: Topic
 ) -> tuple[tuple[float, Any], ...]:
-    """Return what was said on a topic without stamps, and when, s."""
+    """Return the messages of a topic without stamps, and their times, s."""
     times = arrivals.get(topic.name, np.zeros(0)).tolist()
     return tuple(zip(times, samples.values[topic.name], strict=True))
 
@@ -506,15 +504,15 @@ def _seconds(times_ns: dict[str, NDArray[np.int64]], start_ns: int) -> dict[str,
 
 def _in_order(times: Array, values: Array, *, partly: bool = False) -> tuple[Array, Array]:
     """
-    Sort by time, leave out what is no number, and of equal times all but the first.
+    Sort by time; drop NaN, and all but the first of equal times.
 
     Args:
         times: s, (k,).
         values: (k, n).
-        partly: whether rows are kept of which some values are numbers.
+        partly: keep rows in which only some values are numbers.
 
     Returns:
-        Times and values that are left.
+        The remaining times and values.
 
     """
     numbers = np.isfinite(values)
@@ -527,7 +525,7 @@ def _in_order(times: Array, values: Array, *, partly: bool = False) -> tuple[Arr
 def _joints(
     path: Path, rows: list[Any], info: dict[str, Any]
 ) -> tuple[tuple[str, ...], Array, bool]:
-    """Bring every joint state into one order: that of the run, else that of the first."""
+    """Sort every joint state like the run's description, or else like the first one."""
     told = info.get('joint_names')
     names: tuple[str, ...] = rows[0][0]
     if isinstance(told, list) and set(told) == set(names):
@@ -578,7 +576,7 @@ def _believed_limits(
 def _described_limits(
     description: str, names: tuple[str, ...], believed: RecordedLimits | None
 ) -> RecordedLimits | None:
-    """Take them from the description alone, whatever whoever moved the arm believed."""
+    """Read the limits from the robot description, whatever the controller assumed."""
     if not description:
         return None
     try:
@@ -586,8 +584,8 @@ def _described_limits(
     except RobotDescriptionError:
         return None
     limits = found.limits
-    # a description need say nothing of accelerations; then nobody knows but who moved the arm,
-    # and whoever goes beyond what is usual here is not believed
+    # a description need not contain acceleration limits; then those of the controller count, but
+    # only up to the usual ones
     told = np.full(len(names), np.nan) if believed is None else believed.acceleration
     guessed = np.array(found.sources['acceleration']) == DEFAULT
     at_most = np.where(told > 0.0, np.minimum(told, limits.acceleration), np.nan)
@@ -623,7 +621,7 @@ def _diagnostics(samples: _Samples, stamps: dict[str, Array]) -> list[NodeStatus
             if status.hardware_id == HARDWARE_ID:
                 space, _, node = node.rpartition('/')
                 if space != samples.namespace.strip('/'):
-                    # of another graph
+                    # from another graph
                     continue
             values = {str(pair.key): str(pair.value) for pair in status.values}
             found.append(
@@ -650,7 +648,7 @@ def _force(message: Any) -> tuple[float, float, float]:
 
 
 def _seen(message: Any) -> tuple[float, float, float]:
-    """Return where a tracker saw the hand, NaN where it saw none, in a message of any type."""
+    """Return the hand's position in a tracker message of any type, NaN if it has none."""
     found = bodies(message)
     if found is None:
         raise AttributeError(f'{type(message).__name__} holds no position')

@@ -34,7 +34,7 @@ from handover_dmp.report.session import is_session, session_facts
 from handover_dmp.report.session_tables import session_outcome, session_sections
 
 MUCH_NEARER, MUCH_FARTHER = 0.5, 1.5
-"""Parts of the learnt distance beyond which a hand is not where the demonstration had it."""
+"""Shares of the learnt distance beyond which the report remarks on it."""
 SCENES = {
     'scene_start': 'The scene when the arm begins to move',
     'scene_middle': 'half way',
@@ -58,16 +58,15 @@ def write_report(
 
     Args:
         source: the folder of a run, the folder of its bag, or its MCAP file.
-        output: where `report.json`, `report.md`, `index.html` and `figures/` go; if left out the
-            folder of the run, or `<bag>_report` beside a bag that stands alone.
-        namespace: of the graph, where several are in the bag; None: the only one.
+        output: folder for `report.json`, `report.md`, `index.html` and `figures/`; by default the
+            folder of the run, or `<bag>_report` beside a bag without a run.
+        namespace: namespace of the graph, if the bag contains several; None: the only one.
 
     Returns:
-        What `report.json` says, in plain types.
+        The content of `report.json`, in plain types.
 
     Raises:
-        DataError: there is no such bag, it is damaged or not that of a run; or the report cannot
-            be written.
+        DataError: the bag is missing, damaged or not of a run, or the report cannot be written.
 
     """
     source = Path(source)
@@ -109,7 +108,7 @@ def write_report(
 
 
 def report_folder(source: Path) -> Path:
-    """Return where the report of a run or of a bag goes if nothing else is asked for."""
+    """Return the default folder of the report of a run or a bag."""
     if (source / 'bag').is_dir():
         return source
     return source.parent / f'{source.stem if source.is_file() else source.name}_report'
@@ -126,16 +125,16 @@ def _page(run: RunRecord, report: Numbers, pictures: list[Picture], scenes: list
         outcome, captions_of = session_outcome(facts, good), SCENES_OF_SESSIONS
         good = good and not facts['dropped'] and not facts['released_early']
         sections = session_sections(facts)
-        compared = [(f'Robot beside person: {leg["direction"]}', leg) for leg in facts['legs']]
+        compared = [(f'Robot and people: {leg["direction"]}', leg) for leg in facts['legs']]
     else:
         sections = [Section('In numbers', tables=(_summary(report),))]
-        compared = [('Robot beside person', report)]
+        compared = [('Robot and people', report)]
     for heading, measured in compared:
         if measured['motions']['robot'] is not None:
             sections.append(
                 Section(
                     heading,
-                    text='From the start of the reach to the exchange, all low-passed at 6 Hz.',
+                    text='From the start of the reach to the exchange, low-passed at 6 Hz.',
                     tables=motion_tables(measured['motions']),
                 )
             )
@@ -150,21 +149,23 @@ def _page(run: RunRecord, report: Numbers, pictures: list[Picture], scenes: list
         )
     )
     if report['trackers']:
-        sections.append(Section('The hand as it was seen', tables=(_trackers(report),)))
+        sections.append(Section('Trackers', tables=(_trackers(report),)))
     if run.joint_limits is not None:
         sections.append(
             Section(
-                'Limits of the joints',
+                'Joint limits',
                 text=_judged(report['limits']),
                 tables=(_joint_limits(run, run.joint_limits),),
             )
         )
     if about:
-        sections.append(Section('What was run', tables=(_about(about),)))
+        sections.append(Section('Setup', tables=(_about(about),)))
     if about.get('command'):
-        sections.append(Section('Again', text='The same once more:', code=str(about['command'])))
-    sections.append(Section('Regularity', text=_clock(run), tables=_timing(report)))
-    sections.append(Section('What was recorded', text=_bag_text(report), tables=(_bag(report),)))
+        sections.append(
+            Section('Repeat', text='This command repeats the run:', code=str(about['command']))
+        )
+    sections.append(Section('Timing', text=_clock(run), tables=_timing(report)))
+    sections.append(Section('Recording', text=_bag_text(report), tables=(_bag(report),)))
     what = 'Session' if 'session' in report else 'Handover'
     title = title.removeprefix('session ')
     return Page(f'{what}: {title}' if title else what, outcome, good, tuple(sections))
@@ -177,23 +178,23 @@ def _summary(report: Numbers) -> Table:
         (
             'gap between wrist and goal when the exchange began',
             _number(report['exchange_gap_m'], 1e3, 'mm', 1),
-            f'{_number(report["exchange_gap_least_m"], 1e3, "mm", 1)} at the least during it',
+            f'minimum during the exchange {_number(report["exchange_gap_least_m"], 1e3, "mm", 1)}',
         ),
         (
-            'distance of the hand, against the demonstration',
+            'distance of the hand, relative to the demonstration',
             _share(report['hand_distance_share']),
             _nearer_or_farther(report['hand_distance_share']),
         ),
         (
-            'wrist beyond the goal, at the farthest',
+            'largest overshoot of the goal',
             _number(report['beyond_goal_max_m'], 1e3, 'mm', 1),
-            'along the line from where it started; negative: never there',
+            'along the line from the start; negative: the wrist stayed short of the goal',
         ),
         *_carried_rows(report),
         (
             'lag behind the moving hand',
             _number(lag['time_ms'], 1, 'ms', 1),
-            'the hand was still, or the wrist followed it too shortly to tell'
+            'not measurable: the hand stood still, or the wrist followed it too briefly'
             if lag['time_ms'] is None
             else f'± {lag["error_ms"]:.1f} ms; {lag["distance_mm"]:.2f} mm at '
             f'{lag["hand_speed_m_s"]:.2f} m/s',
@@ -202,35 +203,35 @@ def _summary(report: Numbers) -> Table:
             'lag of the wrist behind its command',
             _number(report['arm_lag']['time_ms'], 1, 'ms', 1),
             f'{_number(report["arm_lag"]["rms_mm"], 1, "mm", 2)} RMS, '
-            f'{_number(report["arm_lag"]["largest_mm"], 1, "mm", 2)} at the most',
+            f'{_number(report["arm_lag"]["largest_mm"], 1, "mm", 2)} maximum',
         ),
-        _fact('from the start of the reach to the exchange', report['reach_duration_s'], 's'),
-        _fact('from the start of the reach to the end', report['handover_duration_s'], 's'),
+        _fact('time from the start of the reach to the exchange', report['reach_duration_s'], 's'),
+        _fact('time from the start of the reach to the end', report['handover_duration_s'], 's'),
         (
             'peak speed of the wrist',
             _number(report['wrist_peak_speed_m_s'], 1, 'm/s', 2),
             _share(
-                report['wrist_from_minimum_jerk_share'], 'RMS from the nearest minimum-jerk bell'
+                report['wrist_from_minimum_jerk_share'], 'RMS from the fitted minimum-jerk profile'
             ),
         ),
-        _fact('peak speed of the person in its place', report['human_peak_speed_m_s'], 'm/s'),
+        _fact('peak speed of the demonstrator', report['human_peak_speed_m_s'], 'm/s'),
         _fact('peak speed of the hand', report['hand_peak_speed_m_s'], 'm/s'),
         (
-            'distance to the person in its place, RMS',
+            'distance to the demonstrator, RMS',
             _number(demonstrator['rms_m'], 1e3, 'mm', 0),
-            f'{_number(demonstrator["largest_m"], 1e3, "mm", 0)} at the most, '
+            f'{_number(demonstrator["largest_m"], 1e3, "mm", 0)} maximum, '
             f'{_number(demonstrator["at_exchange_m"], 1e3, "mm", 0)} at the exchange',
         ),
-        ('limits of the joints', _yes(limits['met'], 'kept', 'NOT KEPT'), _limits_note(limits)),
+        ('joint limits', _yes(limits['met'], 'kept', 'NOT KEPT'), _limits_note(limits)),
         (
-            'speed kept by the inverse kinematics, least',
+            'least speed scale of the inverse kinematics',
             _share(kinematics['least_speed_share']),
-            _share(kinematics['limited_time_share'], 'of the time a limit held'),
+            _share(kinematics['limited_time_share'], 'of the time a limit was active'),
         ),
         (
-            'age of the hand when used, median',
+            'age of the hand pose when used, median',
             _number(report['hand_age_median_ms'], 1, 'ms', 1),
-            f'{_number(report["hand_age_99_ms"], 1, "ms", 1)} at 99 %',
+            f'99th percentile {_number(report["hand_age_99_ms"], 1, "ms", 1)}',
         ),
     ]
     return Table((), tuple(rows))
@@ -240,12 +241,12 @@ def _carried_rows(report: Numbers) -> list[tuple[str, str, str]]:
     rows = (
         (
             'object_tilt_max_deg',
-            f'tilt of the {report["object"]}, at the most',
-            'against how the run began',
+            f'largest tilt of the {report["object"]}',
+            'relative to the start of the run',
         ),
         (
             'handle_angle_deg',
-            f'handle of the {report["object"]} off the hand',
+            f'angle between the handle of the {report["object"]} and the hand',
             'when the exchange began',
         ),
     )
@@ -258,7 +259,7 @@ def _carried_rows(report: Numbers) -> list[tuple[str, str, str]]:
 
 def _trackers(report: Numbers) -> Table:
     return Table(
-        ('seen by', 'poses', 'rate, Hz', 'from the hand, RMS', 'bias', 'noise, RMS'),
+        ('tracker', 'poses', 'rate, Hz', 'error, RMS', 'bias', 'noise, RMS'),
         tuple(
             (
                 'all, fused' if name == FUSED else name,
@@ -274,7 +275,7 @@ def _trackers(report: Numbers) -> Table:
 def _nearer_or_farther(share: float | None) -> str:
     if share is None or MUCH_NEARER <= share <= MUCH_FARTHER:
         return ''
-    return f'much {"nearer" if share < MUCH_NEARER else "farther"} than it was learnt'
+    return f'much {"nearer" if share < MUCH_NEARER else "farther"} than in the demonstration'
 
 
 def _limits_note(limits: Numbers) -> str:
@@ -282,15 +283,13 @@ def _limits_note(limits: Numbers) -> str:
     if not names:
         return 'not known'
     parts = [f'{name} {limits[name]["share"]:.0%} ({limits[name]["joint"]})' for name in names]
-    return 'used at the most: ' + ', '.join(parts)
+    return 'maximum use: ' + ', '.join(parts)
 
 
 def _judged(limits: Numbers) -> str:
-    text = f'Judged by {limits["judged_by"]}, as recorded.'
+    text = f'Limits from the recorded {limits["judged_by"]}.'
     if limits['believed_beyond']:
-        text += ' Whoever moved the arm believed otherwise: ' + '; '.join(
-            limits['believed_beyond']
-        )
+        text += ' The controller assumed wider limits: ' + '; '.join(limits['believed_beyond'])
     return text
 
 
@@ -305,18 +304,18 @@ def _joint_limits(run: RunRecord, limits: RecordedLimits) -> Table:
     ]
     if limits.sources:
         quantities = ('position', 'velocity', 'acceleration')
-        rows.append(('from', *(limits.sources[quantity] for quantity in quantities)))
+        rows.append(('source', *(limits.sources[quantity] for quantity in quantities)))
     return Table(
         ('joint', 'position, rad', 'velocity, rad/s', 'acceleration, rad/s²'), tuple(rows)
     )
 
 
 def _between(lower: float, upper: float) -> str:
-    return f'{lower:.4g} … {upper:.4g}' if math.isfinite(upper - lower) else 'turns for ever'
+    return f'{lower:.4g} … {upper:.4g}' if math.isfinite(upper - lower) else 'continuous'
 
 
 def _limit(value: float) -> str:
-    return f'{value:.4g}' if math.isfinite(value) and value > 0.0 else 'not told'
+    return f'{value:.4g}' if math.isfinite(value) and value > 0.0 else 'unknown'
 
 
 def _about(about: Numbers) -> Table:
@@ -333,13 +332,13 @@ def _about(about: Numbers) -> Table:
         'seed': 'seed',
         'scale': 'scale of the motion',
         'robot': 'robot',
-        'robot_description': 'described by',
-        'wrist_frame': 'link of the wrist',
-        'base_frame': 'begins at link',
-        'base_position_m': 'base at, m',
-        'base_roll_rad': 'base rolled by, rad',
-        'base_pitch_rad': 'base pitched by, rad',
-        'base_yaw_rad': 'base turned by, rad',
+        'robot_description': 'robot description',
+        'wrist_frame': 'wrist link',
+        'base_frame': 'base link',
+        'base_position_m': 'base position, m',
+        'base_roll_rad': 'base roll, rad',
+        'base_pitch_rad': 'base pitch, rad',
+        'base_yaw_rad': 'base yaw, rad',
         'machine': 'machine',
     }
     rows = [(label, _text(about[key])) for key, label in known.items() if key in about]
@@ -352,10 +351,10 @@ def _about(about: Numbers) -> Table:
 def _clock(run: RunRecord) -> str:
     if run.simulated_clock:
         return (
-            'The graph ran on simulated time (/clock): periods below are those of simulated time, '
-            'the figures that nodes give of themselves are by the clock of the machine.'
+            'The graph ran on simulated time (/clock). The periods below are in simulated time; '
+            'the values reported by the nodes are in wall-clock time.'
         )
-    return 'The graph ran on the clock of the machine.'
+    return 'The graph ran on the wall clock.'
 
 
 def _timing(report: Numbers) -> tuple[Table, ...]:
@@ -387,7 +386,10 @@ def _bag_text(report: Numbers) -> str:
     bag = report['bag']
     text = f'{bag["messages"]} messages in {", ".join(bag["files"])}, {bag["size"] / 1e6:.2f} MB.'
     if not bag['complete']:
-        text += f' Its recorder did not close it: handover_dmp bag repair {bag["source"]}'
+        text += (
+            f' The recorder did not close the bag. Repair it: handover_dmp bag repair '
+            f'{bag["source"]}'
+        )
     return text
 
 
@@ -422,7 +424,7 @@ def _text(value: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value as JSON has it, where there are no infinities."""
+    """Convert a value to plain JSON types; JSON has no infinities."""
     if isinstance(value, dict):
         return {str(key): _plain(one) for key, one in value.items()}
     if isinstance(value, list | tuple):

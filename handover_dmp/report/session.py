@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a recorded session tells beside the numbers of its handovers: states, object, releases."""
+"""Measures of a recorded session as a whole: states, object, releases."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ import numpy as np
 OF_SESSIONS = ('picking_up', 'released', 'withdrawing', 'waiting')
 """States that a single handover does not have."""
 OF_THE_WHOLE = ('states', 'topics', 'nodes', 'trackers', 'simulated_clock', 'duration_s')
-"""Numbers of a run that are told once, not for each leg."""
+"""Measures of a run that are reported once, not for each leg."""
 RECEIVER = {'give': 'partner', 'take': 'robot'}
-"""Who has the object after a leg."""
+"""Holder of the object after a leg."""
 GIVER = {'give': 'robot', 'take': 'partner'}
 FELT_S = 0.06
-"""So long before a release the force on the wrist is looked at, s."""
+"""Time before a release at which the force on the wrist is evaluated, s."""
 AT_REST_S = 0.2
-"""So long before a reach the weight is, s."""
+"""Time before a reach over which the weight is measured, s."""
 WEIGHTLESS_N = 0.1
-"""Of what weighs less no share can be told, N."""
+"""Least weight of an object whose shares can be measured, N."""
 
 
 def is_session(run: RunRecord) -> bool:
@@ -51,7 +51,7 @@ def is_session(run: RunRecord) -> bool:
         run: the run.
 
     Returns:
-        Whether it says so, or went through a state that a single handover does not have.
+        Whether the run says so, or contains a state that a single handover does not have.
 
     """
     said = run.info.get('exchange') == 'session'
@@ -66,10 +66,11 @@ def session_facts(run: RunRecord) -> Numbers:
         run: the session.
 
     Returns:
-        `legs`, each with the measures of a single handover and `release`, how the object passed;
-        `timeline` of the states; `fluency` of partner and `robot`, and of partner and `person`
-        in its place, from the first reach on; `holders` of the object and `gripper` commands over
-        time; `dropped` and `released_early`, None where no object was simulated.
+        `legs`, each with the measures of a single handover and `release`, how the object changed
+        hands; `timeline` of the states; `fluency` of partner and `robot`, and of partner and
+        `person` (the demonstrator), from the first reach on; `holders` of the object and
+        `gripper` commands over time; `dropped` and `released_early`, None if no object was
+        simulated.
 
     """
     return {
@@ -99,21 +100,20 @@ def _leg_facts(run: RunRecord, leg: SessionLeg) -> Numbers:
 
 def release_of(run: RunRecord, leg: SessionLeg) -> Numbers:
     """
-    Tell when and why the object passed in a leg.
+    Find when and why the object changed hands in a leg.
 
-    The share of the weight that the partner carries and the pull are those of the force on the
-    wrist just before, less that at rest before the reach; the rule is the first of these that is
-    over what the run says that it goes by, else the distance.
+    The partner's share of the weight and the pull are computed from the force on the wrist just
+    before the release, minus the force at rest before the reach. The rule is the first of the two
+    that exceeds the run's threshold, otherwise the distance.
 
     Args:
         run: the session.
-        leg: of it.
+        leg: one of its legs.
 
     Returns:
         `gripper_s`, when the gripper was told to open (give) or to close (take); `passed_s`, when
         the receiver alone had the object; `both_s`, for how long both had it; `rule` (`share`,
-        `pull` or `distance`), `share` and `pull_n` at the release of a give. None where it cannot
-        be told.
+        `pull` or `distance`), `share` and `pull_n` at the release of a give. None if unknown.
 
     """
     found: Numbers = dict.fromkeys(('gripper_s', 'passed_s', 'both_s', 'rule', 'share', 'pull_n'))
@@ -149,7 +149,7 @@ def release_of(run: RunRecord, leg: SessionLeg) -> Numbers:
 def _taker_force(
     run: RunRecord, leg: SessionLeg, at_s: float
 ) -> tuple[float | None, float] | None:
-    """Return the share of the weight that the taker carries and the pull, N, at a time."""
+    """Return the taker's share of the weight and the pull, N, at a time."""
     begin_s = leg.run.reaching_time_s
     times = run.wrench_times
     if begin_s is None:
@@ -177,7 +177,7 @@ def _timeline(run: RunRecord) -> list[dict[str, Any]]:
 
 
 def _fluency(run: RunRecord) -> Numbers:
-    """Measure who was active when, from the first reach on, as a robot begins there."""
+    """Measure the fluency from the first reach on, where the robot begins."""
     partner = low_passed_track(run.hand_times, run.hand_positions)
     met = [time_s for time_s, state in run.states if state == 'exchange']
     found: Numbers = {}

@@ -22,33 +22,33 @@ from typing import Any
 from handover_dmp.report.page import Section, Table
 
 LEG_ROWS: tuple[tuple[str, tuple[str, ...], float, str, int], ...] = (
-    ('from the start of the reach to the exchange', ('reach_duration_s',), 1.0, 's', 2),
-    ('from the same to its end', ('handover_duration_s',), 1.0, 's', 2),
+    ('start of the reach to start of the exchange', ('reach_duration_s',), 1.0, 's', 2),
+    ('start of the reach to end of the exchange', ('handover_duration_s',), 1.0, 's', 2),
     ('gap between wrist and goal when the exchange began', ('exchange_gap_m',), 1e3, 'mm', 1),
-    ('at the least during it', ('exchange_gap_least_m',), 1e3, 'mm', 1),
-    ('distance of the hand, against the demonstration', ('hand_distance_share',), 100.0, '%', 0),
-    ('wrist beyond the goal, at the farthest', ('beyond_goal_max_m',), 1e3, 'mm', 1),
+    ('minimum gap during the exchange', ('exchange_gap_least_m',), 1e3, 'mm', 1),
+    ('distance of the hand / demonstrated', ('hand_distance_share',), 100.0, '%', 0),
+    ('largest overshoot of the goal', ('beyond_goal_max_m',), 1e3, 'mm', 1),
     ('lag behind the moving hand', ('lag', 'time_ms'), 1.0, 'ms', 1),
     ('lag of the wrist behind its command', ('arm_lag', 'time_ms'), 1.0, 'ms', 1),
     ('peak speed of the wrist', ('wrist_peak_speed_m_s',), 1.0, 'm/s', 2),
-    ('peak speed of the person in its place', ('human_peak_speed_m_s',), 1.0, 'm/s', 2),
-    ('distance to the person in its place, RMS', ('to_human', 'rms_m'), 1e3, 'mm', 0),
-    ('gripper told to open or close', ('release', 'gripper_s'), 1.0, 's', 2),
-    ('the receiver alone had the object', ('release', 'passed_s'), 1.0, 's', 2),
-    ('both had it before, for', ('release', 'both_s'), 1.0, 's', 2),
-    ('share of the weight that the partner had then', ('release', 'share'), 100.0, '%', 0),
-    ('pull of the partner then', ('release', 'pull_n'), 1.0, 'N', 2),
-    ('wrist home again', ('home_s',), 1.0, 's', 2),
+    ('peak speed of the demonstrator', ('human_peak_speed_m_s',), 1.0, 'm/s', 2),
+    ('distance to the demonstrator, RMS', ('to_human', 'rms_m'), 1e3, 'mm', 0),
+    ('gripper command at', ('release', 'gripper_s'), 1.0, 's', 2),
+    ('receiver alone holds the object at', ('release', 'passed_s'), 1.0, 's', 2),
+    ('both hold it before, for', ('release', 'both_s'), 1.0, 's', 2),
+    ("partner's share of the weight at the release", ('release', 'share'), 100.0, '%', 0),
+    ("partner's pull at the release", ('release', 'pull_n'), 1.0, 'N', 2),
+    ('wrist home again at', ('home_s',), 1.0, 's', 2),
 )  # fmt: skip
-"""In words, where it stands in a leg of `report.json`, factor, unit, digits."""
+"""Label, keys in a leg of `report.json`, factor, unit, digits."""
 SHARES = (
     ('person_idle', 'partner idle'),
-    ('robot_idle', 'the other idle'),
+    ('robot_idle', 'robot or demonstrator idle'),
     ('concurrent', 'both active'),
     ('functional_delay', 'functional delay'),
 )
-WAITS = (('person_s', 'partner'), ('robot_s', 'the other'))
-ACTIVE = 'Parts of the time from the first reach on, and waits with the hand at the exchange.'
+WAITS = (('person_s', 'partner'), ('robot_s', 'robot or demonstrator'))
+ACTIVE = 'Shares of the time from the first reach on, and waits at the exchange position.'
 RULES = {
     'share': 'the share of the weight',
     'pull': 'the pull',
@@ -68,13 +68,11 @@ def session_outcome(facts: Mapping[str, Any], done: bool) -> str:
         A sentence or two.
 
     """
-    text = (
-        'The object was given and taken back.' if done else 'The session did not come to its end.'
-    )
+    text = 'The object was given and taken back.' if done else 'The session did not complete.'
     if facts['dropped']:
         text += ' The object was dropped.'
     if facts['released_early']:
-        text += ' It was released while nobody else had it.'
+        text += ' The gripper opened while only the robot held the object.'
     return text
 
 
@@ -112,12 +110,12 @@ def _legs(legs: Sequence[Mapping[str, Any]]) -> Table:
             )
             rows.append((name, *cells))
     rules = (RULES.get(leg['release']['rule'], '–') for leg in legs)
-    rows.append(('opened, or closed, by', *rules))
+    rows.append(('gripper command triggered by', *rules))
     return Table(('', *(leg['direction'] for leg in legs)), tuple(rows))
 
 
 def _fluency(fluency: Mapping[str, Any]) -> Table:
-    """Lay out the partner with the robot beside the partner with the person in its place."""
+    """Lay out the partner's fluency with the robot and with the demonstrator."""
     who = {name: found for name, found in fluency.items() if found is not None}
     rows = [
         (words, *(f'{100.0 * found["whole"][key]:.0f} %' for found in who.values()))
@@ -128,7 +126,7 @@ def _fluency(fluency: Mapping[str, Any]) -> Table:
             ', '.join(f'{wait[key]:.2f} s' for wait in found['waits']) for found in who.values()
         )
         rows.append((f'{words} waited at the exchanges', *cells))
-    heads = {'robot': 'with the robot', 'person': 'with the person in its place (P2)'}
+    heads = {'robot': 'partner and robot', 'person': 'partner and demonstrator (P2)'}
     return Table(('', *(heads[name] for name in who)), tuple(rows))
 
 
@@ -149,15 +147,15 @@ def _states(timeline: Sequence[Mapping[str, Any]]) -> Table:
 def _kept(facts: Mapping[str, Any]) -> str:
     dropped = 'It was dropped.' if facts['dropped'] else 'It was never dropped.'
     early = (
-        'The gripper opened while the robot alone had it.'
+        'The gripper opened while only the robot held it.'
         if facts['released_early']
-        else 'The gripper never opened while the robot alone had it.'
+        else 'The gripper never opened while only the robot held it.'
     )
     return f'{dropped} {early}'
 
 
 def _holders(holders: Sequence[Mapping[str, Any]]) -> Table:
     return Table(
-        ('from, s', 'is with'),
+        ('from, s', 'holder'),
         tuple((f'{one["time_s"]:.2f}', str(one['holder'])) for one in holders),
     )

@@ -139,7 +139,7 @@ def test_a_joint_without_limits_is_drawn_over_a_turn(
     assert high >= 180.0
     assert len(panel.lines) == 1
     write_report(bag)
-    assert 'used at the most: position' in (tmp_path / 'run_report' / 'report.md').read_text()
+    assert 'maximum use: position' in (tmp_path / 'run_report' / 'report.md').read_text()
 
 
 def test_a_bare_bag(make_run: Callable[..., Path], tmp_path: Path) -> None:
