@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-The movement primitive: canonical system, basis, goal weight, learning, running, model files.
+Movement primitives: canonical system, basis, goal weight, learning, rollout, model files.
 
-The public names are imported when they are first used, so that `handover_dmp --help` stays fast.
+Public names are imported on first use, which keeps `handover_dmp --help` fast.
 """
 
 from __future__ import annotations

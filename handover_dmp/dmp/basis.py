@@ -23,16 +23,16 @@ from typing import Any
 from handover_dmp.common.arrays import Array
 import numpy as np
 
-TABLE_RATE = 4096  # nodes of the table per τ: errs by less than a micrometre at usual stiffness
-TABLE_END = 2.0  # in units of τ; from there on the forcing term is held
+TABLE_RATE = 4096  # nodes of the table per τ: error below a micrometre at usual stiffness
+TABLE_END = 2.0  # in units of τ; the forcing term is constant from there on
 LAST_NODE = round(TABLE_RATE * TABLE_END)
-NARROWEST = 0.0025  # in units of τ: single bumps narrower than this carry no shape of their own
+NARROWEST = 0.0025  # in units of τ; narrower bumps are not resolved
 
 
 @dataclass(frozen=True, eq=False)
 class Basis:
     """
-    A pool of m Gaussians ψ_i = exp(−h_i(s − c_i)²), each divided by the sum of all.
+    A set of m Gaussians ψ_i = exp(−h_i(s − c_i)²), each divided by the sum of all.
 
     Attributes:
         centres: c_i, phase, (m,).
@@ -52,11 +52,11 @@ class Basis:
             object.__setattr__(self, name, array)
 
     def __repr__(self) -> str:
-        """Say how many there are."""
+        """Return a short description."""
         return f'Basis({self.size} functions)'
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Copy and pickle what it is made of, without the tables."""
+        """Copy and pickle the fields, without the tables."""
         return type(self), (self.centres, self.sharpness)
 
     @property
@@ -72,7 +72,7 @@ class Basis:
             phase: s, (n,).
 
         Returns:
-            Activations, (n, m); each row sums to one, also far from every centre.
+            Activations, (n, m); each row sums to one, even far from every centre.
 
         """
         exponent = phase[:, None] - self.centres
@@ -85,7 +85,7 @@ class Basis:
 
     def narrowest(self, alpha: float) -> float:
         """
-        Give the smallest distance in time over which the forcing term can turn.
+        Return the shortest time over which the forcing term can change.
 
         Args:
             alpha: decay rate of the phase (4).
@@ -99,7 +99,7 @@ class Basis:
 
     def table(self, alpha: float) -> Array:
         """
-        Give the activations on a fine grid in time, computed once.
+        Return the activations on a fine grid in time; computed once.
 
         Args:
             alpha: decay rate of the phase (4).
@@ -119,16 +119,16 @@ def equally_spaced(count: int, alpha: float, widths: tuple[float, ...] = ()) -> 
     """
     Spread Gaussians so that their centres are equally spaced in time.
 
-    Of several widths, each gets two thirds of the number of the one before.
+    With several widths, each gets two thirds of the number of the previous one.
 
     Args:
         count: number of basis functions, at least 2 for each width.
         alpha: decay rate of the phase (4).
-        widths: where the Gaussians of a kind have fallen to 1/e, in units of τ; at least the
-            distance of the centres, and just that if left out.
+        widths: distance from the centre at which the Gaussians of each kind fall to 1/e, in
+            units of τ; at least the distance of the centres, which is the default.
 
     Returns:
-        The basis functions; of each width, the first is at the start and the last at τ.
+        The basis functions; for each width, the first is at the start and the last at τ.
 
     """
     kinds = widths or (0.0,)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The classical movement primitive, (1) to (4): the base line of every comparison."""
+"""The classical movement primitive, (1) to (4): the baseline of every comparison."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ class ClassicalDmp(Primitive):
     """
     The classical primitive (1a): τv̇ = K(g − x) − Dv − K(g − x0)s + K f(s).
 
-    With f(s) = s·Σψ_i w_i/Σψ_i, (3), that is (8) with w_g = 1 − s, K_s = K and K_v = 0, and so it
-    is run. The goal may move; its velocity is not looked at beyond the step. Fields: see
-    `Primitive`; of the parameters, `mu`, `sigma`, `goal_velocity_gain` and `formulation` have no
-    meaning here.
+    With f(s) = s·Σψ_i w_i/Σψ_i, (3), this is (8) with w_g = 1 − s, K_s = K and K_v = 0, and is
+    computed as such. The goal may move; its velocity is used only to extrapolate it within a
+    step. Fields: see `Primitive`; the parameters `mu`, `sigma`, `goal_velocity_gain` and
+    `formulation` are unused.
     """
 
     def goal_weight_at_time(self, u: Array) -> Array:
         """
-        Give 1 − s.
+        Return the goal weight, 1 − s.
 
         Args:
             u: −ln(s)/α, any shape.
@@ -51,7 +51,7 @@ class ClassicalDmp(Primitive):
 
     def goal_weight_at(self, u: float) -> float:
         """
-        Give 1 − s at one time.
+        Return the goal weight, 1 − s, at one time.
 
         Args:
             u: −ln(s)/α.
@@ -72,10 +72,10 @@ class ClassicalDmp(Primitive):
 
     @property
     def goal_velocity_gain(self) -> float:
-        """K_v, which is 0 in (1a)."""
+        """K_v; 0 in (1a)."""
         return 0.0
 
     @property
     def shape_stiffness(self) -> float:
-        """K_s, which is K in (1a)."""
+        """K_s; equal to K in (1a)."""
         return self.parameters.stiffness

@@ -25,7 +25,7 @@ from handover_dmp.dmp.fast_step import fast_step, FastStep
 from handover_dmp.dmp.primitive import Primitive
 from handover_dmp.dmp.state import DmpState
 
-# (7) is 1 to the last bit of a float this many σ beyond μ
+# (7) is exactly 1 in floating point this many σ beyond μ
 SETTLED_DEVIATIONS = 8.3
 
 
@@ -34,14 +34,14 @@ class DecoupledDmp(Primitive):
     """
     The decoupled primitive (8), weighted by (7): w_g(u) = ½[1 + erf((u − μ)/(σ√2))].
 
-    While w_g is 0 the motion follows the learnt shape from where it started and takes no notice
-    of the goal; as w_g grows to 1 it is drawn to the goal and to its velocity, without ever
-    having needed to know where the goal would be. Fields: see `Primitive`.
+    While w_g is 0, the motion follows the learnt shape from its start and ignores the goal. As
+    w_g grows to 1, the motion is attracted to the goal and to its velocity. The final goal need
+    not be known in advance. Fields: see `Primitive`.
     """
 
     def goal_weight_at_time(self, u: Array) -> Array:
         """
-        Give (7).
+        Return the goal weight (7).
 
         Args:
             u: −ln(s)/α, any shape.
@@ -58,7 +58,7 @@ class DecoupledDmp(Primitive):
 
     def goal_weight_at(self, u: float) -> float:
         """
-        Give (7) at one time.
+        Return the goal weight (7) at one time.
 
         Args:
             u: −ln(s)/α.
@@ -79,18 +79,18 @@ class DecoupledDmp(Primitive):
         later: float,
     ) -> DmpState:
         """
-        Make a step of (8) with the goal weight of a later time and the present shape.
+        Step (8) with the goal weight of a later time and the present shape.
 
-        The primitive is asked as if it were as late, with its start moved by what the shape would
-        have gone on until then: right for any length of the step.
+        The primitive is stepped at the later time, with its start shifted by what the shape would
+        have moved until then. This is exact for any step length.
 
         Args:
-            state: where it stands.
+            state: state at the start of the step.
             goal: g, m.
             goal_velocity: ġ, m/s.
             dt: length of the step, s.
-            phase_rate: how fast the phase runs.
-            later: when the goal weight is what it shall be, −ln(s)/α.
+            phase_rate: speed of the phase, 1 as learnt.
+            later: time whose goal weight is used, −ln(s)/α.
 
         Returns:
             The state at the end of the step.

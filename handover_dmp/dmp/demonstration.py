@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A recorded motion as learning wants it: evenly sampled, with its derivatives."""
+"""A recorded motion prepared for learning: evenly sampled, with its derivatives."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ DEGREE = 5
 @dataclass(frozen=True, eq=False)
 class Demonstration:
     """
-    A motion over time in units of its duration.
+    A motion over normalised time, t/τ.
 
     Attributes:
         duration_s: τ, s.
-        samples: how many samples it was recorded with.
+        samples: number of samples in the recording.
         u: t/τ, from 0 to 1, (n,).
         position: x, m, (n, d).
         velocity: v = τẋ, m, (n, d).
@@ -60,19 +60,19 @@ def demonstrate(times: ArrayLike, positions: ArrayLike, count: int) -> Demonstra
     """
     Sample a recorded motion evenly and differentiate it.
 
-    A quintic spline goes through the samples, so their stamps need not be even, and the ends may
-    have speed. Noise goes through as well: filter noisy recordings first.
+    A quintic spline interpolates the samples, so their stamps need not be even, and the motion
+    need not begin or end at rest. Noise is not reduced: filter noisy recordings first.
 
     Args:
         times: s, (n,), rising.
         positions: m, (n, d).
-        count: samples to give.
+        count: number of samples of the result.
 
     Returns:
         The demonstration.
 
     Raises:
-        DataError: too few samples, times that do not rise, numbers that are not finite.
+        DataError: there are too few samples, the times do not increase, or a number is not finite.
 
     """
     stamps, spline = _spline(times, positions)
@@ -94,17 +94,17 @@ def mean_motion(
     demonstrations: Sequence[tuple[ArrayLike, ArrayLike]], count: int
 ) -> tuple[Array, Array]:
     """
-    Average motions after giving them all the same duration (the paper's *learn mean*).
+    Average motions after scaling them to the same duration (the paper's *learn mean*).
 
     Args:
         demonstrations: times, s, (n,), and positions, m, (n, d), of each; n may differ.
-        count: samples to give.
+        count: number of samples of the result.
 
     Returns:
         Times from 0 to the mean duration, s, (count,), and mean positions, m, (count, d).
 
     Raises:
-        DataError: no demonstration, different dimensions, or one that cannot be used.
+        DataError: there is no demonstration, one cannot be used, or their dimensions differ.
 
     """
     if not demonstrations:
@@ -117,7 +117,7 @@ def mean_motion(
 
 
 def _spline(times: ArrayLike, positions: ArrayLike) -> tuple[Array, BSpline]:
-    # imported here, since it takes half a second, and a node that loads its model needs none
+    # imported here: it takes half a second, and a node that only loads a model does not need it
     from scipy.interpolate import make_interp_spline
 
     stamps, points = np.asarray(times, dtype=float), np.asarray(positions, dtype=float)
@@ -126,10 +126,12 @@ def _spline(times: ArrayLike, positions: ArrayLike) -> tuple[Array, BSpline]:
             f'times {stamps.shape} and positions {points.shape} instead of (n,) and (n, d)'
         )
     if stamps.size < MIN_SAMPLES:
-        raise DataError(f'a demonstration of {stamps.size} samples; {MIN_SAMPLES} are needed')
+        raise DataError(
+            f'a demonstration has {stamps.size} samples; at least {MIN_SAMPLES} are needed'
+        )
     if not (np.isfinite(stamps).all() and np.isfinite(points).all()):
         raise DataError('the demonstration holds a number that is not finite')
     if (np.diff(stamps) <= 0.0).any():
-        raise DataError('the times of the demonstration do not rise')
+        raise DataError('the times of the demonstration do not increase')
     degree = min(DEGREE, stamps.size - 1)
     return stamps, make_interp_spline(stamps, points, k=degree - 1 + degree % 2)

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The step of (8) that runs 200 times a second: three dimensions and constant stiffness, written out.
+The step of (8) that runs 200 times per second: three dimensions, constant stiffness, unrolled.
 
-It is `reference_step` without loops, for one length of step, with all that does not change worked
-out before; a test holds both equal.
+It equals `reference_step` (a test compares the two), without loops and with all constants of one
+step length computed beforehand.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from handover_dmp.dmp.transition import GAUSS_A, GAUSS_B, in_seconds, steady
 
 FastStep = Callable[[DmpState, Vector, Vector, float], DmpState]
 
-_new = tuple.__new__  # a named tuple without the detour over its own __new__
+_new = tuple.__new__  # makes a named tuple faster than its own __new__
 
 
 def fast_step(
@@ -43,17 +43,17 @@ def fast_step(
     h: float,
 ) -> FastStep:
     """
-    Prepare for steps of one length.
+    Prepare a step function for one step length.
 
     Args:
-        parameters: of the primitive, whose goal weight is (7).
+        parameters: parameters of the primitive; its goal weight is (7).
         duration_s: τ, s.
         goal_velocity_gain: K_v, s.
         rows: value and slope of the forcing term in each cell of the table.
         h: length of the steps, in units of τ.
 
     Returns:
-        What makes such a step of a state, a goal, its velocity and a phase rate.
+        The step as a function of state, goal, goal velocity and phase rate.
 
     """
     k, k_s, alpha = parameters.stiffness, parameters.shape_stiffness, parameters.alpha

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 BLOCK = 8  # intervals of a batch that one matrix product covers
 SHARE = 512  # motions of a batch that one thread works on: few enough for its cache
-NOTHING = 1e-13  # a goal that weighs less than this, relative to the heaviest, is not seen
+NOTHING = 1e-13  # goals with a smaller weight, relative to the largest, are ignored
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class Intervals:
         carry: A, (2, 2, m).
         goal: G, (2, m).
         goal_velocity: D, (2, m).
-        forcing: F, (2, m, e): e is the number of dimensions, or of shapes looked at singly.
+        forcing: F, (2, m, e): e is the number of dimensions, or of single shapes.
 
     """
 
@@ -54,10 +54,10 @@ class Intervals:
 
     def merged(self, counts: NDArray[np.int64]) -> Intervals:
         """
-        Join the parts that samples far from each other were divided into.
+        Join the parts into which long intervals were divided.
 
         Args:
-            counts: parts of each interval between samples, (n,), m in sum.
+            counts: number of parts of each interval between samples, (n,), m in total.
 
         Returns:
             The recursion over n intervals.
@@ -91,7 +91,7 @@ class Intervals:
 
         Args:
             inputs: c, (2, m, e).
-            velocity: ẋ at the start, (e,); at rest if left out.
+            velocity: ẋ at the start, (e,); zero if left out.
 
         Returns:
             z, (e, m + 1, 2).
@@ -126,12 +126,12 @@ class Intervals:
         """
         Solve the recursion from rest for many goals.
 
-        Blocks of intervals become one matrix product each, and where the goal has no weight yet
-        all motions are one. Large batches are shared out to the processors.
+        Each block of intervals is one matrix product. As long as the goal has no weight, all
+        motions are the same and are computed once. Large batches are split over the processors.
 
         Args:
             goals: g, m, (b, m + 1, d).
-            goal_velocities: ġ, m/s, (b, m + 1, d); None: what leads from goal to goal.
+            goal_velocities: ġ, m/s, (b, m + 1, d); None: the differences of the goals.
             starts: x0, m, (b, d).
             steps_s: lengths of the intervals, s, (m,).
 
@@ -172,21 +172,21 @@ class Intervals:
 
     def _blocks(self, begin: int, end: int, length: int) -> Array:
         """
-        Chain intervals in groups.
+        Combine intervals into groups.
 
         Args:
-            begin: first interval.
-            end: the one after the last.
-            length: intervals of a group.
+            begin: index of the first interval.
+            end: index after the last interval.
+            length: number of intervals in a group.
 
         Returns:
-            From x, ẋ, x0, 1 for F, and g and ġ of each interval, to x and ẋ at the end of each
-            interval, (groups, d, 2·length, 4 + 2·length).
+            Matrices, (groups, d, 2·length, 4 + 2·length), from x, ẋ, x0, 1 (for F), and g and ġ of
+            each interval, to x and ẋ at the end of each interval.
 
         """
         dimensions = self.forcing.shape[2]
         groups = (end - begin) // length
-        # while it is built, the columns of F are side by side for all dimensions
+        # during construction, the columns of F for all dimensions are side by side
         chain = np.zeros((groups, 2, 3 + dimensions + 2 * length))
         chain[:, 0, 0] = chain[:, 1, 1] = 1.0
         goals = 3 + dimensions
@@ -195,7 +195,7 @@ class Intervals:
             at = slice(begin + each, end, length)
             carry = self.carry[:, :, at].transpose(2, 0, 1)
             chain = carry @ chain
-            # x0 pushes by what the recursion leaves of it when everything else is 0
+            # the column of x0: the response of the recursion to x0 alone
             chain[:, :, 2] -= carry[:, :, 0] + self.goal[:, at].T
             chain[:, 0, 2] += 1.0
             chain[:, :, 3:goals] += self.forcing[:, at].transpose(1, 0, 2)
@@ -219,7 +219,7 @@ def _from_goal_to_goal(matrices: Array, steps_s: Array) -> Array:
         steps_s: Δt of all intervals, s, (groups·length,).
 
     Returns:
-        From x, ẋ, x0, 1 and length + 1 goals, (groups, d, 2·length, 5 + length).
+        Matrices from x, ẋ, x0, 1 and length + 1 goals, (groups, d, 2·length, 5 + length).
 
     """
     length = matrices.shape[2] // 2

@@ -39,7 +39,7 @@ REGRESSIONS = ('rvm', 'ridge')
 DEFAULT_BASIS = 100
 MAX_BASIS = 2000
 WIDTHS: dict[str, tuple[float, ...]] = {'rvm': (0.045, 0.15), 'ridge': ()}
-ROWS = 301  # rows of the regression for each demonstration, more if it has more samples
+ROWS = 301  # minimum number of rows of the regression per demonstration
 RIDGE = 1e-13  # relative to the mean square of a column
 
 
@@ -58,27 +58,27 @@ def learn(
     Learn from one demonstration.
 
     Minimises Σ‖(1 − w_g)·K_s·(Φw) − r‖² with r = τv̇ + Dv − w_g K(g − x) − (1 − w_g)K_s(x0 − x):
-    (9) with its rows weighted by 1 − w_g, where the paper divides by it. The goal is the end of
+    (9) with its rows weighted by 1 − w_g, by which the paper divides. The goal is the end of
     the demonstration, at rest.
 
     Args:
-        times: s, (n,), rising; they need not be even.
+        times: s, (n,), increasing; the spacing may vary.
         positions: m, (n, d).
-        parameters: of the primitive; the defaults of `config/handover.yaml` if left out.
+        parameters: parameters of the primitive; by default those of `config/handover.yaml`.
         regression: `rvm`, sparse Bayesian, or `ridge`.
         basis: number of basis functions, 2 to 2000.
-        widths: where their Gaussians have fallen to 1/e, in units of τ, at least the distance of
-            their centres. If left out: that distance for ridge, and 0.045 and 0.15 for rvm, which
-            picks those it needs.
-        source: what it is learnt from, in words.
+        widths: distance from the centre at which the Gaussians fall to 1/e, in units of τ, at
+            least the distance of the centres. Default: that distance for ridge, and 0.045 and 0.15
+            for rvm, which selects among them.
+        source: description of the data.
         primitive: `DecoupledDmp` or `ClassicalDmp`.
 
     Returns:
         The learnt movement.
 
     Raises:
-        DataError: a demonstration that cannot be used.
-        UsageError: an unknown regression, or a number of basis functions out of range.
+        DataError: a demonstration cannot be used.
+        UsageError: the regression is unknown, or the number of basis functions is out of range.
 
     """
     return learn_jointly(
@@ -118,8 +118,8 @@ def learn_mean(
         The learnt movement.
 
     Raises:
-        DataError: a demonstration that cannot be used.
-        UsageError: an unknown regression, or a number of basis functions out of range.
+        DataError: a demonstration cannot be used.
+        UsageError: the regression is unknown, or the number of basis functions is out of range.
 
     """
     count = max([ROWS, *(np.size(times) for times, _ in demonstrations)])
@@ -138,19 +138,19 @@ def learn_mean(
 
 def relearn(model: AnyPrimitive, **changes: Any) -> AnyPrimitive:
     """
-    Learn the movement of a model anew for other parameters.
+    Relearn the movement of a model for other parameters.
 
-    Weights belong to the K, D, μ and σ that they were learnt with; with others they would make
-    another movement, and near τ, where 1 − w_g was next to 0, any movement at all. What the model
-    does towards its own goal serves as the demonstration. By ridge regression, which takes some
-    milliseconds, so that it can be done in motion.
+    Weights are only valid for the K, D, μ and σ with which they were learnt: with others the
+    movement would change, and near τ, where 1 − w_g was almost 0, it would be arbitrary. The
+    rollout of the model to its own goal serves as the demonstration. Ridge regression takes a
+    few milliseconds, so this can be done in motion.
 
     Args:
         model: the learnt movement.
         changes: fields of `DmpParameters`.
 
     Returns:
-        The same movement with those parameters; `model` itself if they are its own.
+        The same movement with those parameters; `model` itself if nothing changes.
 
     Raises:
         DataError: a parameter is outside of its range.
@@ -191,7 +191,7 @@ def learn_jointly(
     primitive: type[AnyPrimitive] = DecoupledDmp,  # type: ignore[assignment]
 ) -> AnyPrimitive:
     """
-    Learn from several demonstrations in one regression, each with its own start, end and pace.
+    Learn from several demonstrations in one regression, each with its own start, end and duration.
 
     Args:
         demonstrations: times, s, (n,), and positions, m, (n, d), of each; n may differ.
@@ -203,11 +203,11 @@ def learn_jointly(
         primitive: see `learn`.
 
     Returns:
-        The learnt movement; duration, start and goal are the means of the demonstrations'.
+        The learnt movement; duration, start and goal are the means over the demonstrations.
 
     Raises:
-        DataError: a demonstration that cannot be used.
-        UsageError: an unknown regression, or a number of basis functions out of range.
+        DataError: a demonstration cannot be used.
+        UsageError: the regression is unknown, or the number of basis functions is out of range.
 
     """
     if regression not in REGRESSIONS:
@@ -249,7 +249,7 @@ def learn_jointly(
 
 
 def _rows(motion: Demonstration, primitive: Primitive) -> tuple[Array, Array]:
-    """Give the rows (1 − w)K_sΦ and r of (9), (n, m) and (n, d)."""
+    """Return the rows (1 − w)K_sΦ and r of (9), (n, m) and (n, d)."""
     parameters = primitive.parameters
     goal_weight = primitive.goal_weight_at_time(motion.u)[:, None]
     free = (1.0 - goal_weight) * primitive.shape_stiffness
@@ -262,7 +262,7 @@ def _rows(motion: Demonstration, primitive: Primitive) -> tuple[Array, Array]:
 
 
 def _ridge(design: Array, target: Array) -> Array:
-    """Minimise ‖design·w − target‖² + penalty·‖w‖² by QR, which the normal equations spoil."""
+    """Minimise ‖design·w − target‖² + penalty·‖w‖² by QR; normal equations lose accuracy."""
     from scipy.linalg.lapack import dgels
 
     rows, size = design.shape
@@ -278,7 +278,7 @@ def _ridge(design: Array, target: Array) -> Array:
 
 
 def _sparse(blank: AnyPrimitive, design: Array, target: Array, information: float) -> AnyPrimitive:
-    """Regress each dimension on its own; `information` is how many samples a row stands for."""
+    """Regress each dimension separately; `information`: independent samples per row."""
     weights = np.zeros_like(blank.weights)
     posteriors = []
     for dimension in range(blank.dimensions):

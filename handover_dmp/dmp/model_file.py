@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Model files: one JSON document, every number as exact as it was."""
+"""Model files: one JSON document; numbers are stored exactly."""
 
 from __future__ import annotations
 
@@ -104,16 +104,16 @@ def _describe(model: Primitive) -> dict[str, Any]:
 
 def load_model(path: Path | str) -> Primitive:
     """
-    Read a model file of this or of an older version.
+    Read a model file of the current or an older version.
 
     Args:
         path: file to read.
 
     Returns:
-        The model, every float as it was written.
+        The model; floats are read back exactly.
 
     Raises:
-        DataError: the file cannot be read, is of an unknown version, or holds what cannot be a
+        DataError: the file cannot be read, has an unknown version, or does not hold a valid
             model.
 
     """
@@ -152,7 +152,7 @@ def _first_line(error: BaseException) -> str:
 
 
 def _current(document: dict[str, Any]) -> dict[str, Any]:
-    """Bring a document of an older version up to this one."""
+    """Convert a document of an older version to the current one."""
     version = document.get('version')
     known = [*MIGRATIONS, VERSION]
     if isinstance(version, bool) or not isinstance(version, int) or version not in known:
@@ -166,19 +166,19 @@ def _current(document: dict[str, Any]) -> dict[str, Any]:
 
 
 def _from_version_1(document: dict[str, Any]) -> dict[str, Any]:
-    """Version 1 knew the decoupled primitive alone, and not how fast a demonstration started."""
+    """Add what version 1 lacks: the kind of primitive and the start velocity."""
     start = document.get('start')
     still = [0.0] * len(start) if isinstance(start, list) else []
     return {'start_velocity': still, **document, 'version': 2, 'kind': 'decoupled'}
 
 
 def _from_version_2(document: dict[str, Any]) -> dict[str, Any]:
-    """Version 2 knew nothing of how the partner's hand moves."""
+    """Add what version 2 lacks: the partner path."""
     return {**document, 'version': 3, 'partner_path': None}
 
 
 def _from_version_3(document: dict[str, Any]) -> dict[str, Any]:
-    """Version 3 knew neither the way back nor how the wrist turns."""
+    """Add what version 3 lacks: the way back and the turn of the wrist."""
     return {**document, 'version': 4, 'way_back': None, 'turn': None}
 
 
@@ -313,7 +313,7 @@ def _finite(value: Any, name: str) -> float:
 def _array(
     document: dict[str, Any], name: str, shape: tuple[int | None, ...], maximum: int = MAX_BASIS
 ) -> Array:
-    """Read nested lists of numbers of one shape; None stands for any length up to `most`."""
+    """Read nested lists of numbers of one shape; None stands for any length up to `maximum`."""
     values = _member(document, name, list)
     count = len(values) if shape[0] is None else shape[0]
     if len(values) != count or count > maximum:

@@ -13,21 +13,20 @@
 # limitations under the License.
 
 """
-The primitive of an orientation: shape first, goal later, on the clock of the position's.
+The orientation primitive: shape first, goal later, with the phase of the position primitive.
 
-Unit quaternions have no straight lines to add forces on, but the logarithm of how far the wrist
-has turned since its start has: r = Log(q ⊗ q₀⁻¹). There (8) is what it is for a position, and
-what comes out is an orientation again, q = Exp(r) ⊗ q₀, exactly at the ends: r = 0 is where it
-starts, and r = Log(g ⊗ q₀⁻¹) is the goal.
+Unit quaternions are not a vector space, but the logarithm of the rotation since the start is:
+r = Log(q ⊗ q₀⁻¹). On r, (8) has the same form as for a position, and the orientation is
+q = Exp(r) ⊗ q₀. It is exact at the ends: r = 0 is the start, and r = Log(g ⊗ q₀⁻¹) the goal.
 
 - A. Ude, B. Nemec, T. Petrič, J. Morimoto, "Orientation in Cartesian Space Dynamic Movement
   Primitives", ICRA 2014: quaternions and their logarithm in a primitive.
 - L. Koutras, Z. Doulgeri, "A correct formulation for the Orientation Dynamic Movement Primitives
   for robot control in the Cartesian space", CoRL 2019 (PMLR 100, 2020): the second-order system on
-  the logarithm itself, which is linear; with the angular velocity in its place it is not, and the
-  learnt path is not met.
+  the logarithm itself, which is linear. With the angular velocity instead, it is not linear, and
+  the learnt path is not reproduced.
 
-They take the logarithm from the goal, which here moves; from the start, it is a fixed map.
+They take the logarithm relative to the goal. The goal moves here, so the start is the reference.
 """
 
 from __future__ import annotations
@@ -61,24 +60,25 @@ Array = Array
 
 NO_TURN: Turn = (0.0, 0.0, 0.0)
 EQUAL_WEIGHTS = 1e-9
-"""A goal weight that differs by less from that of (7) is the same."""
+"""Goal weights that differ by less than this from (7) count as equal."""
 
 
 @dataclass(frozen=True, eq=False)
 class LearntTurn:
     """
-    How the wrist turns in a learnt movement, beside how it moves.
+    The rotation of the wrist in a learnt movement.
 
-    Along the axes of the room, so it does not matter how the axes of the wrist lie in it.
+    It is expressed in the axes of `world`, so the choice of the wrist's axes does not matter.
 
     Attributes:
         start: orientation at the start of the demonstration, quaternion x, y, z, w, (4,).
-        goal: turn from there to its end, rad, (3,).
+        goal: rotation vector from there to its end, rad, (3,).
         weights: w of (6), rad, (m, 3), on the basis of the movement.
         start_velocity: ṙ at the start, rad/s, (3,).
 
     Raises:
-        DataError: shapes that do not fit, numbers that are not finite, or no unit quaternion.
+        DataError: the shapes do not fit, a number is not finite, or the norm of the quaternion
+            is not 1.
 
     """
 
@@ -105,16 +105,16 @@ class LearntTurn:
             raise DataError('turn: start is no unit quaternion')
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Copy and pickle what it is made of, and make it anew: read-only."""
+        """Copy and pickle the fields; the copy is read-only, too."""
         return type(self), tuple(getattr(self, each.name) for each in fields(self))
 
     @classmethod
     def of(cls, turning: DecoupledDmp, start: ArrayLike) -> LearntTurn:
         """
-        Keep what a primitive of the logarithm has learnt.
+        Take the fields from a primitive of the logarithm.
 
         Args:
-            turning: learnt from turns since the start, rad.
+            turning: primitive learnt from the rotation vectors since the start, rad.
             start: orientation at the start, quaternion x, y, z, w.
 
         Returns:
@@ -131,12 +131,12 @@ class LearntTurn:
 
 class OrientationState(NamedTuple):
     """
-    Where an orientation primitive stands.
+    State of an orientation primitive.
 
     Attributes:
-        turned: r in place of a position, rad, ṙ, rad/s, and the phase.
-        origin: q₀, where it started, quaternion x, y, z, w.
-        goal: Log(g ⊗ q₀⁻¹) of the last step, rad, so that the next one does not jump by a whole
+        turned: r (as position), rad, ṙ, rad/s, and the phase.
+        origin: q₀, orientation at the start, quaternion x, y, z, w.
+        goal: Log(g ⊗ q₀⁻¹) of the last step, rad; it keeps the next one from jumping by a whole
             revolution.
 
     """
@@ -152,12 +152,12 @@ class OrientationState(NamedTuple):
 
     @property
     def angular_velocity(self) -> Turn:
-        """ω, rad/s, along the axes of the room."""
+        """ω, rad/s, in the axes of `world`."""
         return angular_velocity(self.turned.position, self.turned.velocity)
 
     def braked(self, dt: float, deceleration: float) -> OrientationState:
         """
-        Come to rest along the way; the phase stands still.
+        Decelerate along the path of the rotation; the phase stands still.
 
         Args:
             dt: length of the step, s.
@@ -177,7 +177,7 @@ class OrientationState(NamedTuple):
         self, dt: float, speed: float, acceleration: float, towards: Sequence[float] = NO_TURN
     ) -> OrientationState:
         """
-        Turn to where it began, or to another place on the way, and come to rest there.
+        Turn back to the start, or to another rotation on the path, and stop there.
 
         Args:
             dt: length of the step, s.
@@ -192,7 +192,7 @@ class OrientationState(NamedTuple):
         turned = self.turned
         left = [t - r for t, r in zip(towards, turned.position, strict=True)]
         distance = hypot(*left)
-        # the last of it in proportion, which does not shake
+        # proportional at the end, which avoids chattering
         wanted_speed = min(speed, sqrt(acceleration * distance), 0.2 * distance / dt)
         wanted = [wanted_speed * part / max(distance, 1e-12) for part in left]
         change = [w - v for w, v in zip(wanted, turned.velocity, strict=True)]
@@ -211,7 +211,7 @@ class OrientationState(NamedTuple):
 
 class OrientationPrimitive:
     """
-    The orientation of a learnt movement, ready to be run.
+    The orientation primitive of a learnt movement.
 
     With r = Log(q ⊗ q₀⁻¹) and ρ = Log(g ⊗ q₀⁻¹),
 
@@ -227,13 +227,13 @@ class OrientationPrimitive:
 
     def __init__(self, movement: DecoupledDmp) -> None:
         """
-        Take a movement that knows how its wrist turns.
+        Take a movement that has learnt the rotation of the wrist.
 
         Args:
             movement: the learnt movement.
 
         Raises:
-            DataError: it knows nothing of that.
+            DataError: the movement has none.
 
         """
         if movement.turn is None:
@@ -254,18 +254,18 @@ class OrientationPrimitive:
         self, orientation: Sequence[float] | None = None, velocity: Sequence[float] = NO_TURN
     ) -> OrientationState:
         """
-        Stand at the start.
+        Return the state at the start.
 
         Args:
             orientation: q₀, quaternion x, y, z, w; that of the demonstration if left out.
-            velocity: ω, rad/s; at rest if left out.
+            velocity: ω, rad/s; zero if left out.
 
         Returns:
             The state, with phase 1.
 
         """
         origin = self._start if orientation is None else normalized(orientation)
-        # at r = 0 the rate of the turn is the angular velocity
+        # at r = 0, ṙ is the angular velocity
         return OrientationState(self.turning.initial_state(NO_TURN, velocity), origin, self._goal)
 
     def step(
@@ -279,7 +279,7 @@ class OrientationPrimitive:
         goal_weight: float = 0.0,
     ) -> OrientationState:
         """
-        Move on by one step.
+        Make one step.
 
         Args:
             state: where it stands.
@@ -288,7 +288,7 @@ class OrientationPrimitive:
             goal: g at the start of the step; turned from the start as in the demonstration if left
                 out.
             goal_velocity: its angular velocity, rad/s.
-            goal_weight: w_g is no less than this, where the position's is more than (7) has it.
+            goal_weight: lower bound of w_g, for a position whose weight exceeds (7).
 
         Returns:
             The state at the end of the step.
@@ -314,7 +314,7 @@ class OrientationPrimitive:
         self, times: ArrayLike, start: Sequence[float] | None = None
     ) -> tuple[Array, Array]:
         """
-        Run from the start to where the demonstration ended.
+        Run from the start to the end of the demonstration.
 
         Args:
             times: s, (n,), rising.

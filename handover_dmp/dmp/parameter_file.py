@@ -42,12 +42,12 @@ LARGEST_FILE_BYTES = 200_000
 @dataclass(frozen=True)
 class TunedParameters:
     """
-    What a parameter file says about the movement primitive.
+    The content of a parameter file about the movement primitive.
 
     Attributes:
         primitive: parameters of the equations.
-        duration_scale: factor on the duration that is learnt. It ends up in the model, so the
-            node has no such parameter and passes it by.
+        duration_scale: factor on the learnt duration. It is applied to the model, so the node has
+            no such parameter and ignores it.
 
     """
 
@@ -62,7 +62,7 @@ def write_parameters(parameters: TunedParameters, path: Path, comment: str = '')
     Args:
         parameters: what to write.
         path: the file.
-        comment: lines to put above, without the sign of a comment.
+        comment: lines of a comment at the top, without `#`.
 
     """
     section = {**asdict(parameters.primitive), DURATION_SCALE: parameters.duration_scale}
@@ -76,16 +76,15 @@ def read_parameters(path: Path) -> TunedParameters:
     Read the parameters of the primitive from a ROS parameter file.
 
     Args:
-        path: the file; its sections are merged for the node `dmp` as rcl does. Parameters of the
-            node that do not belong to the primitive are passed by, those that are not named have
-            their defaults.
+        path: the file; its sections are merged for the node `dmp` as rcl does. Other parameters of
+            the node are ignored, and missing ones have their defaults.
 
     Returns:
         The parameters.
 
     Raises:
-        DataError: the file is missing, is no ROS parameter file with a section for `dmp`, names a
-            parameter that there is not, or a parameter is out of its range.
+        DataError: the file is missing, is not a ROS parameter file with a section for `dmp`, or
+            has a parameter that is unknown or out of range.
 
     """
     try:
@@ -111,7 +110,7 @@ def read_parameters(path: Path) -> TunedParameters:
 
 
 def _section(path: Path, found: list[ParameterSection]) -> dict[str, Any]:
-    """Return what the file says for the node `dmp`, in whatever namespace it lives."""
+    """Return the parameters of the node `dmp`, whatever its namespace."""
     nodes = {
         section.node
         for section in found
@@ -120,7 +119,9 @@ def _section(path: Path, found: list[ParameterSection]) -> dict[str, Any]:
     node = f'/{NODE}'
     if nodes and node not in nodes:
         if len(nodes) > 1:
-            raise DataError(f'{path}: for which of {", ".join(sorted(nodes))} is not told')
+            raise DataError(
+                f'{path}: sections for several nodes, {", ".join(sorted(nodes))}: keep only one'
+            )
         (node,) = nodes
     matching = [section for section in found if section.is_for(node)]
     if not matching:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The numbers that make a movement primitive, apart from what it has learnt."""
+"""The parameters of a movement primitive, other than what it has learnt."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class DmpParameters:
     Parameters of the canonical system (4), the goal weight (7) and the transformation system (8).
 
     Raises:
-        DataError: a parameter is outside of its range.
+        DataError: a parameter is out of its range.
 
     """
 
@@ -83,7 +83,7 @@ class DmpParameters:
 
     @property
     def shape_stiffness(self) -> float:
-        """K_s of (8): what pulls towards the learnt shape."""
+        """K_s of (8), the stiffness towards the learnt shape."""
         return self.stiffness if self.formulation == 'stiff' else 1.0
 
     def effective_goal_velocity_gain(self, duration_s: float) -> float:

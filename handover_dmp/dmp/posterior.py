@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a Bayesian regression knows, and does not know, about the weights of one dimension."""
+"""The posterior of a Bayesian regression for the weights of one dimension."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ from numpy.typing import NDArray
 @dataclass(frozen=True, eq=False)
 class WeightPosterior:
     """
-    Covariance of the weights that are not zero.
+    Covariance of the non-zero weights.
 
     Attributes:
         active: their indices, (k,).
         matrix: their covariance, m², (k, k).
 
     Raises:
-        DataError: shapes that do not fit each other, or numbers that are not finite.
+        DataError: the shapes do not fit each other, or a number is not finite.
 
     """
 
@@ -46,7 +46,7 @@ class WeightPosterior:
         """Check the shapes and make the arrays read-only."""
         active = np.array(self.active, dtype=np.int64)
         matrix = np.array(self.matrix, dtype=float, order='C')
-        # Of a coordinate that never moves no weight is left, and of their covariance no row.
+        # A coordinate that never moves has no weights left, and so an empty covariance.
         matrix = matrix.reshape(-1, active.size) if active.size else matrix.reshape(0, 0)
         if active.ndim != 1 or matrix.shape != (active.size, active.size):
             raise DataError(f'covariance has the shape {matrix.shape} for {active.size} weights')
@@ -57,9 +57,9 @@ class WeightPosterior:
             object.__setattr__(self, name, array)
 
     def __repr__(self) -> str:
-        """Say of how many weights it is."""
+        """Return a short description."""
         return f'WeightPosterior({len(self.active)} weights)'
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Copy and pickle what it is made of, and make it anew: read-only."""
+        """Copy and pickle the fields; the copy is read-only, too."""
         return type(self), (self.active, self.matrix)

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-What the decoupled and the classical primitive share: stepping, rolling out, in batches too.
+The common part of the decoupled and the classical primitive: steps, rollouts, batches.
 
-Both are τv̇ = (1 − w)K_s(f_w + x0 − x) + w[K(g − x) + K_v ġ] − Dv, τẋ = v, (8), with another
-weight w over the phase. A step is that of `reference_step` or, written out, of `fast_step`; a
-rollout makes all its intervals at once. All of them are made of the six numbers of `transition`,
-so they agree to rounding.
+Both are τv̇ = (1 − w)K_s(f_w + x0 − x) + w[K(g − x) + K_v ġ] − Dv, τẋ = v, (8), with different
+weights w over the phase. A step is that of `reference_step` or, unrolled, of `fast_step`; a
+rollout computes all its intervals at once. All use the six numbers of `transition`, so they agree
+to rounding.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 Self = TypeVar('Self', bound='Primitive')
 
 MAX_DURATION_S = 3600.0
-# A step that is longer than this part of τ while the stiffness changes is divided.
+# Longer steps, as a fraction of τ, are divided while the stiffness changes.
 MAX_VARYING = 0.05
 MAX_PARTS = 1000
 ROUNDING = 1e-6
@@ -61,10 +61,10 @@ _OPTIONAL = ('goal_offset', 'start_velocity')
 @dataclass(frozen=True, eq=False)
 class Primitive(ABC):
     """
-    A learnt movement of d dimensions, ready to be run; it never changes.
+    A learnt movement of d dimensions; immutable.
 
-    However it came to be, equal numbers move to the last bit alike: every array lies in memory row
-    by row, since the libraries of linear algebra sum in another order where it does not.
+    Equal parameters give bitwise equal motions, however the object was made: every array is stored
+    row by row, since linear algebra libraries sum other layouts in another order.
 
     Attributes:
         parameters: K, D and the others.
@@ -73,20 +73,19 @@ class Primitive(ABC):
         goal: end of the demonstration, m, (d,).
         weights: w of (6), (m, d).
         basis: the m basis functions.
-        goal_offset: end of the demonstration less that of its partner's, m, (d,): what the goal
-            lies away from the partner's hand. Zeros unless given.
+        goal_offset: end of the demonstration minus that of the partner, m, (d,): the vector from
+            the partner's hand to the goal. Zeros unless given.
         start_velocity: velocity at the start of the demonstration, m/s, (d,). Zeros unless given.
-        covariance: posterior of the weights, one a dimension; None where the regression gives
-            none.
-        source: what it was learnt from, in words.
+        covariance: posterior of the weights, one per dimension; None if the regression has none.
+        source: description of the data that it was learnt from.
         partner_path: mean path of the partner's hand in the demonstrations, each over its own
-            duration, m, (n, d), evenly spaced in time; None where nothing is known of it.
-        way_back: the movement from the exchange to rest, as learnt; its goal is where it rested.
-            None where the demonstrations have none.
-        turn: how the wrist turns on the way; None where the demonstrations do not tell.
+            duration, m, (n, d), evenly spaced in time; None if unknown.
+        way_back: the learnt movement from the exchange to rest; its goal is the position of rest.
+            None if the demonstrations have none.
+        turn: the learnt rotation of the wrist; None if the demonstrations have no orientation.
 
     Raises:
-        DataError: shapes that do not fit each other, or numbers that are not finite.
+        DataError: the shapes do not fit each other, or a number is not finite.
 
     """
 
@@ -103,7 +102,7 @@ class Primitive(ABC):
     partner_path: Array | None = None
     way_back: Primitive | None = None
     turn: LearntTurn | None = None
-    # length of the last step, s; fastest phase at which it is not divided; what makes it; in τ
+    # last step: its length, s; largest phase rate without division; step function; length in τ
     _prepared: tuple[float, float, FastStep | None, float] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -144,7 +143,7 @@ class Primitive(ABC):
         object.__setattr__(self, '_prepared', (nan, nan, None, nan))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Copy and pickle what it is made of, and make it anew: without tables, read-only."""
+        """Copy and pickle the fields without the tables; the copy is read-only, too."""
         return type(self), tuple(getattr(self, each.name) for each in fields(self) if each.init)
 
     @property
@@ -153,7 +152,7 @@ class Primitive(ABC):
         return int(self.start.size)
 
     def __repr__(self) -> str:
-        """Say what it is and what it was learnt from."""
+        """Return a short description."""
         used = int(np.any(self.weights != 0.0, axis=1).sum())
         source = f', learnt from {self.source}' if self.source else ''
         return (
@@ -163,20 +162,20 @@ class Primitive(ABC):
 
     def with_duration(self: Self, duration_s: float) -> Self:
         """
-        Change τ; states of the old one can be stepped on, x and ẋ do not jump.
+        Change τ. A state of the old movement remains valid: x and ẋ do not jump.
 
         Args:
             duration_s: new τ, s.
 
         Returns:
-            The same movement at another pace.
+            The same movement with another duration.
 
         """
         return replace(self, duration_s=duration_s)
 
     def with_goal_offset(self: Self, offset: ArrayLike) -> Self:
         """
-        Set where the goal lies, seen from the partner's hand.
+        Set the vector from the partner's hand to the goal.
 
         Args:
             offset: m, (d,).
@@ -189,10 +188,10 @@ class Primitive(ABC):
 
     def with_partner_path(self: Self, path: ArrayLike | None) -> Self:
         """
-        Set what is known of the partner's hand.
+        Set the mean path of the partner's hand.
 
         Args:
-            path: m, (n, d), evenly spaced over the duration; None: nothing.
+            path: m, (n, d), evenly spaced over the duration; None: unknown.
 
         Returns:
             The same movement with this path.
@@ -202,10 +201,10 @@ class Primitive(ABC):
 
     def with_way_back(self: Self, way_back: Primitive | None) -> Self:
         """
-        Set how the hand goes back after the exchange.
+        Set the way back after the exchange.
 
         Args:
-            way_back: the movement from the exchange to rest; None: not known.
+            way_back: the movement from the exchange to rest; None: unknown.
 
         Returns:
             The same movement with this way back.
@@ -215,10 +214,10 @@ class Primitive(ABC):
 
     def with_turn(self: Self, turn: LearntTurn | None) -> Self:
         """
-        Set how the wrist turns on the way.
+        Set the rotation of the wrist.
 
         Args:
-            turn: on the basis of this movement; None: not known.
+            turn: on the basis of this movement; None: unknown.
 
         Returns:
             The same movement with this turn.
@@ -230,14 +229,14 @@ class Primitive(ABC):
         self: Self, weights: ArrayLike, covariance: tuple[WeightPosterior, ...] | None = None
     ) -> Self:
         """
-        Replace what was learnt.
+        Replace the learnt weights.
 
         Args:
             weights: w of (6), (m, d).
-            covariance: posterior of the weights, one a dimension.
+            covariance: posterior of the weights, one per dimension.
 
         Returns:
-            A movement with these weights and everything else as it was.
+            The movement with these weights, otherwise unchanged.
 
         """
         return replace(self, weights=np.asarray(weights, dtype=float), covariance=covariance)
@@ -245,7 +244,7 @@ class Primitive(ABC):
     @abstractmethod
     def goal_weight_at_time(self, u: Array) -> Array:
         """
-        Give the goal weight w at times in units of τ.
+        Return the goal weight w at times in units of τ.
 
         Args:
             u: −ln(s)/α, any shape.
@@ -258,7 +257,7 @@ class Primitive(ABC):
     @abstractmethod
     def goal_weight_at(self, u: float) -> float:
         """
-        Give the goal weight w at one time.
+        Return the goal weight w at one time.
 
         Args:
             u: −ln(s)/α.
@@ -276,12 +275,12 @@ class Primitive(ABC):
     @property
     @abstractmethod
     def _settled(self) -> float:
-        """Time in units of τ from which on the goal weight is 1 to rounding."""
+        """Time, in units of τ, after which the goal weight is 1 to rounding."""
 
     @property
     @abstractmethod
     def _sharpest(self) -> float:
-        """Time in units of τ within which the goal weight hardly changes its slope."""
+        """Time, in units of τ, over which the slope of the goal weight is nearly constant."""
 
     @property
     @abstractmethod
@@ -289,12 +288,12 @@ class Primitive(ABC):
         """K_v, s."""
 
     def _fast_step(self, h: float) -> FastStep | None:
-        """Prepare for steps of one length, in units of τ, where that is written out."""
+        """Prepare the unrolled step for one length, in units of τ, if there is one."""
         return None
 
     def goal_weight(self, phase: float) -> float:
         """
-        Give the goal weight w_g at one phase.
+        Return the goal weight w_g at one phase.
 
         Args:
             phase: s of (4), above 0 and at most 1.
@@ -307,7 +306,7 @@ class Primitive(ABC):
 
     def time_of(self, phase: float) -> float:
         """
-        Turn phase into time, (4).
+        Convert phase to time, (4).
 
         Args:
             phase: s, above 0 and at most 1.
@@ -320,13 +319,13 @@ class Primitive(ABC):
 
     def shape(self, u: float) -> Vector:
         """
-        Give the forcing term f of (6) at one time.
+        Return the forcing term f of (6) at one time.
 
         Args:
             u: −ln(s)/α, from 0.
 
         Returns:
-            m, d floats; beyond the end of the basis its last value.
+            m, d floats; the last value beyond the end of the basis.
 
         """
         node = min(u * TABLE_RATE, LAST_NODE)
@@ -338,11 +337,11 @@ class Primitive(ABC):
         self, position: Sequence[float] | None = None, velocity: Sequence[float] | None = None
     ) -> DmpState:
         """
-        Stand at the start.
+        Return the state at the start.
 
         Args:
             position: x0, m, (d,); that of the demonstration if left out.
-            velocity: ẋ, m/s, (d,); at rest if left out.
+            velocity: ẋ, m/s, (d,); zero if left out.
 
         Returns:
             The state, with phase 1.
@@ -365,15 +364,14 @@ class Primitive(ABC):
         phase_rate: float = 1.0,
     ) -> DmpState:
         """
-        Move on by one step of (8), right for any length of it.
+        Make one step of (8), exact for any step length.
 
         Args:
-            state: where it stands.
-            goal: g at the start of the step, m, d floats; plain ones, as NumPy's take five times
-                as long.
-            goal_velocity: ġ, m/s, d floats; within the step the goal moves on with it.
+            state: state at the start of the step.
+            goal: g at the start of the step, m, d plain floats; NumPy's take five times as long.
+            goal_velocity: ġ, m/s, d floats; the goal moves with it within the step.
             dt: length of the step, s, at least 0.
-            phase_rate: how fast the phase runs, 1 as it should and 0 not at all (phase stopping).
+            phase_rate: speed of the phase, 1 as learnt, 0 stopped (phase stopping).
 
         Returns:
             The state at the end of the step.
@@ -390,7 +388,7 @@ class Primitive(ABC):
                 return fast(state, goal, goal_velocity, phase_rate)
             return reference_step(self, state, goal, goal_velocity, h, phase_rate)
         if not 0.0 <= phase_rate < inf:
-            raise DataError(f'a step at a phase rate of {phase_rate} cannot be made')
+            raise DataError(f'phase rate of a step is {phase_rate}; it must be finite and not negative')
         done = 0.0
         for part in self._divide(self.time_of(state.phase), h, phase_rate):
             moved = tuple(g + done * v for g, v in zip(goal, goal_velocity, strict=True))
@@ -412,21 +410,19 @@ class Primitive(ABC):
         Run from the start to the end.
 
         Args:
-            times: s, (n,), rising, spaced as one likes; the phase is 1 at the first.
+            times: s, (n,), increasing, with any spacing; the phase is 1 at the first.
             goals: g at these times, m, (n, d), or one goal for all, (d,).
-            goal_velocities: ġ from each of these times to the next, m/s, (n, d); what leads
-                from goal to goal if left out, which is exact to second order.
+            goal_velocities: ġ from each of these times to the next, m/s, (n, d); by default the
+                differences of the goals, which is exact to second order.
             start: x0, m, (d,); that of the demonstration if left out.
-            velocity: ẋ at the start, m/s, (d,); at rest if left out.
-            deviation: whether to work out the standard deviation that the posterior implies.
+            velocity: ẋ at the start, m/s, (d,); zero if left out.
+            deviation: whether to compute the standard deviation from the posterior.
 
         Returns:
-            The motion at these times. Between them the goal moves on with its velocity, as in
-            `step`.
+            The motion at these times. Between them the goal moves with its velocity, as in `step`.
 
         Raises:
-            DataError: shapes or times that do not fit, or a deviation of a model that has no
-                posterior.
+            DataError: shapes or times do not fit, or the model has no posterior for the deviation.
 
         """
         stamps = _checked_times(times)
@@ -457,21 +453,21 @@ class Primitive(ABC):
         starts: ArrayLike | None = None,
     ) -> tuple[Array, Array]:
         """
-        Run many times at once, each against its own goals.
+        Run many motions at once, each with its own goals.
 
         Args:
-            times: s, (n,), rising, the same for all.
+            times: s, (n,), increasing, the same for all.
             goals: g, m, (b, n, d).
-            goal_velocities: ġ from each of these times to the next, m/s, (b, n, d); what leads
-                from goal to goal if left out, which takes a quarter less time.
+            goal_velocities: ġ from each of these times to the next, m/s, (b, n, d); by default the
+                differences of the goals, which takes a quarter less time.
             starts: x0, m, (b, d); that of the demonstration if left out.
 
         Returns:
-            Positions, m, and velocities, m/s, (b, n, d) each; all start at rest. They lie in
-            memory with time first.
+            Positions, m, and velocities, m/s, (b, n, d) each; all start at rest. Time is the first
+            axis in memory.
 
         Raises:
-            DataError: shapes or times that do not fit.
+            DataError: shapes or times do not fit.
 
         """
         stamps = _checked_times(times)
@@ -496,7 +492,7 @@ class Primitive(ABC):
 
     @cached_property
     def _table(self) -> Array:
-        """Give value and slope of the forcing term in the cells of the basis' table."""
+        """Return value and slope of the forcing term in the cells of the basis' table."""
         return _with_slopes(self.basis.table(self.parameters.alpha) @ self.weights)
 
     @cached_property
@@ -506,12 +502,12 @@ class Primitive(ABC):
 
     @cached_property
     def varies(self) -> bool:
-        """Whether the stiffness changes on the way."""
+        """Whether the stiffness changes during the motion."""
         return self.shape_stiffness != self.parameters.stiffness
 
     @cached_property
     def _longest(self) -> float:
-        """Give the longest interval of phase, in units of τ, that one step covers."""
+        """Return the longest interval of phase, in units of τ, that one step may cover."""
         return min(self._sharpest, self.basis.narrowest(self.parameters.alpha))
 
     def _divide(self, u: float, h: float, phase_rate: float) -> list[float]:
@@ -529,9 +525,9 @@ class Primitive(ABC):
         return [smooth / count] * count + ([rest] if rest > 0.0 else [])
 
     def _prepare(self, dt: float) -> tuple[float, float, FastStep | None, float]:
-        """Prepare for steps of this length, and for more of them."""
+        """Prepare for steps of this length and keep the result."""
         if not 0.0 <= dt < inf:
-            raise DataError(f'a step of {dt} s cannot be made')
+            raise DataError(f'length of a step is {dt} s; it must be finite and not negative')
         dt = float(dt)
         h = dt / self.duration_s
         max_rate = self._longest * (1.0 + ROUNDING) / h if h > 0.0 else inf
@@ -575,7 +571,7 @@ class Primitive(ABC):
         shape += cells[:, :, 0]
 
         free = (1.0 - weight) * self.shape_stiffness
-        # columns: what the state, the goal, its velocity and the shapes put in at the two points
+        # columns: inputs of state, goal, goal velocity and shapes at the two points
         puts = np.empty((2, lengths.size, 3 + shape.shape[2]))
         pull = np.multiply(weight, k, out=puts[:, :, 1])
         np.add(free, pull, out=puts[:, :, 0])
@@ -598,7 +594,7 @@ class Primitive(ABC):
         return intervals if counts is None else intervals.merged(counts)
 
     def _transitions(self, stiffness: Array, lengths: Array) -> Array:
-        """Give the six numbers of `transition` for every interval, or once if all are alike."""
+        """Return the six numbers of `transition` for every interval, or once if all are alike."""
         k, damping, tau = (
             self.parameters.stiffness,
             self.parameters.effective_damping,
@@ -617,7 +613,7 @@ class Primitive(ABC):
         return table
 
     def _deviation(self, u: Array) -> Array:
-        """Carry the posterior of the weights through the recursion, (n, d) m."""
+        """Propagate the posterior of the weights through the recursion, (n, d) m."""
         if self.covariance is None:
             raise DataError('this model has no posterior; learn it with the rvm regression')
         deviation = np.zeros((u.size, self.dimensions))
@@ -666,14 +662,14 @@ def _checked_path(given: ArrayLike, dimensions: int) -> Array:
 
 
 def _chords(times: Array, values: Array) -> Array:
-    """Give the velocities, (n, d), that lead from each value to the next; zero after the last."""
+    """Return the velocities, (n, d), from each value to the next; zero after the last."""
     velocities: Array = np.diff(values, axis=0, append=values[-1:])
     velocities[:-1] /= np.diff(times)[:, None]
     return velocities
 
 
 def _with_slopes(values: Array) -> Array:
-    """Put beside values at the nodes the slopes of the cells that follow, (nodes, 2, e)."""
+    """Combine values at the nodes with the slopes of the next cells, (nodes, 2, e)."""
     table = np.zeros((len(values), 2, values.shape[1]))
     table[:, 0] = values
     np.subtract(values[1:], values[:-1], out=table[:-1, 1])
@@ -685,5 +681,5 @@ def _checked_times(times: ArrayLike) -> Array:
     if stamps.ndim != 1 or stamps.size == 0:
         raise DataError(f'times have the shape {stamps.shape} instead of (n,)')
     if not np.isfinite(stamps).all() or (np.diff(stamps) <= 0.0).any():
-        raise DataError('times do not rise')
+        raise DataError('times do not increase')
     return stamps

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-The transformation system (8) over one interval: the form to read, and to hold the others against.
+The transformation system (8) over one interval: readable, and the reference for the fast forms.
 
-`fast_step` writes it out for three dimensions, `Primitive.rollout` does all samples at once.
+`fast_step` unrolls it for three dimensions, `Primitive.rollout` computes all samples at once.
 """
 
 from __future__ import annotations
@@ -40,15 +40,15 @@ def reference_step(
     phase_rate: float,
 ) -> DmpState:
     """
-    Move on by τv̇ = (1 − w)K_s(f + x0 − x) + w[K(g − x) + K_v ġ] − Dv, τẋ = v, (8).
+    Step τv̇ = (1 − w)K_s(f + x0 − x) + w[K(g − x) + K_v ġ] − Dv, τẋ = v, (8).
 
     Args:
         model: the primitive, of any dimension and formulation.
-        state: where it stands.
+        state: state at the start of the interval.
         goal: g at the start of the interval, m, d floats.
         goal_velocity: ġ, m/s, d floats.
         h: length of the interval, in units of τ; goal weight and shape are smooth over it.
-        phase_rate: how fast the phase runs.
+        phase_rate: speed of the phase, 1 as learnt.
 
     Returns:
         The state at the end of the interval.
@@ -62,7 +62,7 @@ def reference_step(
         at = u + phase_rate * theta
         weight = model.goal_weight_at(at)
         free, pull = (1.0 - weight) * k_s, weight * k
-        # the goal moves on within the interval, by τθġ
+        # within the interval the goal moves by τθġ
         push = pull * tau * theta + weight * model.goal_velocity_gain
         inputs.append(
             [

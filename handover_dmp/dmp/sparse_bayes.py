@@ -33,17 +33,18 @@ MIN_CHANGE = 1e-2  # of ln β
 MAX_STEPS = 1000
 MIN_NOISE = 1e-9  # variance of the noise relative to the mean square of the target
 ROUNDING = 1e-12
-ALIGNED = 1e-8  # of a candidate's square norm that the active ones leave: too little to add it
-MIN_NORM = 1e-7  # of a candidate's column, relative to the largest
+# A candidate is not added if the active ones leave less than this of its squared norm.
+ALIGNED = 1e-8
+MIN_NORM = 1e-7  # minimum norm of a candidate's column, relative to the largest
 
 
 @dataclass(frozen=True, eq=False)
 class SparseWeights:
     """
-    Posterior of the weights that the evidence keeps.
+    Posterior of the weights that remain.
 
     Attributes:
-        active: indices of their columns, rising, (k,).
+        active: indices of their columns, increasing, (k,).
         mean: their mean, (k,).
         covariance: their covariance, (k, k).
         noise: standard deviation of the noise of a row, in units of the target.
@@ -60,14 +61,14 @@ def sparse_bayes(design: Array, target: Array, *, information: float = 1.0) -> S
     """
     Find the few columns that explain the target, and their weights.
 
-    Maximises the marginal likelihood of target = design·w + noise, w_i ~ N(0, 1/α_i), by adding,
-    re-estimating or deleting the one candidate that gains most, and with it the noise. For rows
-    of unequal noise, multiply row and target by the inverse of its standard deviation.
+    Maximises the marginal likelihood of target = design·w + noise, w_i ~ N(0, 1/α_i). Each step
+    adds, re-estimates or deletes the candidate with the largest gain, and re-estimates the noise.
+    For rows of unequal noise, divide row and target by its standard deviation.
 
     Args:
-        design: candidates' columns, (n, m).
+        design: columns of the candidates, (n, m).
         target: (n,).
-        information: how many independent samples a row stands for, at most 1.
+        information: number of independent samples per row, at most 1.
 
     Returns:
         Weights, their covariance, and the noise.
@@ -110,21 +111,21 @@ class _Search:
         self._solve()
 
     def improve(self) -> bool:
-        """Take the step that gains most; tell whether another one is worth while."""
+        """Take the step with the largest gain; return whether another one is worthwhile."""
         spread, beta = self.spread, self.beta
         rows = self.gram[self.active]
         sparsity = beta - beta * beta * np.einsum('ij,ij->j', self.covariance @ rows, rows)
         quality = beta * (self.projection - self.mean @ rows)
-        # (23): s and q from S and Q, without the candidate itself where it is active
+        # (23): s and q from S and Q, without the candidate itself if it is active
         factor = 1.0 / np.maximum(1.0 - spread * sparsity, ROUNDING)
         small_s = sparsity * factor
         theta = (quality * factor) ** 2 - small_s
-        # (20), and 0 where the evidence is greater without it
+        # (20), and 0 if the evidence is larger without it
         squared = small_s * small_s
-        # S can be exactly 0 for what lies in the span of the active ones: it adds nothing
+        # S can be exactly 0 for a candidate in the span of the active ones: no gain
         told = (theta > 0.0) & (squared > 0.0)
         better = np.divide(theta, squared, out=np.zeros_like(theta), where=told)
-        # (32), which is (27) where the candidate was not active and (37) where it goes
+        # (32), which is (27) if the candidate was not active and (37) if it is deleted
         change = better - spread
         growth = np.maximum(sparsity * change, ROUNDING - 1.0)
         gain = quality * quality * change / (1.0 + growth) - np.log1p(growth)
@@ -145,7 +146,7 @@ class _Search:
         return bool(gained) or abs(np.log(self.beta / beta)) > MIN_CHANGE
 
     def _noise_precision(self) -> float:
-        """Re-estimate β: samples less well determined weights, over the squared residual."""
+        """Re-estimate β: samples minus well-determined weights, over the squared residual."""
         active, mean = self.active, self.mean
         determined = active.size - self.covariance.diagonal() @ (1.0 / self.spread[active])
         # (βG + 1/spread)·mean = β·projection saves the product with G
@@ -155,7 +156,7 @@ class _Search:
         return 1.0 / max(float(variance), MIN_NOISE * self.power / self.samples)
 
     def _solve(self) -> None:
-        """Work out mean and covariance of the active weights, (22)."""
+        """Compute mean and covariance of the active weights, (22)."""
         from scipy.linalg.lapack import dpotrf, dpotri
 
         active = self.active

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where a movement primitive stands, and what a rollout gives."""
+"""The state of a movement primitive, and the result of a rollout."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class DmpState(NamedTuple):
     """
     State of a movement primitive of d dimensions.
 
-    The velocity is the real one, ẋ and not v = τẋ, so that another τ makes neither of them jump.
-    To set a state to what was measured: `state._replace(position=…, velocity=…)`.
+    The velocity is ẋ, not v = τẋ, so it does not jump when τ changes. To set a state to a
+    measurement: `state._replace(position=…, velocity=…)`.
 
     Attributes:
         position: x, m, d floats.
@@ -51,13 +51,13 @@ class Rollout:
     A motion from its start to its end.
 
     Attributes:
-        times: as asked for, s, (n,).
+        times: s, (n,).
         positions: x, m, (n, d).
         velocities: ẋ, m/s, (n, d).
         goal_weight: w_g of (7), (n,).
         phase: s of (4), (n,).
-        deviation: standard deviation of the positions that the posterior of the weights implies,
-            m, (n, d); None unless asked for.
+        deviation: standard deviation of the positions from the posterior of the weights, m,
+            (n, d); None unless requested.
 
     """
 

@@ -13,18 +13,17 @@
 # limitations under the License.
 
 """
-How the transformation system moves over one interval during which phase and goal run on.
+The transition of the transformation system over one interval, while phase and goal move.
 
-Seen from the position at the start of the interval, (8) is y'' = −k(θ)y − Dy' + U(θ), y(0) = 0,
+Relative to the position at the start of the interval, (8) is y'' = −k(θ)y − Dy' + U(θ), y(0) = 0,
 where θ is time in units of τ. With the input U taken at the two Gauss-Legendre points a and b,
 the end of the interval is
 
     y(h) = p₁₂ v + x_a U_a + x_b U_b,    v(h) = p₂₂ v + v_a U_a + v_b U_b.
 
-Where k is constant these six numbers are exact for every input that is linear in θ, whatever h;
-the formulation `printed`, where k follows the goal weight, takes them from the fourth-order
-Magnus expansion (Blanes et al., Phys. Rep. 470, 2009) of the same system. The error falls with
-h⁴.
+For constant k these six numbers are exact for every input that is linear in θ, for any h. In the
+formulation `printed`, k follows the goal weight, and they come from the fourth-order Magnus
+expansion (Blanes et al., Phys. Rep. 470, 2009) of the same system. The error falls with h⁴.
 """
 
 from __future__ import annotations
@@ -38,15 +37,15 @@ GAUSS_A = 0.5 - sqrt(3.0) / 6.0
 GAUSS_B = 0.5 + sqrt(3.0) / 6.0
 COMMUTATOR = sqrt(3.0) / 12.0
 CONVERGING = 0.3  # largest part of the commutator in the expansion
-SHORT = 1e-4  # below this h·√k the closed forms cancel, and quadrature is exact to rounding
+SHORT = 1e-4  # below this h·√k the closed forms lose digits, and quadrature is exact to rounding
 
 
 def propagator(squared: float, decay: float) -> tuple[float, float]:
     """
-    Give e^−d·cosh z and e^−d·sinh(z)/z.
+    Return e^−d·cosh z and e^−d·sinh(z)/z.
 
     Args:
-        squared: z², negative where the system swings.
+        squared: z², negative if the system oscillates.
         decay: d, not below the real part of z.
 
     Returns:
@@ -60,16 +59,16 @@ def propagator(squared: float, decay: float) -> tuple[float, float]:
     root = sqrt(abs(squared))
     if squared < 0.0:
         return exp(-decay) * cos(root), exp(-decay) * sin(root) / root
-    if root > 20.0:  # cosh and sinh are one and the same, and could overflow
+    if root > 20.0:  # cosh and sinh are equal to rounding, and could overflow
         half = 0.5 * exp(root - decay)
         return half, half / root
     return exp(-decay) * cosh(root), exp(-decay) * sinh(root) / root
 
 
-@lru_cache(maxsize=64)  # steps are mostly of one length, but the phase may run at any rate
+@lru_cache(maxsize=64)  # mostly one step length, but the phase may run at any rate
 def steady(stiffness: float, damping: float, h: float) -> Transition:
     """
-    Give the six numbers of an interval with constant stiffness; exact for U linear in θ.
+    Return the six numbers of an interval with constant stiffness; exact for U linear in θ.
 
     Args:
         stiffness: k.
@@ -82,7 +81,7 @@ def steady(stiffness: float, damping: float, h: float) -> Transition:
     """
     p11, p12, p22 = _impulse(stiffness, damping, h)
     if h * h * stiffness < SHORT * SHORT:
-        # the points lie as far from the end as the other one from the start
+        # the points are symmetric: each is as far from the end as the other from the start
         _, late_x, late_v = _impulse(stiffness, damping, GAUSS_A * h)
         _, early_x, early_v = _impulse(stiffness, damping, GAUSS_B * h)
         half = 0.5 * h
@@ -102,9 +101,9 @@ def steady(stiffness: float, damping: float, h: float) -> Transition:
 
 def varying(stiffness_a: float, stiffness_b: float, damping: float, h: float) -> Transition:
     """
-    Give the six numbers of an interval over which the stiffness changes; fourth order in h.
+    Return the six numbers of an interval with varying stiffness; fourth order in h.
 
-    An interval too long for the expansion to converge gets the mean stiffness.
+    If the interval is too long for the expansion to converge, the mean stiffness is used.
 
     Args:
         stiffness_a: k at the first Gauss point.
@@ -148,10 +147,10 @@ def varying(stiffness_a: float, stiffness_b: float, damping: float, h: float) ->
 
 def in_seconds(transition: Transition, duration_s: float) -> Transition:
     """
-    Turn the six numbers from v = τẋ to ẋ.
+    Convert the six numbers from v = τẋ to ẋ.
 
     Args:
-        transition: for v.
+        transition: the six numbers for v.
         duration_s: τ, s.
 
     Returns:
@@ -163,7 +162,7 @@ def in_seconds(transition: Transition, duration_s: float) -> Transition:
 
 
 def _impulse(stiffness: float, damping: float, h: float) -> tuple[float, float, float]:
-    """Give p₁₁, p₁₂ and p₂₂ of constant stiffness."""
+    """Return p₁₁, p₁₂ and p₂₂ for constant stiffness."""
     decay = damping * h / 2.0
     even, odd = propagator((damping * damping / 4.0 - stiffness) * h * h, decay)
     return even + decay * odd, h * odd, even - decay * odd

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What makes it a handover: controller, scenario, learning from trials, lockstep simulation."""
+"""The handover: controller, scenario, learning from trials, lockstep simulation."""

@@ -13,34 +13,33 @@
 # limitations under the License.
 
 """
-Coming to a hand that is not where the learnt movement expects it, without running past it.
+Approach of a hand that is not where the learnt movement expects it, without overrunning it.
 
-While w_g of (8) is 0, the primitive takes no notice of the hand: it goes as far as it was taught,
-through a hand that is nearer, and away from one that is on the other side. Two rules mend that.
+While w_g of (8) is 0, the primitive ignores the hand: it moves as far as it was taught, through
+a hand that is closer, and away from one on the other side. Two rules prevent this.
 
-The goal takes over by time, (7), or by place, whichever is more:
+The goal takes over by time, (7), or by position, whichever gives the larger weight:
 
     w_g = ½[1 + erf(ξ/√2)], ξ = max((u − μ)/σ, ξ_near, ξ_astray),
     ξ_near = min((ρ − n)/(0.4ρ), (b − β)/(0.25β)),
     ξ_astray = (a − a_learnt − ε)/(0.25ε),
 
-with n = |g − x₀| − |x − x₀| what is left of the distance, b = |y − x₀| − |g − x₀| how far the
-shape leads beyond the goal, y = x + (K_s/K)(f + x₀ − x) being where it leads, with f at μ from
-then on (both for the goal where it will be in a tenth of a second, if that is nearer), and
-a = |g − x|/|g − x₀| − 1 how much farther from the goal the wrist is than at its start; once
-ξ_astray is above 0 it never falls, and grows by 40 a second.
+with the remaining distance n = |g − x₀| − |x − x₀|, the overshoot b = |y − x₀| − |g − x₀| of the
+point y = x + (K_s/K)(f + x₀ − x) to which the shape leads (f is held after μ; both use the goal
+in 0.1 s, if that is closer), and the relative distance to the goal in excess of that at the start,
+a = |g − x|/|g − x₀| − 1. Once ξ_astray is above 0, it never falls, and grows by 40 per second.
 
-And the wrist comes nearer no faster than it can brake again. For d = |g − x₀| − |x − x₀|, and for
-d = |g − x| itself, with m how far beyond the goal it may get:
+The wrist approaches no faster than it can brake. For d = |g − x₀| − |x − x₀|, and for the distance
+d = |g − x|, with the permitted overrun m:
 
     −ḋ ≤ V(d + m), V(l) = √(2a(l − l₀/2)), and λl for l < l₀ = a/λ²,
 
-where a is a part of the acceleration limit; so braking at that rate keeps the bound for ever, and
-the rest of the limit is for what the hand does. The speed approaches its bound no faster than
-with a rate of its own, so that it does not hit it.
+where a is a share of the acceleration limit. Braking with a maintains the bound; the rest of the
+limit is reserved for motion of the hand. The speed approaches its bound at a limited rate, so
+that it does not hit it.
 
-The first rule brings the wrist softly to the hand, the second holds whatever the first does, and
-for a hand that is about as far as in the demonstration neither changes anything to speak of.
+The first rule brings the wrist smoothly to the hand, and the second holds whatever the first does.
+If the hand is about as far away as in the demonstration, both have almost no effect.
 """
 
 from __future__ import annotations
@@ -57,30 +56,30 @@ from handover_dmp.dmp import DecoupledDmp, DmpState
 import numpy as np
 
 SETTLED_DEVIATIONS = 5.0
-"""Standard deviations from which on the weight is 0 or 1 to a millionth."""
+"""Standard deviations beyond which the weight is 0 or 1 to a millionth."""
 NEAR_WIDTH = 0.4
 BEYOND_WIDTH = 0.25
 ASTRAY_WIDTH = 0.25
-"""Standard deviations of the three, as shares of their centres."""
+"""Standard deviations of the three, relative to their centres."""
 FINAL_GAIN = 28.0
-"""1/s; with which the bound on the speed falls with the last of the distance."""
+"""1/s; slope of the speed bound over the last part of the distance."""
 CLOSING_GAIN = 30.0
-"""1/s; how fast the speed may come near to its bound, so that it does not hit it."""
+"""1/s; rate at which the speed may approach its bound."""
 ASTRAY_RATE = 40.0
-"""1/s; how fast the goal goes on to take over once the wrist is astray."""
+"""1/s; rate at which the goal takes over once the wrist is astray."""
 AHEAD_S = 0.1
-"""A hand that comes is taken to be where it will be so much later."""
+"""Prediction time for an approaching hand, s."""
 MIN_DISTANCE_M = 1e-6
-"""Distances below have no direction."""
+"""Distances below this have no direction, m."""
 MIN_SINE_SQUARED = 1e-6
-"""Square of the sine between two directions below which they are one."""
+"""Squared sine of the angle between two directions below which they are parallel."""
 OPPOSED = -0.9
-"""Cosine between two directions below which they are against each other."""
+"""Cosine of the angle between two directions below which they are opposed."""
 
 
 @dataclass(frozen=True)
 class ApproachOptions:
-    """How the wrist comes to a hand that is not where it was in the demonstration."""
+    """Options for the approach of a hand that is not where it was in the demonstration."""
 
     enabled: bool = setting(
         'dmp',
@@ -134,13 +133,13 @@ class ApproachOptions:
 @lru_cache(maxsize=8)
 def learnt_detour(model: DecoupledDmp) -> float:
     """
-    Tell how much farther from its end than at its start the learnt movement gets on its way.
+    Return the excess of the learnt movement's distance to its end over that at its start.
 
     Args:
         model: the movement.
 
     Returns:
-        In parts of the distance from start to end, from 0.
+        The maximum, relative to the distance from start to end; at least 0.
 
     """
     places = model.rollout(np.linspace(0.0, model.duration_s, 101), model.goal).positions
@@ -151,13 +150,13 @@ def learnt_detour(model: DecoupledDmp) -> float:
 
 class Towards(NamedTuple):
     """
-    What a step leads to.
+    Result of a step.
 
     Attributes:
-        state: at the end of the step.
-        weight: w_g, of the goal.
-        astray: ξ_astray, for the next step: once astray, the wrist does not turn back to the
-            shape that led it there.
+        state: state at the end of the step.
+        weight: goal weight w_g.
+        astray: ξ_astray, for the next step: once astray, the wrist does not return to the shape
+            that led it there.
 
     """
 
@@ -178,25 +177,25 @@ def step_towards(
     expected: tuple[Vector, Vector] | None = None,
 ) -> Towards:
     """
-    Make a step of (8), with the goal's weight by time or by place.
+    Step (8) with the goal weight by time or by position.
 
-    Where it is by place, the primitive is asked as if it were as late as (7) needs for that
-    weight, see `DecoupledDmp.step_as_late`.
+    For a weight by position, the primitive is stepped at the time at which (7) has that weight,
+    see `DecoupledDmp.step_as_late`.
 
     Args:
         model: the movement.
-        state: where it stands.
+        state: state at the start of the step.
         goal: g, m.
         goal_velocity: ġ, m/s.
         dt: length of the step, s.
-        phase_rate: how fast the phase runs.
-        options: of the approach.
-        astray: ξ_astray of the step before.
-        expected: what draws the movement in place of goal and goal velocity, by which alone the
-            weight by place is judged.
+        phase_rate: speed of the phase, 1 as learnt.
+        options: options of the approach.
+        astray: ξ_astray of the previous step.
+        expected: expected goal and its velocity, which attract the movement instead of goal and
+            goal velocity; the weight by position still uses the latter.
 
     Returns:
-        Where it leads.
+        The result of the step.
 
     """
     parameters = model.parameters
@@ -235,7 +234,7 @@ def _near(
     if near <= -SETTLED_DEVIATIONS:
         return near
     share = model.shape_stiffness / model.parameters.stiffness
-    # later, the demonstration hardly tells the shape: there it leads anywhere
+    # later, the shape is hardly determined by the demonstration, so y would be arbitrary
     shape = model.shape(min(u, model.parameters.mu))
     target = tuple(
         x + share * (f + x0 - x) for x, f, x0 in zip(position, shape, start, strict=True)
@@ -256,8 +255,8 @@ class SpeedBound(NamedTuple):
     A bound on the velocity along one direction.
 
     Attributes:
-        direction: of length 1.
-        max_speed: of the velocity along it, m/s.
+        direction: unit vector.
+        max_speed: bound on the velocity along it, m/s.
 
     """
 
@@ -266,13 +265,13 @@ class SpeedBound(NamedTuple):
 
     def excess(self, velocity: Vector) -> float:
         """
-        Tell by how much a velocity breaks the bound.
+        Return by how much a velocity exceeds the bound.
 
         Args:
             velocity: m/s.
 
         Returns:
-            m/s; negative where it keeps it.
+            m/s; negative within the bound.
 
         """
         return _dot(velocity, self.direction) - self.max_speed
@@ -280,13 +279,13 @@ class SpeedBound(NamedTuple):
 
 class Braking(NamedTuple):
     """
-    How fast a wrist may come to a place where it has to stop.
+    The speed at which a wrist may approach a point where it has to stop.
 
     Attributes:
         deceleration: m/s².
-        gain: 1/s; the speed falls with the distance at the end, where its root would fall too
-            steeply.
-        margin_m: how far beyond the place it has to stand at the latest, m.
+        gain: 1/s; at the end the speed is proportional to the distance, since its root would
+            fall too steeply.
+        margin_m: maximum overrun, m.
 
     """
 
@@ -296,13 +295,13 @@ class Braking(NamedTuple):
 
     def speed(self, left_m: float) -> float:
         """
-        Give V of the module's equations.
+        Return V of the module's equations.
 
         Args:
-            left_m: distance to the place, m.
+            left_m: distance to the point, m.
 
         Returns:
-            The speed, m/s; negative from beyond the margin, so that it comes back.
+            The speed, m/s; negative beyond the margin, so that the wrist returns.
 
         """
         distance = abs(left_m + self.margin_m)
@@ -314,7 +313,7 @@ class Braking(NamedTuple):
 
     def along_the_way(self, state: DmpState, goal: Vector, goal_velocity: Vector) -> SpeedBound:
         """
-        Bound how fast the wrist gets as far from its start as the goal is.
+        Bound the velocity away from the start, up to the goal's distance from the start.
 
         Args:
             state: of the primitive.
@@ -322,7 +321,7 @@ class Braking(NamedTuple):
             goal_velocity: ġ, m/s.
 
         Returns:
-            The bound; none to speak of where the wrist is on the other side of its start.
+            The bound; `FREE` if the wrist is on the other side of its start.
 
         """
         gone, way = _minus(state.position, state.start), _minus(goal, state.start)
@@ -334,7 +333,7 @@ class Braking(NamedTuple):
 
     def straight(self, state: DmpState, goal: Vector, goal_velocity: Vector) -> SpeedBound:
         """
-        Bound how fast the wrist comes nearer to the goal, from wherever it is.
+        Bound the velocity towards the goal, from any position.
 
         Args:
             state: of the primitive.
@@ -342,7 +341,7 @@ class Braking(NamedTuple):
             goal_velocity: ġ, m/s.
 
         Returns:
-            The bound; none at the goal itself.
+            The bound; `FREE` at the goal itself.
 
         """
         between = _minus(goal, state.position)
@@ -366,14 +365,14 @@ def bounded(
     options: ApproachOptions,
 ) -> DmpState:
     """
-    Change the velocity by no more than the limit, and come no faster than can be braked again.
+    Limit the change of the velocity, and the approach to a speed that can be braked.
 
-    Where both cannot be, as before a hand that stops at once, the limit is that for stopping;
-    where that is not enough, as after a jump of the hand, it is kept.
+    If both are impossible, as with a hand that stops abruptly, the acceleration limit is that for
+    stopping. If that is not enough either, as after a jump of the hand, the limit is kept.
 
     Args:
         before: state at the start of the period.
-        after: state that is wanted at its end.
+        after: desired state at its end.
         goal: g at the start of the period, m.
         goal_velocity: ġ, m/s.
         dt: length of the period, s.
@@ -381,7 +380,7 @@ def bounded(
         options: of the approach.
 
     Returns:
-        The state at the end of the period; the very one that is wanted where it keeps all bounds.
+        The state at the end of the period; `after` itself if it satisfies all bounds.
 
     """
     max_change = acceleration_limit * dt
@@ -419,15 +418,15 @@ def rollout_towards(
     acceleration_limit: float | None = None,
 ) -> tuple[Array, Array]:
     """
-    Run a movement against a hand as the wrist is commanded to go.
+    Compute the wrist command of a movement against a recorded hand.
 
     Args:
         model: the movement.
-        times: s, (n,), rising.
+        times: s, (n,), increasing.
         goals: g at these times, m, (n, 3).
         goal_velocities: ġ, m/s, (n, 3).
         start: x₀, m, (3,).
-        options: of the approach; those of `config/` if left out.
+        options: options of the approach; those of `config/` if left out.
         acceleration_limit: m/s²; that of `config/` if left out.
 
     Returns:
@@ -459,7 +458,7 @@ def _speed_bounds(
     goal_velocity: Vector,
     dt: float,
 ) -> tuple[list[SpeedBound], list[SpeedBound]]:
-    """Give what holds at the end of the period, and less a part of what was left at its start."""
+    """Return the bounds at the end of the period, and those of the rate limit on the approach."""
     moved = _plus(goal, _scaled(goal_velocity, dt))
     kept = max(0.0, 1.0 - CLOSING_GAIN * dt)
     bounds, softly = [], []
@@ -476,9 +475,9 @@ def _speed_bounds(
 
 def _within(velocity: Vector, bounds: list[SpeedBound]) -> Vector:
     """
-    Give the nearest velocity that keeps all of at most two bounds; itself if it does.
+    Return the nearest velocity that satisfies at most two bounds; itself if it does.
 
-    Where they are against each other, as beyond the goal, it keeps the first one.
+    If they contradict each other, as beyond the goal, the first one counts.
     """
     broken = [bound for bound in bounds if bound.excess(velocity) > 0.0]
     if not broken:
@@ -499,7 +498,7 @@ def _within(velocity: Vector, bounds: list[SpeedBound]) -> Vector:
 
 
 def _shortened(needed: Vector, wanted: Vector, max_size: float, max_needed: float) -> Vector:
-    """Go from the change that is needed towards the one that is wanted, as far as is allowed."""
+    """Move from the needed change towards the wanted one, as far as the limit permits."""
     size = hypot(*needed)
     if size > max_size:
         return _scaled(needed, min(1.0, max_needed / size))

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The picture of a wrist that comes to a hand much nearer than the one it learnt from."""
+"""The figure of a wrist that approaches a hand much closer than in the demonstration."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def draw_approach(model: DecoupledDmp, share: float, path: str | Path) -> None:
 
     Args:
         model: the movement.
-        share: distance of the hand, as a part of the learnt one.
-        path: picture to write; its suffix tells the kind.
+        share: distance of the hand, relative to the learnt one.
+        path: figure to write; its suffix selects the format.
 
     """
     times = np.arange(0.0, 1.5 * model.duration_s, _PERIOD_S)

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-The handover as the wrist sees it: idle, reaching, exchange, done, aborted.
+The state machine of a handover: idle, reaching, exchange, done, aborted.
 
 One `HandoverController` turns stamped poses of the partner's hand into a wrist command, period by
-period. It owns the movement primitive's state, the goal estimator and the rules for what happens
-when the hand is late, wrong or gone. It knows neither the arm nor ROS, so the lockstep run and the
-`dmp` node run the very same object.
+period. It holds the state of the movement primitive, the goal estimator and the rules for a hand
+that is late, wrong or lost. It depends neither on the arm nor on ROS, so the lockstep run and
+the `dmp` node use the same class.
 """
 
 from __future__ import annotations
@@ -48,11 +48,11 @@ from handover_dmp.tracking.partner_model import (
 )
 
 AFTERWARDS_S = 0.2
-"""How long a handover is watched when it is over, s."""
+"""Time for which a simulated run continues after the end of a handover, s."""
 
 
 class HandoverState(str, Enum):
-    """Where a handover stands; the values are what `/handover/state` says."""
+    """State of a handover; the values are those of `/handover/state`."""
 
     IDLE = 'idle'
     PICKING_UP = 'picking_up'
@@ -66,22 +66,22 @@ class HandoverState(str, Enum):
 
 
 FOLLOWING = (HandoverState.REACHING, HandoverState.EXCHANGE)
-"""When the primitive leads the wrist after the hand."""
+"""States in which the primitive makes the wrist follow the hand."""
 MOVING = (
     HandoverState.PICKING_UP,
     *FOLLOWING,
     HandoverState.RELEASED,
     HandoverState.WITHDRAWING,
 )
-"""When a handover, or a session, is on its way."""
+"""States in which a handover, or a session, is in progress."""
 RETURN_SPEED = 0.3
-"""Of the wrist on its way back to where a handover began, m/s."""
+"""Speed of the wrist on its return to the start of a handover, m/s."""
 RETURN_SHARE = 0.1
-"""Of the acceleration limit, for that."""
+"""Share of the acceleration limit for the return."""
 RETURNED_M = 0.002
-"""So near, the command is back, m."""
+"""Distance of the command from the start at which it has returned, m."""
 WRIST_RETURNED_M = 0.02
-"""So near, the wrist is, m."""
+"""Distance of the wrist from the start at which it has returned, m."""
 
 
 @dataclass(frozen=True)
@@ -90,11 +90,11 @@ class HandoverOptions:
     The rules of a handover.
 
     Attributes:
-        approach: how it comes to a hand that is not where the movement expects it.
-        partner: constants of that.
+        approach: options for a hand that is not where the movement expects it.
+        partner: constants of the partner model.
 
     Raises:
-        DataError: `partner_model` is another word.
+        DataError: `partner_model` is unknown.
 
     """
 
@@ -170,18 +170,18 @@ class HandoverOptions:
     partner: PartnerOptions = field(default_factory=PartnerOptions)
 
     def __post_init__(self) -> None:
-        """Check the word."""
+        """Check `partner_model`."""
         check_partner_model(self.partner_model)
 
     def expects_of(self, model: DecoupledDmp) -> bool:
         """
-        Tell whether the partner model is used.
+        Return whether the partner model is used.
 
         Args:
             model: the movement.
 
         Returns:
-            Whether it is wanted, and the movement knows how the partner's hand moves.
+            Whether it is enabled, and the movement has a partner path.
 
         """
         return self.partner_model == 'auto' and model.partner_path is not None
@@ -189,15 +189,15 @@ class HandoverOptions:
 
 def movement_for(model: DecoupledDmp, options: HandoverOptions, **changes: Any) -> DecoupledDmp:
     """
-    Give the movement that is run by some rules.
+    Return the movement that is run under given options.
 
     Args:
         model: the learnt movement.
-        options: the rules; with the partner model, the goal weight is its own.
-        changes: fields of `DmpParameters` that are to be others than the learnt ones.
+        options: the rules; the partner model brings its own goal weight.
+        changes: fields of `DmpParameters` that replace the learnt ones.
 
     Returns:
-        The movement with these parameters; itself where it has them.
+        The movement with these parameters; `model` itself if nothing changes.
 
     Raises:
         DataError: a parameter is outside of its range.
@@ -210,24 +210,24 @@ def movement_for(model: DecoupledDmp, options: HandoverOptions, **changes: Any) 
 
 @lru_cache(maxsize=4)
 def _relearnt(model: DecoupledDmp, parameters: DmpParameters) -> DecoupledDmp:
-    """Learn anew once: a second time, the last bits could be others."""
+    """Relearn once and keep the result; relearning again could change the last bits."""
     return relearn(model, **asdict(parameters))
 
 
 class WristCommand(NamedTuple):
     """
-    What the wrist is to do in one period.
+    The wrist command of one period.
 
     Attributes:
         position: m, in `world`.
         velocity: m/s.
-        state: of the handover.
+        state: state of the handover.
         phase: s of (4), 1 at the start, towards 0.
         goal_weight: w_g of (8).
-        hand_age_s: time since the last accepted pose of the hand arrived; infinite before any.
-        phase_rate: how fast the phase ran; 0 where the wrist brakes or holds.
-        expectation: of the hand; None without the partner model, or without a hand to follow.
-        orientation: quaternion x, y, z, w, in `world`; None where the movement has learnt none.
+        hand_age_s: time since the last accepted pose of the hand arrived, s; infinite before any.
+        phase_rate: speed of the phase; 0 while the wrist brakes or holds.
+        expectation: output of the partner model; None without it, or without a hand to follow.
+        orientation: quaternion x, y, z, w, in `world`; None if the movement has learnt none.
         angular_velocity: rad/s.
 
     """
@@ -245,10 +245,10 @@ class WristCommand(NamedTuple):
 
     def status_values(self, time_s: float) -> dict[str, float]:
         """
-        Name the values of `/handover/phase`.
+        Return the values of `/handover/phase`.
 
         Args:
-            time_s: of the period, s.
+            time_s: time of the period, s.
 
         Returns:
             Name to value.
@@ -267,10 +267,10 @@ class WristCommand(NamedTuple):
 
 class HandoverController:
     """
-    Moves the wrist towards a hand that is still moving, by (8), and says when to hand over.
+    Moves the wrist towards a moving hand by (8), and determines the exchange.
 
-    Times are those of one clock, in s, whichever the caller keeps; arrival times and not stamps
-    decide whether the hand is too old.
+    All times are of one clock of the caller, in s. The age of the hand is judged by arrival times,
+    not by stamps.
 
     Attributes:
         model: the movement that is run.
@@ -291,7 +291,7 @@ class HandoverController:
         Args:
             model: the primitive, with the goal offset of its reference.
             options: the rules; the defaults of `config/` if left out.
-            estimator: of the hand's position and velocity.
+            estimator: estimator of the hand's position and velocity.
 
         """
         self._partner: PartnerModel | None = None
@@ -305,7 +305,7 @@ class HandoverController:
 
     def use(self, model: DecoupledDmp, options: HandoverOptions) -> None:
         """
-        Take a movement and rules, from the next period on; a partner model from the next start.
+        Change movement and rules from the next period on; the partner model from the next start.
 
         Args:
             model: the learnt movement.
@@ -319,7 +319,7 @@ class HandoverController:
             self._partner = None
 
     def reset(self) -> None:
-        """Forget the handover and the hand; brake if need be, hold where the wrist is."""
+        """Forget the handover and the hand; brake if necessary, then hold the wrist."""
         self.state = HandoverState.IDLE
         self._hand: Vector | None = None
         self.hand_stamp_s = nan
@@ -338,7 +338,7 @@ class HandoverController:
 
     @property
     def hand(self) -> Vector | None:
-        """Position of the hand when it was last seen, m, as all trackers have it."""
+        """Last seen position of the hand, fused from all trackers, m."""
         return self._hand
 
     @property
@@ -348,13 +348,13 @@ class HandoverController:
 
     def hand_age_s(self, arrival_s: float) -> float:
         """
-        Tell how long ago the last accepted pose of the hand arrived.
+        Return the age of the hand: the time since its last accepted pose arrived.
 
         Args:
-            arrival_s: the time now, s, on the clock of the arrivals.
+            arrival_s: the present time, s, on the clock of the arrivals.
 
         Returns:
-            Its age, s; infinite before any.
+            The age, s; infinite before any pose.
 
         """
         if self._hand_arrival_s is None:
@@ -363,7 +363,7 @@ class HandoverController:
 
     def estimate(self, now_s: float) -> HandEstimate | None:
         """
-        Tell where the hand is and how fast it moves.
+        Estimate position and velocity of the hand.
 
         Args:
             now_s: the time, s, on the clock of the stamps.
@@ -375,7 +375,7 @@ class HandoverController:
         return self._estimator.estimate(now_s)
 
     def forget_hand(self) -> None:
-        """Start anew with the hand, e.g. after time has jumped; the wrist brakes until then."""
+        """Forget the hand, e.g. after a jump in time; the wrist brakes until it is seen again."""
         self._estimator.reset()
         self._hand = None
         self.hand_stamp_s = nan
@@ -383,46 +383,46 @@ class HandoverController:
 
     @property
     def hand_timeout_s(self) -> float:
-        """Age of the hand beyond which the wrist brakes, s: more for a tracker that is slow."""
+        """Age of the hand beyond which the wrist brakes, s; larger for a slow tracker."""
         return max(self.options.hand_timeout_s, self.tracker_timeout_s)
 
     @property
     def tracker_timeout_s(self) -> float:
-        """Age of the hand up to which no tracker misses a pose, s."""
+        """Age of the hand up to which no pose of a tracker is missing, s."""
         return self._estimator.timeout_s
 
     @property
     def refused(self) -> Counter[str]:
-        """How many poses of the hand were not used, ever, by reason."""
+        """Number of refused poses of the hand since the beginning, by reason."""
         return self._estimator.rejected
 
     def refuse_hand(self, reason: str, tracker: str = '') -> None:
         """
-        Count a pose of the hand that cannot be used.
+        Count a refused pose of the hand.
 
         Args:
-            reason: why, in a word.
-            tracker: name of the one it is from; the first one if left out.
+            reason: the reason, one word.
+            tracker: name of its tracker; the first one if left out.
 
         """
         self._estimator.refuse(reason, tracker)
 
     def report_trackers(self, now_s: float) -> list[TrackerReport]:
         """
-        Tell how each tracker did since the last report.
+        Report on each tracker since the last report.
 
         Args:
             now_s: the time, s, on the clock of the stamps.
 
         Returns:
-            Of each tracker, in their order.
+            One report per tracker, in their order.
 
         """
         return self._estimator.report(now_s)
 
     @property
     def hand_unchanged_s(self) -> float:
-        """For how long the poses of the hand have been the same to the last bit, s."""
+        """Time for which the poses of the hand have been bitwise equal, s."""
         return self._estimator.unchanged_s
 
     def set_hand(
@@ -436,22 +436,22 @@ class HandoverController:
         tracker: str = '',
     ) -> str:
         """
-        Take a pose of the partner's hand.
+        Process a pose of the partner's hand.
 
         Args:
-            stamp_s: when it was measured, s.
+            stamp_s: time of the measurement, s.
             position: (3,), m, in `world`.
             now_s: the time, s, on the clock of the stamps.
             arrival_s: the time, s, on the clock of the arrivals.
-            orientation: quaternion x, y, z, w, where there is one; of norm 0 it tells of no pose.
-            covariance: (36,), where there is one; unknown, it tells the same.
-            tracker: name of the one it is from; the first one if left out.
+            orientation: quaternion x, y, z, w, if known; norm 0 marks an invalid pose.
+            covariance: (36,), if known; −1 marks an invalid pose.
+            tracker: name of its tracker; the first one if left out.
 
         Returns:
-            Why it was not used, in a word; empty if it was.
+            The reason why it was refused, one word; empty if it was used.
 
         """
-        # also where it is no number
+        # also if it is not a number
         if not abs(stamp_s - now_s) <= self.options.stamp_tolerance_s:
             self.refuse_hand('other_time', tracker)
             return 'other_time'
@@ -466,11 +466,11 @@ class HandoverController:
 
     def set_wrist(self, position: Vector, orientation: Quaternion | None = None) -> None:
         """
-        Take the measured pose of the robot's wrist.
+        Process the measured pose of the robot's wrist.
 
         Args:
             position: (3,), m, in `world`.
-            orientation: unit quaternion x, y, z, w; needed where `turns`.
+            orientation: unit quaternion x, y, z, w; needed if `turns`.
 
         """
         if all(map(isfinite, position)):
@@ -480,17 +480,17 @@ class HandoverController:
 
     @property
     def turns(self) -> bool:
-        """Whether the movement has learnt how the wrist turns, so that it is commanded, too."""
+        """Whether the movement has learnt the orientation of the wrist, so it is commanded."""
         return self._turning.is_learnt
 
     def signal(self, at_s: float) -> None:
         """
-        Take the partner's signal: the handover starts at a given time.
+        Process the partner's signal: the handover starts at a given time.
 
-        After one that is done, the wrist first goes back to where that began.
+        After a completed handover, the wrist first returns to its start.
 
         Args:
-            at_s: when, s; in the past means now.
+            at_s: time of the start, s; a time in the past means now.
 
         """
         if self.options.start != 'signal':
@@ -502,25 +502,25 @@ class HandoverController:
 
     @property
     def starts_by(self) -> str:
-        """Tell what starts the next handover: `signal`, `motion` or `service`."""
+        """What starts the next handover: `signal`, `motion` or `service`."""
         return self.options.start
 
     @property
     def listens(self) -> bool:
-        """Whether a signal is followed now, or as soon as the wrist is back."""
+        """Whether a signal is followed now, or as soon as the wrist has returned."""
         return self.state not in (*MOVING, HandoverState.ABORTED)
 
     @property
     def returns(self) -> bool:
-        """Whether the wrist is on its way back to where the last handover began."""
+        """Whether the wrist is returning to the start of the last handover."""
         return self._returns
 
     def start(self) -> bool:
         """
-        Start reaching from where the wrist is.
+        Start reaching from the present wrist position.
 
         Returns:
-            Whether it started; it does not while a handover is on or before the wrist is known.
+            Whether it started; not during a handover, nor before the wrist is known.
 
         """
         if self.state in MOVING or self._wrist is None:
@@ -545,12 +545,12 @@ class HandoverController:
         return True
 
     def abort(self) -> None:
-        """Brake and hold; nothing but `start` or `reset` leads on from there."""
+        """Brake and hold until `start` or `reset`."""
         self.state = HandoverState.ABORTED
         self._returns = False
 
     def hold(self) -> None:
-        """Abort where the wrist is: for commands that stayed away so long that the arm stands."""
+        """Abort at the wrist's position: commands were missing so long that the arm stands."""
         self.abort()
         self._primitive = None
         self._turning.forget()
@@ -559,13 +559,13 @@ class HandoverController:
         self, now_s: float, dt: float, phase_rate: float = 1.0, arrival_s: float | None = None
     ) -> WristCommand | None:
         """
-        Move one period on.
+        Advance by one period.
 
         Args:
             now_s: the time at the start of the period, s, on the clock of the stamps.
             dt: its length, s.
-            phase_rate: how fast the phase may run, 0 to 1; below 1 if the arm cannot keep up.
-            arrival_s: the same time on the clock of the arrivals, where that is another.
+            phase_rate: maximum speed of the phase, 0 to 1; below 1 if the arm cannot keep up.
+            arrival_s: the same time on the clock of the arrivals, if that differs.
 
         Returns:
             The command for the end of the period; None until the wrist is known.
@@ -605,7 +605,7 @@ class HandoverController:
             self.start()
 
     def _goal(self, hand: HandEstimate) -> Vector:
-        # plain floats, as the primitive's step takes several times as long with NumPy's
+        # plain floats: the primitive's step takes several times as long with NumPy's
         offset = self.model.goal_offset.tolist()
         return tuple(p + o for p, o in zip(hand.position, offset, strict=True))
 
@@ -639,7 +639,7 @@ class HandoverController:
         return bounded(primitive, ahead, goal, goal_velocity, dt, limit, options)
 
     def _anchored(self, primitive: DmpState) -> DmpState:
-        """Keep the command near the measured wrist, so that it cannot wind up against a stop."""
+        """Keep the command near the measured wrist, so that it cannot wind up."""
         assert self._wrist is not None
         distance = dist(primitive.position, self._wrist)
         if distance <= self.options.tracking_error_limit_m:
@@ -651,7 +651,7 @@ class HandoverController:
         return primitive._replace(position=position)
 
     def _brake(self, primitive: DmpState, dt: float) -> DmpState:
-        """Come to rest along the way, within the acceleration limit; the phase stands still."""
+        """Brake along the path, within the acceleration limit; the phase stands still."""
         speed = hypot(*primitive.velocity)
         if speed == 0.0:
             return self._held(primitive)
@@ -664,7 +664,7 @@ class HandoverController:
         return primitive._replace(position=position, velocity=velocity)
 
     def _go_back(self, primitive: DmpState, dt: float) -> DmpState:
-        """Go straight to where the last handover began, and come to rest there."""
+        """Move straight to the start of the last handover, and stop there."""
         assert self._wrist is not None and self._begun_at is not None
         primitive = self._anchored(primitive)
         left = dist(primitive.position, self._begun_at)
@@ -688,7 +688,7 @@ class HandoverController:
         return primitive._replace(position=position, velocity=velocity)
 
     def _held(self, primitive: DmpState) -> DmpState:
-        """Hold the place, or where the wrist is by now if something has moved it from there."""
+        """Hold the position, or the present one if something has moved the wrist away."""
         assert self._wrist is not None
         if dist(primitive.position, self._wrist) > self.options.tracking_error_limit_m:
             return primitive._replace(position=self._wrist)
@@ -707,7 +707,7 @@ class HandoverController:
             self._exchange_since_s = now_s
 
     def _is_at(self, hand: HandEstimate) -> bool:
-        """Tell whether the wrist is near enough to the goal, and as fast as the hand."""
+        """Return whether the wrist is close enough to the goal, and as fast as the hand."""
         assert self._wrist is not None and self._primitive is not None
         gap = dist(self._wrist, self._goal(hand))
         relative = dist(self._primitive.velocity, hand.velocity)

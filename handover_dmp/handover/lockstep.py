@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-One handover in one process: the objects of the graph wired in lockstep, without ROS.
+One handover in one process: the objects of the graph in lockstep, without ROS.
 
-The same objects in the same order as the five nodes on simulated time, so that both give the same
-motion; and the same result every time.
+The objects and their order are those of the five nodes on simulated time, so both give the same
+motion. The result is the same every time.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ STILL = np.zeros(3)
 
 class Period(NamedTuple):
     """
-    Everything that one period saw and said.
+    All inputs and outputs of one period.
 
     Attributes:
         time_ns: its start, ns.
@@ -64,11 +64,11 @@ class Period(NamedTuple):
         joint_velocities: (n,), rad/s, measured.
         wrist_position: (3,), m, measured.
         wrist_rotation: (3, 3), measured.
-        hands: of each tracker, the poses of the partner's hand that arrived.
-        estimate: of the hand, by all of them; None before the first.
-        command: of the wrist.
-        answer: of the inverse kinematics.
-        object_state: of the object that is handed over; None where none is simulated.
+        hands: for each tracker, the poses of the partner's hand that arrived.
+        estimate: estimate of the hand from all of them; None before the first.
+        command: wrist command.
+        answer: result of the inverse kinematics.
+        object_state: state of the handed-over object; None if none is simulated.
 
     """
 
@@ -86,15 +86,15 @@ class Period(NamedTuple):
 
 class LockstepLoop(Closing, ABC):
     """
-    The objects of the graph around a controller and a simulated arm, stepped period by period.
+    The objects of the graph with a controller and a simulated arm, stepped period by period.
 
-    What the partner does, and what is done to the world besides, is that of a subclass.
+    Subclasses define the partner and other events in the world.
 
     Attributes:
         period_s: length of a period, s.
-        controller: of the wrist.
-        wrist_controller: of the joints.
-        arm: that moves.
+        controller: controller of the wrist.
+        wrist_controller: controller of the joints.
+        arm: the simulated arm.
 
     """
 
@@ -110,16 +110,16 @@ class LockstepLoop(Closing, ABC):
         carried: CarriedObjectOptions | None = None,
     ) -> None:
         """
-        Wire the objects.
+        Connect the objects.
 
         Args:
             robot: the arm, placed.
-            q_start: (n,), rad, its posture at the start.
-            controller: of the wrist.
-            tasks: parameters of the inverse kinematics that are not as usual.
-            tracker_names: of those that see the hand, in order.
-            rate_hz: of the periods, Hz.
-            carried: what is handed over; None: nothing with a mass.
+            q_start: (n,), rad, its configuration at the start.
+            controller: controller of the wrist.
+            tasks: parameters of the inverse kinematics that differ from the defaults.
+            tracker_names: names of the trackers, in order.
+            rate_hz: rate of the periods, Hz.
+            carried: the handed-over object; None: no object with a mass.
 
         """
         self.period_s = 1.0 / rate_hz
@@ -153,7 +153,7 @@ class LockstepLoop(Closing, ABC):
 
     def before_control(self, now_s: float) -> None:
         """
-        Tell the controller what else there is to know in a period.
+        Pass further inputs of a period to the controller.
 
         Args:
             now_s: its start, s.
@@ -161,14 +161,14 @@ class LockstepLoop(Closing, ABC):
         """
 
     def before_motion(self) -> None:
-        """Tell the world what is done to it besides, before it moves on."""
+        """Apply other events to the world before it moves."""
 
     def step(self) -> Period:
         """
-        Go through one period: every message of it, then the arm's motion.
+        Run one period: all of its messages, then the arm's motion.
 
         Returns:
-            What it saw and said.
+            Its inputs and outputs.
 
         """
         now_s, robot = self.time_s, self._robot
@@ -211,7 +211,7 @@ class LockstepLoop(Closing, ABC):
         return period
 
     def _take(self, hands: Sequence[Sequence[HandSample]], now_s: float) -> bool:
-        """Take the poses of a period, in the order of the nodes; tell whether one was used."""
+        """Process the poses of a period in the order of the nodes; return whether one was used."""
         poses = [
             (sample.stamp_s, number, sample)
             for number, samples in enumerate(hands)
@@ -231,7 +231,7 @@ class LockstepLoop(Closing, ABC):
         return not all(refusals)
 
     def close(self) -> None:
-        """Let go of the simulated world."""
+        """Close the simulated world."""
         self.arm.close()
 
 
@@ -247,14 +247,13 @@ class Handover(LockstepLoop):
         rate_hz: float = 200.0,
     ) -> None:
         """
-        Wire the objects.
+        Connect the objects.
 
         Args:
             scenario: trial, movement and arm.
-            options: the rules of the handover; the defaults, as the scenario has them, if left
-                out.
-            trackers: that see the hand; a perfect one if left out.
-            rate_hz: of the periods, Hz.
+            options: rules of the handover; by default those of the scenario.
+            trackers: trackers of the hand; a perfect one if left out.
+            rate_hz: rate of the periods, Hz.
 
         """
         self.scenario = scenario
@@ -274,15 +273,15 @@ class Handover(LockstepLoop):
 
     @property
     def max_duration_s(self) -> float:
-        """Return the simulated time after which a handover that is not done will not be, s."""
+        """Return the simulated time after which an unfinished handover is given up, s."""
         return self.hands[0].start_s + self.scenario.trial.duration_s + MAX_EXTRA_S
 
     def begin(self, replay_at_s: float = REPLAY_AT_S) -> None:
         """
-        Let the partner signal and move.
+        Make the partner signal and move.
 
         Args:
-            replay_at_s: when the recording starts, s.
+            replay_at_s: start of the recording, s.
 
         """
         for hand in self.hands:
@@ -304,13 +303,13 @@ class Handover(LockstepLoop):
 
     def run(self, progress: Callable[[float], None] = lambda _share: None) -> list[Period]:
         """
-        Go on until the handover is done, or will not be.
+        Run until the handover is done, or given up.
 
         Args:
-            progress: is told the share of the longest time that has passed.
+            progress: called with the share of the maximum time that has passed.
 
         Returns:
-            All periods; the state of the last command tells whether the object changed hands.
+            All periods; the state of the last command shows whether the object changed hands.
 
         """
         self.begin()
@@ -334,14 +333,14 @@ def simulate(
 
     Args:
         scenario: trial, movement and arm, see `scenario.make_scenario`; the example if left out.
-        progress: is told the share that is done.
-        trackers: that see the hand; a perfect one if left out.
+        progress: called with the completed share.
+        trackers: trackers of the hand; a perfect one if left out.
 
     Returns:
-        What every period saw and said, in order.
+        All periods, in order.
 
     Raises:
-        UnreachableError: the arm of the example reaches the path from nowhere.
+        UnreachableError: the arm of the example cannot reach the path from any placement.
 
     """
     handover = Handover(scenario or make_scenario(), trackers=trackers)

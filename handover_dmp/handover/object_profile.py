@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-What is carried, and what that asks of the handover: a cup stays level, a knife goes handle first.
+The carried object and its effect on the handover: a cup stays level, a knife goes handle first.
 
-A profile changes the learnt movement where it has to (pace, goal offset, how the wrist turns) and
-tells the rest: the orientation task, the acceleration limit, the mass, the drawing. Defaults stand
-in `config/objects.yaml`; the rod changes nothing.
+A profile changes the learnt movement if necessary (pace, goal offset, rotation of the wrist) and
+provides the orientation task, the acceleration limit, the mass and the drawing. Defaults are in
+`config/objects.yaml`; the rod changes nothing.
 """
 
 from __future__ import annotations
@@ -52,31 +52,32 @@ RANGES = {
     'mass_kg': (0.01, 20.0),
 }
 MIN_ACCELERATION = 0.1
-"""The least limit that the `dmp` node takes, m/s²."""
+"""The smallest limit that the `dmp` node accepts, m/s²."""
 
 
 @dataclass(frozen=True)
 class ObjectProfile:
     """
-    What is carried.
+    Profile of a carried object.
 
     Attributes:
-        name: of the profile.
-        orientation: task of the wrist, one of `ORIENTATIONS`, or `learnt`: `full` where the
-            movement has learnt how the wrist turns, and as in `config/handover.yaml` elsewhere.
-        slows_to: share of its speed down to which the wrist is slowed where the arm could not
-            keep that orientation; 1: not at all.
-        duration_scale: of the reach.
-        acceleration_limit: of the wrist command, m/s²; 0: that of `config/handover.yaml`.
-        standoff_m: how much farther from the partner's hand than as learnt the wrist stays, m.
-        hands_apart_m: between the two hands of the partner that take it, m; 0: one hand.
-        mass_kg: where it is simulated.
-        shape: how it is drawn, one of `SHAPES`.
-        size_m: across, across and along, m.
+        name: name of the profile.
+        orientation: orientation task of the wrist, one of `ORIENTATIONS`, or `learnt`: `full` if
+            the movement has learnt the rotation of the wrist, otherwise as in
+            `config/handover.yaml`.
+        slows_to: share of its speed to which the wrist may be slowed to keep the orientation;
+            1: not slowed.
+        duration_scale: factor on the duration of the reach.
+        acceleration_limit: limit of the wrist command, m/s²; 0: that of `config/handover.yaml`.
+        standoff_m: extra distance of the wrist from the partner's hand, m.
+        hands_apart_m: distance between the two hands of the partner that take it, m; 0: one hand.
+        mass_kg: mass in the simulation, kg.
+        shape: shape of its drawing, one of `SHAPES`.
+        size_m: width, depth and length, m.
         colour: red, green, blue, 0 to 1.
 
     Raises:
-        DataError: a word that is none of these, or a number out of range.
+        DataError: a word is unknown, or a number is out of range.
 
     """
 
@@ -97,12 +98,13 @@ class ObjectProfile:
         words = (('orientation', (LEARNT, *ORIENTATIONS)), ('shape', SHAPES))
         for name, known in words:
             if getattr(self, name) not in known:
-                raise DataError(f'{name} {getattr(self, name)!r} is none of {", ".join(known)}')
+                given = getattr(self, name)
+                raise DataError(f'{name} is {given!r}, not one of {", ".join(known)}')
         for name, (low, high) in RANGES.items():
             value = getattr(self, name)
             number = isinstance(value, int | float) and not isinstance(value, bool)
             if not (number and low <= value <= high):
-                raise DataError(f'{name} is {value!r}, not from {low:g} to {high:g}')
+                raise DataError(f'{name} is {value!r}; it must be from {low:g} to {high:g}')
             object.__setattr__(self, name, float(value))
         if 0.0 < self.acceleration_limit < MIN_ACCELERATION:
             raise DataError(f'acceleration_limit is below {MIN_ACCELERATION:g} m/s2')
@@ -111,7 +113,7 @@ class ObjectProfile:
 
     def task_for(self, movement: DecoupledDmp) -> str:
         """
-        Tell the orientation task of the wrist.
+        Return the orientation task of the wrist.
 
         Args:
             movement: as it is run.
@@ -127,13 +129,13 @@ class ObjectProfile:
 
     def node_parameters(self, movement: DecoupledDmp) -> dict[str, dict[str, Any]]:
         """
-        Tell what the nodes have to know beside the movement.
+        Return the parameters that the nodes need besides the movement.
 
         Args:
             movement: as it is run.
 
         Returns:
-            Of `dmp` and `priority_ik`, name to value, where that is not the default.
+            For `dmp` and `priority_ik`, name to value, as far as it is not the default.
 
         """
         limits = {
@@ -154,17 +156,17 @@ class ObjectProfile:
 
     @property
     def stopping_limit(self) -> float:
-        """Return the same before a hand that stops at once, m/s²: rather a cup is spilt."""
+        """The same for a hand that stops abruptly, m/s²: better a spilt cup than a hit hand."""
         usual = defaults('dmp')
         own: float = usual['approach.stopping_limit']
         return max(own, usual['acceleration_limit']) if self.acceleration_limit else own
 
     def handover_options(self, partner_model: str) -> HandoverOptions:
         """
-        Give the rules of a handover that carries it.
+        Return the rules of a handover that carries the object.
 
         Args:
-            partner_model: whether to expect something of the hand, `auto` or `off`.
+            partner_model: `auto` or `off`.
 
         Returns:
             The rules of `config/handover.yaml` with the limits of the object.
@@ -178,14 +180,14 @@ class ObjectProfile:
 
     def movement_with(self, movement: DecoupledDmp) -> DecoupledDmp:
         """
-        Give the movement that carries the object.
+        Return the movement that carries the object.
 
         Args:
             movement: as learnt.
 
         Returns:
-            The same at the pace of the object, with its goal offset; without the learnt turn
-            where the object has an orientation of its own. Itself where nothing changes.
+            The movement with the pace and goal offset of the object, and without the learnt turn
+            if the object has an orientation of its own. `movement` itself if nothing changes.
 
         """
         if self.duration_scale != 1.0:
@@ -197,20 +199,19 @@ class ObjectProfile:
         return movement
 
     def _farther(self, movement: DecoupledDmp) -> Array:
-        """Tell by how much the goal moves: back, and to the middle between two hands."""
+        """Return the shift of the goal: back, and to the middle between two hands."""
         forward = (movement.goal - movement.start) * [1.0, 1.0, 0.0]
         length = float(np.linalg.norm(forward))
         if length < 1e-6:
-            raise DataError('the learnt reach goes straight up: no telling what is forward')
+            raise DataError('the learnt reach is vertical, so the forward direction is undefined')
         forward /= length
-        # the right hand is the one that is tracked, and the other lies to the partner's left,
-        # who faces the robot
+        # the right hand is tracked; the other is to the left of the partner, who faces the robot
         across = np.cross(forward, [0.0, 0.0, 1.0])
         farther: Array = 0.5 * self.hands_apart_m * across - self.standoff_m * forward
         return farther
 
     def as_dict(self) -> dict[str, Any]:
-        """Give all of it as plain types, for `/handover/info`."""
+        """Return the fields as plain types, for `/handover/info`."""
         return {
             name: list(value) if isinstance(value, tuple) else value
             for name, value in asdict(self).items()
@@ -224,10 +225,10 @@ def object_names() -> tuple[str, ...]:
 
 def object_profile(name: str) -> ObjectProfile:
     """
-    Look up what is carried.
+    Return the profile of an object.
 
     Args:
-        name: of an object in `config/objects.yaml`, or the path of a `.yaml` file with one.
+        name: name of an object in `config/objects.yaml`, or path of a `.yaml` file with one.
 
     Returns:
         Its profile.
@@ -241,7 +242,10 @@ def object_profile(name: str) -> ObjectProfile:
         return _read(Path(name))
     if name not in _profiles():
         known = ', '.join(object_names())
-        raise UsageError(f'no object {name!r}: {known}, or a .yaml file with one like theirs')
+        raise UsageError(
+            f'object {name!r} is unknown: give one of {known}, or a .yaml file in the format of '
+            'config/objects.yaml'
+        )
     return _profiles()[name]
 
 
@@ -261,10 +265,10 @@ def _read(path: Path) -> ObjectProfile:
     except DataError as error:
         raise DataError(f'{path}: {error}') from error
     if not isinstance(tree, dict) or len(tree) != 1:
-        raise DataError(f'{path}: not one object, its name and below that what it asks for')
+        raise DataError(f'{path}: must hold one object: its name, and its fields below that')
     [(name, own)] = tree.items()
     if not isinstance(own, dict):
-        raise DataError(f'{path}: nothing below {name!r}')
+        raise DataError(f'{path}: object {name!r} has no fields')
     known = _profiles()[DEFAULT_OBJECT].as_dict()
     try:
         return _profile(str(name), {**known, **own, 'name': str(name)})
@@ -275,7 +279,9 @@ def _read(path: Path) -> ObjectProfile:
 def _profile(name: str, values: dict[str, Any]) -> ObjectProfile:
     known = {each.name for each in fields(ObjectProfile)}
     if unknown := sorted(set(map(str, values)) - known):
-        raise DataError(f'object {name}: there is no {unknown[0]!r}')
+        raise DataError(
+            f'object {name}: unknown field {unknown[0]!r}; known: {", ".join(sorted(known))}'
+        )
     return ObjectProfile(**{**values, 'name': name})
 
 
@@ -290,7 +296,7 @@ def _three(name: str, given: Any, high: float) -> tuple[float, ...]:
 
 
 def _slower(movement: DecoupledDmp, scale: float) -> DecoupledDmp:
-    """Stretch the movement, but not what is known of the partner, who keeps to their own pace."""
+    """Stretch the movement, but not the partner path: the partner's pace does not change."""
     path = movement.partner_path
     if path is not None:
         nodes = np.linspace(0.0, 1.0, len(path))

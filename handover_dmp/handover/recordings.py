@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is learnt from and what is replayed: the example, or a file of a user."""
+"""Recordings to learn from and to replay: the example, or a file of the user."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ import numpy as np
 
 EXAMPLE = ('engine_bay', 'give')
 EXAMPLE_SESSION = ('engine_bay', 3)
-"""Configuration and number of the synthetic session; in this one, both hands move."""
+"""Configuration and index of the synthetic session; both hands move in it."""
 MAX_REST_S = 0.5
-"""A recording that is longer than its handover by more than this is cut, s."""
+"""A recording is cut if it exceeds its handover by more than this, s."""
 MIN_SAMPLES = 5
 ROUNDING_S = 1e-6
 
@@ -43,14 +43,15 @@ def example_trials(
     seed: int = 0, direction: str = EXAMPLE[1]
 ) -> tuple[HandoverTrial, HandoverTrial]:
     """
-    Make the handovers of the example: an assistant gives to a mechanic at an engine bay.
+    Create the handovers of the example: an assistant gives to a mechanic at an engine bay.
 
     Args:
-        seed: of the synthetic data set.
-        direction: `give`, or `take` for what the assistant takes from the mechanic.
+        seed: seed of the synthetic data set.
+        direction: `give`, or `take` if the assistant takes from the mechanic.
 
     Returns:
-        One to learn from, and of the others the one whose partner moves farthest to run against.
+        The handover to learn from, and the one to run against: of the others, the one whose
+        partner moves farthest.
 
     """
     example = EXAMPLE[0], direction
@@ -77,7 +78,7 @@ def example_model(seed: int = 0, direction: str = EXAMPLE[1]) -> DecoupledDmp:
 
 def read_model(path: Path) -> DecoupledDmp:
     """
-    Read a learnt movement that can hand over.
+    Read a movement for handovers from a model file.
 
     Args:
         path: model file.
@@ -86,7 +87,8 @@ def read_model(path: Path) -> DecoupledDmp:
         The movement.
 
     Raises:
-        DataError: the file cannot be used, or holds another kind of primitive or dimension.
+        DataError: the file cannot be used, or its primitive is not decoupled and
+            three-dimensional.
 
     """
     model = load_model(path)
@@ -99,19 +101,20 @@ def recorded_trial(
     path: str | Path, *, cutoff_hz: float | None = None, span_s: tuple[float, float] | None = None
 ) -> HandoverTrial:
     """
-    Read a handover that is to be replayed.
+    Read a handover to replay.
 
     Args:
-        path: CSV file or bag; empty: the one of the example.
-        cutoff_hz: low-pass, zero phase; 0 leaves it as it is; that of `config/` if left out.
-        span_s: beginning and end of the handover in a bag, s from its first pose of the hand; it
-            is found if left out.
+        path: CSV file or bag; empty: that of the example.
+        cutoff_hz: cutoff of the zero-phase low-pass filter, Hz; 0: unfiltered; default: that of
+            `config/`.
+        span_s: beginning and end of the handover in a bag, s from its first pose of the hand;
+            detected if left out.
 
     Returns:
-        The handover at 200 Hz, filtered; its source tells what was cut out of a bag.
+        The handover at 200 Hz, filtered; its source names the part that was cut from a bag.
 
     Raises:
-        DataError: the file cannot be used, or a bag holds several handovers.
+        DataError: the file cannot be used, or the bag holds several handovers.
 
     """
     if cutoff_hz is None:
@@ -127,17 +130,18 @@ def recorded_trial(
 
 def recorded_session(path: str | Path, *, cutoff_hz: float | None = None) -> RecordedSession:
     """
-    Read a session that is to be replayed.
+    Read a session to replay.
 
     Args:
         path: CSV file or bag; empty: a synthetic one.
-        cutoff_hz: low-pass, zero phase; 0 leaves it as it is; that of `config/` if left out.
+        cutoff_hz: cutoff of the zero-phase low-pass filter, Hz; 0: unfiltered; default: that of
+            `config/`.
 
     Returns:
         The session, filtered.
 
     Raises:
-        DataError: the file cannot be used, or no exchange is in it.
+        DataError: the file cannot be used, or contains no exchange.
 
     """
     if cutoff_hz is None:
@@ -166,7 +170,7 @@ def _trial_of_bag(path: Path, span_s: tuple[float, float] | None) -> HandoverTri
         )
         source += f', {span_s[0]:.2f} s to {span_s[1]:.2f} s'
         if end - first < MIN_SAMPLES:
-            raise DataError(f'{source}: {max(end - first, 0)} samples make no handover')
+            raise DataError(f'{source}: {max(end - first, 0)} samples are too few for a handover')
     return HandoverTrial(
         wrists.times[first:end] - wrists.times[first],
         wrists.partner[first:end],
@@ -184,7 +188,7 @@ def _trial_of_bag(path: Path, span_s: tuple[float, float] | None) -> HandoverTri
 
 
 def _handover_in(wrists: WristMotion) -> tuple[float, float] | None:
-    """Find the one handover in a longer recording; None where that is all there is."""
+    """Find the one handover in a longer recording; None if there is nothing to cut."""
     from handover_dmp.mocap.segmentation import segment
 
     duration_s = float(wrists.times[-1] - wrists.times[0])
@@ -192,7 +196,7 @@ def _handover_in(wrists: WristMotion) -> tuple[float, float] | None:
     if len(found) > 1:
         at = ', '.join(f'{one.start_s:.2f} to {one.exchange_s:.2f} s' for one in found)
         raise DataError(
-            f'{wrists.source}: {len(found)} handovers, {at}: say which, as by from:= and to:='
+            f'{wrists.source}: {len(found)} handovers, {at}: choose one, e.g. with from:= and to:='
         )
     if found and found[0].exchange_s - found[0].start_s < duration_s - MAX_REST_S:
         return found[0].start_s, found[0].exchange_s
@@ -201,12 +205,12 @@ def _handover_in(wrists: WristMotion) -> tuple[float, float] | None:
 
 def scaled(trial: HandoverTrial, factor: float, centre: Array | None = None) -> HandoverTrial:
     """
-    Make a handover larger or smaller about the place where P2's hand ends.
+    Scale a handover about the point where P2's hand ends.
 
     Args:
         trial: the handover.
-        factor: of all distances; 1 leaves it as it is.
-        centre: (3,) m, about another place than that.
+        factor: factor on all distances; 1: unchanged.
+        centre: (3,) m, another centre.
 
     Returns:
         The scaled handover.

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a handover does once, done before it: tables of the movement, modules that it needs."""
+"""Work that a handover needs once, done in advance: tables of the movement, imports."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ PERIOD_S = 0.005
 
 def rehearse(model: DecoupledDmp, options: HandoverOptions) -> None:
     """
-    Begin a handover of which nobody hears, so that the first period of a real one is as any other.
+    Run the beginning of an unpublished handover, so that the first real period is not slower.
 
-    Else that period takes ten times its length, and the arm brakes for want of a command.
+    Otherwise it takes ten times as long as permitted, and the arm brakes for lack of commands.
 
     Args:
-        model: the movement that will be run; keeps what is made of it once.
+        model: the movement that will be run; it caches its tables.
         options: the rules.
 
     """

@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-When the giver lets go: the taker carries enough of the weight, or pulls enough.
+Release rule: the giver lets go if the taker carries enough of the weight, or pulls enough.
 
-What acts on the wrist is the object's weight, what the wrist's own acceleration adds to it, the
-bias of the sensor, and the taker's force. The first three are measured before the two touch; the
-rest is the taker's: its part against gravity over the weight is the taker's share, its part
-towards the taker is the pull. The median over a short window stands for it, so that a bump that
-lasts less than half of the window is none of both, however hard it is.
+The measured force on the wrist consists of the object's weight, its inertial force, the bias of
+the sensor, and the taker's force. Weight and bias are measured before contact, and the inertial
+force follows from the acceleration; the rest is the taker's force. Its component against gravity,
+divided by the weight, is the taker's share; its component towards the taker is the pull. Both use
+the median over a short window, so a bump shorter than half of it has no effect.
 """
 
 from __future__ import annotations
@@ -38,19 +38,19 @@ Force = tuple[float, float, float]
 GRAVITY = 9.81
 """m/s²."""
 WEIGHTLESS_N = 0.1
-"""Of what weighs less no share can be told, N."""
+"""Weight below which the share is undefined, N."""
 PARTS = 4
-"""Of the time at rest, which are to be alike."""
+"""Number of parts of the time at rest; their means must agree."""
 NOTHING: Force = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
 class ReleaseOptions:
     """
-    When the giver opens.
+    Conditions under which the giver opens the gripper.
 
     Raises:
-        UsageError: a number that is not positive.
+        UsageError: a number is not positive.
 
     """
 
@@ -99,10 +99,10 @@ class ReleaseOptions:
 
 class ReleaseRule:
     """
-    Tells from the force on the wrist whether the giver is to let go now.
+    Decides from the force on the wrist whether the giver lets go.
 
     Attributes:
-        options: when.
+        options: the conditions.
 
     """
 
@@ -111,7 +111,7 @@ class ReleaseRule:
         Take the rule.
 
         Args:
-            options: when the giver opens; the defaults of `config/` if left out.
+            options: the conditions; by default those of `config/`.
 
         """
         self.options = options or ReleaseOptions()
@@ -119,19 +119,19 @@ class ReleaseRule:
 
     def reset(self, weight_n: float | None = None, towards: Sequence[float] | None = None) -> None:
         """
-        Begin anew, with the wrist at rest and the object in the gripper alone.
+        Restart, with the wrist at rest and the object held by the gripper alone.
 
         Args:
-            weight_n: of the object, N; None: measured.
-            towards: (3,), direction from the giver to the taker; None: any force but a weight
-                is a pull, wherever it points.
+            weight_n: weight of the object, N; None: measured.
+            towards: (3,), direction from the giver to the taker; None: unknown, so a force in
+                any direction counts as a pull.
 
         Raises:
-            UsageError: a weight that is negative or not finite.
+            UsageError: the weight is negative or not finite.
 
         """
         if weight_n is not None and not (isfinite(weight_n) and weight_n >= 0.0):
-            raise UsageError(f'no object weighs {weight_n} N')
+            raise UsageError(f'weight of the object is {weight_n} N; it must be finite and not negative')
         self._told_n = weight_n
         length = 0.0 if towards is None else hypot(*towards)
         self._towards = None if towards is None or length == 0.0 else _scaled(towards, 1 / length)
@@ -146,22 +146,22 @@ class ReleaseRule:
 
     @property
     def tared(self) -> bool:
-        """Whether the force at rest is known; before that, nothing is judged."""
+        """Whether the force at rest is known; before that, the gripper never opens."""
         return self._rest is not None
 
     @property
     def weight_n(self) -> float:
-        """Weight of the object as told, or as measured at rest, N; 0 before that."""
+        """Weight of the object as given, or as measured at rest, N; 0 before that."""
         return self._weight_n
 
     @property
     def taker_force(self) -> Force:
-        """Return what the taker does to the object, (3,), N, in the axes of the room."""
+        """Return the taker's force on the object, (3,), N, in the axes of `world`."""
         return self._taker
 
     @property
     def contact(self) -> bool:
-        """Whether the taker has a hand on the object."""
+        """Whether the taker touches the object."""
         return hypot(*self._taker) > self.options.contact_n
 
     @property
@@ -169,14 +169,14 @@ class ReleaseRule:
         """
         Share of the weight that the taker carries.
 
-        1 is all of it, and less than 0 who leans on it. Where nothing was held at the tare, it
-        is the share that has come over to the wrist, with a minus.
+        1 is all of it; it is negative if the taker leans on the object. If the gripper was empty
+        at the tare, it is minus the share that the wrist has taken over.
         """
         return self._taker[2] / self._weight_n if self._weight_n > WEIGHTLESS_N else 0.0
 
     @property
     def pull_n(self) -> float:
-        """Force with which the taker pulls, N; pushing is less than 0 where a side is known."""
+        """Force with which the taker pulls, N; negative for pushing if the direction is known."""
         if self._towards is None:
             return hypot(self._taker[0], self._taker[1], min(self._taker[2], 0.0))
         return sum(f * d for f, d in zip(self._taker, self._towards, strict=True))
@@ -185,23 +185,24 @@ class ReleaseRule:
         self, force: Sequence[float], dt_s: float, acceleration: Sequence[float] = NOTHING
     ) -> bool:
         """
-        Take the force of one period.
+        Process the force of one period.
 
         Args:
-            force: (3,), on the wrist from what it holds, N, in the axes of the room; one that is
-                not finite says nothing, nor do exact zeros of a sensor that has felt a weight.
+            force: (3,), force of the held object on the wrist, N, in the axes of `world`. Values
+                that are not finite are ignored, and so are exact zeros once the sensor has
+                measured a weight.
             dt_s: time since the last call, s.
-            acceleration: (3,), of the wrist, m/s², where it is known; without it, what the arm's
-                own motion does to the object is taken for the taker's.
+            acceleration: (3,), acceleration of the wrist, m/s², if known; otherwise the inertial
+                force is attributed to the taker.
 
         Returns:
-            Whether to let go now.
+            Whether to let go.
 
         """
         if not dt_s >= 0.0:
             return False
         dt_s += self._silent_s
-        # a sensor that has felt a weight never reads nothing to the last bit: it has died
+        # after a weight, exact zeros mean that the sensor has failed
         dead = self._rest is not None and any(self._rest) and not any(force)
         if dead or not (all(map(isfinite, force)) and all(map(isfinite, acceleration))):
             self._silent_s = dt_s
@@ -222,7 +223,7 @@ class ReleaseRule:
     def _measure_rest(
         self, force: Sequence[float], dt_s: float, acceleration: Sequence[float]
     ) -> None:
-        """Average until all parts of the time are alike: else the wrist is not at rest."""
+        """Average until all parts of the time agree: otherwise the wrist is not at rest."""
         if self._told_n is None:
             mass = max(0.0, -force[2] / max(GRAVITY + acceleration[2], WEIGHTLESS_N))
         else:
@@ -244,10 +245,10 @@ class ReleaseRule:
             self._weight_n = max(0.0, -rest[2])
 
     def _feel(self, taker: Force, dt_s: float) -> bool:
-        """Keep the window and its median; tell whether it is full."""
+        """Update the window and its median; return whether it is full."""
         window_s = self.options.window_s
         if dt_s > 0.5 * window_s:
-            # what was between is not known, and one sample is no median
+            # the gap is unknown, and one sample is not a median
             self._felt.clear()
             self._felt_s = 0.0
         elif self._felt:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a run needs, put together: the recorded handover, the learnt movement, the placed arm."""
+"""Everything that a run needs: the recorded handover, the learnt movement, the placed arm."""
 
 from __future__ import annotations
 
@@ -41,22 +41,22 @@ from handover_dmp.robot.placement import choose_base_placement
 import numpy as np
 
 ROLLS = 8
-"""Rolls about the direction to the hand that are tried for a posture that points at it."""
+"""Number of rolls tried for a configuration that points at the hand."""
 
 
 @dataclass(frozen=True)
 class Scenario:
     """
-    One handover to be run.
+    One handover to run.
 
     Attributes:
         trial: the recorded handover, at 200 Hz; its P1 is the partner, its P2 for comparison.
         model: the learnt movement.
         robot: the arm, placed.
-        q_start: (n,), rad, with the wrist where P2's was at the start.
-        taught_by: what the movement was learnt from.
-        seed: of all that is drawn at random.
-        carried: what is carried; the movement is the one that carries it.
+        q_start: (n,), rad, with the wrist at the start of P2's.
+        taught_by: description of the data that the movement was learnt from.
+        seed: random seed.
+        carried: the carried object; the movement is adapted to it.
 
     """
 
@@ -87,29 +87,29 @@ def make_scenario(
     carried: ObjectProfile | None = None,
 ) -> Scenario:
     """
-    Put together what a run needs.
+    Assemble a scenario.
 
-    The movement is learnt from the very trial that is replayed, unless a model is given; the
-    example is learnt from another trial than the one it is run against. The arm is placed so that
-    the way of its wrist lies well inside its reach.
+    The movement is learnt from the replayed trial, unless a model is given; the movement of the
+    example is learnt from another trial. The base is placed so that the path of the wrist is well
+    inside the reach.
 
     Args:
-        trial: CSV file or bag; none: the example.
+        trial: CSV file or bag; by default the example.
         model: file of a learnt movement.
-        arm: which one; the LWR 4+ if left out.
-        base: where it stands; found if left out.
-        scale: of the recorded motion.
-        seed: of the synthetic data.
+        arm: the arm; the LWR 4+ if left out.
+        base: base placement; found if left out.
+        scale: scale of the recorded motion.
+        seed: seed of the synthetic data.
         partner_model: `auto` or `off`; that of `config/` if left out.
-        span_s: beginning and end of the handover in a bag, s; found if left out.
-        carried: what is carried; a rod if left out.
+        span_s: beginning and end of the handover in a bag, s; detected if left out.
+        carried: the carried object; a rod if left out.
 
     Returns:
         The scenario.
 
     Raises:
         DataError: a file cannot be used.
-        UnreachableError: the arm reaches the way from nowhere.
+        UnreachableError: the arm cannot reach the path from any placement.
 
     """
     if trial is None:
@@ -144,19 +144,20 @@ def make_scenario(
 
 def starting_joints(robot: RobotModel, place: Array, task: str, hand: Array) -> Array:
     """
-    Choose how the arm stands at the start.
+    Choose the start configuration.
 
     Args:
         robot: the arm, placed.
-        place: (3,), m, of the wrist.
-        task: of its orientation.
-        hand: (3,), m, where the partner's hand will be: what is to point at it does so already.
+        place: (3,), m, position of the wrist.
+        task: its orientation task.
+        hand: (3,), m, future position of the partner's hand, at which a pointing wrist aims from
+            the start.
 
     Returns:
-        (n,), rad; of the postures that point, the one nearest to home.
+        (n,), rad; of the configurations that point at the hand, the one nearest to home.
 
     Raises:
-        UnreachableError: there is none.
+        UnreachableError: there is no such configuration.
 
     """
     found: list[Array] = []
@@ -175,14 +176,14 @@ def starting_joints(robot: RobotModel, place: Array, task: str, hand: Array) -> 
 
 def expected_path(model: DecoupledDmp, trial: HandoverTrial) -> Array:
     """
-    Foretell the way of the wrist against a recorded hand.
+    Predict the path of the wrist for a recorded hand.
 
     Args:
         model: the learnt movement.
         trial: the handover.
 
     Returns:
-        (n, 3), m, from where P2 started to where the movement comes to rest.
+        (n, 3), m, from the start of P2 to the end of the movement.
 
     """
     goals, velocities = hand_goal(trial, model)

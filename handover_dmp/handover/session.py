@@ -16,9 +16,9 @@
 A session: give an object, wait while it is used, take it back, go home.
 
 A `SessionController` is a `HandoverController` that goes on after the exchange. The give and the
-take are reaches as any other, each by its own learnt movement; between and after them the wrist
-goes home along a way (`withdrawal`). The gripper is closed and opened by it: it opens in the
-exchange of a give, and nowhere else. What every state leads to stands in docs/topics.md.
+take are ordinary reaches, each with its own learnt movement; between and after them the wrist
+goes home along a path (`withdrawal`). The controller also commands the gripper: it opens in the
+exchange of a give, and nowhere else. docs/topics.md lists the transitions of the states.
 """
 
 from __future__ import annotations
@@ -53,9 +53,9 @@ from handover_dmp.tracking import GoalEstimator, HandEstimate
 
 TAKE_STARTS = ('signal', 'motion')
 OWN_WAYS = (HandoverState.PICKING_UP, HandoverState.RELEASED, HandoverState.WITHDRAWING)
-"""States in which the wrist goes, or stands, without the primitive."""
+"""States in which the wrist moves or stands without the primitive."""
 HOLDING = (HandoverState.IDLE, HandoverState.WAITING, HandoverState.DONE)
-"""States in which it stands until something begins."""
+"""States in which the wrist stands until a handover begins."""
 NO_SHIFT: Vector = (0.0, 0.0, 0.0)
 
 
@@ -72,11 +72,11 @@ class SessionModels:
     The movements of a session.
 
     Attributes:
-        give: the reach that gives.
-        take: the reach that takes back.
+        give: movement of the give.
+        take: movement of the take.
 
     Raises:
-        DataError: a movement has other than three dimensions.
+        DataError: a movement does not have three dimensions.
 
     """
 
@@ -88,21 +88,21 @@ class SessionModels:
         for movement in (self.give, self.take):
             if movement.dimensions != 3:
                 raise DataError(
-                    f'a movement of a session has {movement.dimensions} dimensions instead of 3'
+                    f'a movement of a session must have 3 dimensions, not {movement.dimensions}'
                 )
 
 
 @dataclass(frozen=True)
 class SessionOptions:
     """
-    The rules of a session, beside those of its handovers.
+    The rules of a session, besides those of its handovers.
 
     Attributes:
-        release: when the gripper opens in a give, where a force on the wrist tells.
-        withdrawal: how the wrist goes home.
+        release: conditions for opening the gripper in a give, if the force is measured.
+        withdrawal: options of the way back.
 
     Raises:
-        DataError: `take_start` is another word, or the position is not three numbers.
+        DataError: `take_start` is unknown, or the position is not three numbers.
 
     """
 
@@ -178,9 +178,11 @@ class SessionOptions:
     withdrawal: WithdrawalOptions = field(default_factory=WithdrawalOptions)
 
     def __post_init__(self) -> None:
-        """Check the word and the position."""
+        """Check `take_start` and the position."""
         if self.take_start not in TAKE_STARTS:
-            raise DataError(f'take_start {self.take_start!r} is none of {", ".join(TAKE_STARTS)}')
+            raise DataError(
+                f'take_start is {self.take_start!r}, not one of {", ".join(TAKE_STARTS)}'
+            )
         place = tuple(map(float, self.pick_up_position))
         if len(place) != 3 or not all(abs(x) < inf for x in place):
             raise DataError(f'pick_up_position {list(place)} is not three numbers')
@@ -192,8 +194,8 @@ class SessionController(HandoverController):
     Moves the wrist and the gripper through a session.
 
     Attributes:
-        leg: the handover that is on, or that comes next.
-        gripper_closed: whether the gripper is to be closed.
+        leg: the current handover, or the next one.
+        gripper_closed: whether the gripper is commanded to be closed.
         session: the rules of the session.
 
     """
@@ -209,10 +211,10 @@ class SessionController(HandoverController):
         Take the learnt movements and the rules.
 
         Args:
-            models: of the give and of the take.
+            models: movements of the give and of the take.
             options: the rules of both handovers; the defaults of `config/` if left out.
-            estimator: of the hand's position and velocity.
-            session: the rules of the session; the same.
+            estimator: estimator of the hand's position and velocity.
+            session: the rules of the session; the defaults of `config/` if left out.
 
         """
         self.leg = Leg.GIVE
@@ -234,15 +236,15 @@ class SessionController(HandoverController):
         self, models: SessionModels, options: HandoverOptions, session: SessionOptions
     ) -> None:
         """
-        Take movements and rules, from the next period on.
+        Change movements and rules from the next period on.
 
         Args:
-            models: of the give and of the take.
+            models: movements of the give and of the take.
             options: the rules of both handovers.
             session: the rules of the session.
 
         """
-        # both before they are needed: to learn one anew takes longer than a period
+        # both in advance: relearning takes longer than a period
         self._movements = {
             Leg.GIVE: movement_for(models.give, options),
             Leg.TAKE: movement_for(models.take, options),
@@ -253,9 +255,9 @@ class SessionController(HandoverController):
 
     def reset(self) -> None:
         """
-        Forget the hand and how far the session was; brake if need be, hold.
+        Forget the hand and the progress of the session; brake if necessary, then hold.
 
-        The gripper stays as it is, and who has the object is not forgotten.
+        The gripper stays as it is, and the holder of the object is remembered.
         """
         self._break_off()
         super().reset()
@@ -270,26 +272,26 @@ class SessionController(HandoverController):
         self._speed_before: Vector | None = None
 
     def abort(self) -> None:
-        """Brake and hold; the gripper stays as it is. Only `start` or `reset` lead on."""
+        """Brake and hold until `start` or `reset`; the gripper stays as it is."""
         self._break_off()
         super().abort()
 
     def _break_off(self) -> None:
-        """Remember who has the object, and what of it is felt, beyond the state."""
+        """Leave the present motion; keep the holder of the object and the force at rest."""
         leg, self.leg = self.leg, self.next_leg
         if self._lies and not self.gripper_closed:
             self.leg = Leg.GIVE
         self._leave_way()
         if leg is Leg.TAKE or not self.gripper_closed:
             self._begin_to_feel()
-        # else the partner's hand may be on it by now, and what was felt without it still holds
+        # otherwise the partner may hold it already, and the earlier force at rest remains valid
 
     def set_wrench(self, force: Vector, arrival_s: float) -> None:
         """
-        Take the force on the wrist; once there was one, the gripper opens by it alone.
+        Process the force on the wrist; after the first one, the gripper opens only by force.
 
         Args:
-            force: (3,), from what the wrist holds, N, in the axes of `world`.
+            force: (3,), force of the held object, N, in the axes of `world`.
             arrival_s: the time, s, on the clock of the arrivals.
 
         """
@@ -298,19 +300,20 @@ class SessionController(HandoverController):
 
     @property
     def feels(self) -> ReleaseRule | None:
-        """Return what the force on the wrist tells of the partner; None if there never was one."""
+        """The release rule with the force on the wrist; None if no force was ever measured."""
         return None if self._force is None else self._rule
 
     def begin_with(self, holder: str) -> bool:
         """
-        Take who has the object, before the first handover, or that it lies on the table again.
+        Process the holder of the object: before the first handover, or when it is on the table.
 
         Args:
             holder: `robot`, `partner`, `both`, `table` or another word, as on `object/holder`.
 
         Returns:
-            Whether that was news: the partner has it, so the gripper is open and the take comes
-            first. What the robot holds, too, is never let go of, and of nothing is nothing told.
+            Whether this changed the state. If the partner has the object, the gripper is open and
+            the take comes first; if it is on the table, the give. An object that the robot holds,
+            too, is never released. Other holders change nothing.
 
         """
         self._lies = holder == 'table'
@@ -329,17 +332,17 @@ class SessionController(HandoverController):
 
     @property
     def is_overdue(self) -> bool:
-        """Whether the exchange takes, or took, so long that the partner does not do their part."""
+        """Whether the exchange takes, or took, too long because the partner does not act."""
         return self._overdue and self.state in (HandoverState.EXCHANGE, HandoverState.WITHDRAWING)
 
     @property
     def home(self) -> Vector | None:
-        """Where the wrist goes back to, m; None before the first session."""
+        """Position to which the wrist returns, m; None before the first session."""
         return None if self._trace is None else self._trace.start
 
     @property
     def next_leg(self) -> Leg:
-        """Name the handover that begins with the next start."""
+        """Return the handover that begins with the next start."""
         if self.state in (HandoverState.RELEASED, HandoverState.WITHDRAWING):
             given = self.leg is Leg.GIVE and not self.gripper_closed
             return Leg.TAKE if given else Leg.GIVE
@@ -350,7 +353,7 @@ class SessionController(HandoverController):
 
     @property
     def starts_by(self) -> str:
-        """Tell what starts the next handover: `signal`, `motion` or `service`."""
+        """What starts the next handover: `signal`, `motion` or `service`."""
         return self.options.start if self.next_leg is Leg.GIVE else self.session.take_start
 
     @property
@@ -360,10 +363,10 @@ class SessionController(HandoverController):
 
     def signal(self, at_s: float) -> None:
         """
-        Take the partner's signal: the next handover starts then, or as soon as the wrist is home.
+        Process the partner's signal: the next handover starts then, or once the wrist is home.
 
         Args:
-            at_s: when, s; in the past means now.
+            at_s: time of the start, s; a time in the past means now.
 
         """
         if self.listens and self.starts_by == 'signal':
@@ -371,10 +374,10 @@ class SessionController(HandoverController):
 
     def start(self) -> bool:
         """
-        Start the next handover from where the wrist is.
+        Start the next handover from the present wrist position.
 
         Returns:
-            Whether it started; it does not while one is on or before the wrist is known.
+            Whether it started; not during a handover, nor before the wrist is known.
 
         """
         if self.state in MOVING or self._wrist is None:
@@ -404,13 +407,13 @@ class SessionController(HandoverController):
         self, now_s: float, dt: float, phase_rate: float = 1.0, arrival_s: float | None = None
     ) -> WristCommand | None:
         """
-        Move one period on.
+        Advance by one period.
 
         Args:
             now_s: the time at the start of the period, s, on the clock of the stamps.
             dt: its length, s.
-            phase_rate: how fast the phase may run, 0 to 1; below 1 if the arm cannot keep up.
-            arrival_s: the same time on the clock of the arrivals, where that is another.
+            phase_rate: maximum speed of the phase, 0 to 1; below 1 if the arm cannot keep up.
+            arrival_s: the same time on the clock of the arrivals, if that differs.
 
         Returns:
             The command for the end of the period; None until the wrist is known.
@@ -450,7 +453,7 @@ class SessionController(HandoverController):
         self._since_s = now_s
         self._nearer_m = 0.0
 
-    # What begins a handover
+    # Start of a handover
 
     def _start_if_signalled(self, now_s: float, hand: HandEstimate | None) -> None:
         if self.state not in HOLDING or hand is None:
@@ -460,7 +463,7 @@ class SessionController(HandoverController):
             self.start()
 
     def _is_asked_by(self, hand: HandEstimate) -> bool:
-        """Tell whether the hand moves; for a take, whether it has come towards the wrist."""
+        """Return whether the hand moves; for a take, whether it has approached the wrist."""
         assert self._wrist is not None
         if self.next_leg is Leg.GIVE:
             moves = hypot(*hand.velocity) > self.options.motion_threshold
@@ -473,19 +476,19 @@ class SessionController(HandoverController):
         self._nearer_m = self._nearer_m + speed * self._dt if comes else 0.0
         return self._nearer_m >= self.session.take_approach_m
 
-    # The exchange
+    # Exchange
 
     def _goal(self, hand: HandEstimate) -> Vector:
         return tuple(g + s for g, s in zip(super()._goal(hand), self._shift, strict=True))
 
     def _stay_with(self, hand: HandEstimate) -> None:
         """
-        Go on with the hand as far from it as now.
+        Keep the present distance to the hand.
 
-        To close the last of the gap with both hands on the object would be to push or pull.
+        With both hands on the object, closing the remaining gap would push or pull.
         """
         assert self._primitive is not None
-        # where the hand will be met is known by now
+        # the meeting point is known by now
         self._partner = None
         goal = super()._goal(hand)
         self._shift = tuple(x - g for x, g in zip(self._primitive.position, goal, strict=True))
@@ -499,7 +502,7 @@ class SessionController(HandoverController):
             self._stay_with(hand)
 
     def _judge_release(self, now_s: float, fresh: bool, feels_now: bool) -> None:
-        """Open the gripper once the partner has the object; or close it, and hold it."""
+        """Give: open the gripper once the partner has the object. Take: close it, and hold."""
         assert self._exchange_since_s is not None
         arrived = self._arrived and fresh
         lasted_s = now_s - self._exchange_since_s
@@ -522,20 +525,20 @@ class SessionController(HandoverController):
             self._withdraw(now_s)
 
     def _judge_patience(self, now_s: float, feels_now: bool) -> None:
-        """Tell of an exchange that lasts too long; go home with what nobody takes, if told to."""
+        """Flag an exchange that takes too long; go home with an untaken object, if configured."""
         assert self._exchange_since_s is not None
         patience_s = self.session.exchange_timeout_s
         self._overdue = 0.0 < patience_s <= now_s - self._exchange_since_s
-        # with a force that was felt once and is not now, nobody can tell whose hand is on it
+        # if the force measurement has stopped, it is unknown whose hand is on the object
         untouched = self._force is None or (feels_now and not self._rule.contact)
         gives = self.leg is Leg.GIVE and self.session.withdraws_untaken
         if self._overdue and gives and untouched:
             self._withdraw(now_s)
 
-    # What the wrist feels
+    # Force on the wrist
 
     def _begin_to_feel(self) -> None:
-        """Measure the force at rest anew, with what is in the gripper or without."""
+        """Restart the measurement of the force at rest, with or without an object."""
         self._rule.reset(None if self.gripper_closed else self._weight_n)
         self._lets_go = False
 
@@ -543,7 +546,7 @@ class SessionController(HandoverController):
         return arrival_s - self._force_arrival_s <= self.session.wrench_timeout_s
 
     def _feel(self, arrival_s: float, dt: float) -> None:
-        """Let the rule take the force of the period, less what the wrist's motion adds to it."""
+        """Pass the force of the period, and the acceleration of the wrist, to the rule."""
         self._lets_go = False
         if self._primitive is None or self._force is None or not self._feels_now(arrival_s):
             self._speed_before = None
@@ -556,7 +559,7 @@ class SessionController(HandoverController):
         self._lets_go = self._rule.update(self._force, dt, acceleration)
 
     def _holds(self, feels_now: bool) -> bool:
-        """Tell whether the load has come over to the robot; without a force, it is believed."""
+        """Return whether the robot carries the load; assumed if there is no force."""
         if self._force is None:
             return True
         if not feels_now:
@@ -565,7 +568,7 @@ class SessionController(HandoverController):
             return self._rule.contact
         return -self._rule.share >= self.session.held_share
 
-    # Ways without the primitive
+    # Motion without the primitive
 
     def _go(
         self, now_s: float, dt: float, phase_rate: float, fresh: bool, age: float
@@ -604,18 +607,18 @@ class SessionController(HandoverController):
         return self.session.grip_s if self.state is HandoverState.PICKING_UP else 0.0
 
     def _is_free(self) -> bool:
-        """Tell whether nothing of the object is felt any more once it is released."""
+        """Return whether the released object no longer exerts a force."""
         if self.state is not HandoverState.RELEASED or self._speed_before is None:
             return False
         assert self._force is not None
         return hypot(*self._force) < self.session.release.contact_n
 
     def _speed_on(self, way: WayFollower, position: Vector, now_s: float, fresh: bool) -> float:
-        """Tell how fast the wrist may be on a way, m/s."""
+        """Return the maximum speed of the wrist on a way, m/s."""
         options, hand = self.session.withdrawal, self.estimate(now_s)
         if fresh and hand is not None:
             return options.speed_at(dist(position, self._goal(hand)))
-        # away from a hand that is lost it may go, towards it never
+        # it may move away from a lost hand, but never towards it
         if self.state is HandoverState.PICKING_UP or self._last_seen is None:
             return 0.0
         nearer = way.way.leads_nearer(way.time_s, self._last_seen)
@@ -635,7 +638,7 @@ class SessionController(HandoverController):
             self._go_on(now_s)
 
     def _go_on(self, now_s: float) -> None:
-        """Do what comes after a rest, or after a way."""
+        """Enter the state that follows a rest, or the end of a way."""
         if self.state is HandoverState.RELEASED:
             self._withdraw(now_s)
         elif self.state is HandoverState.WITHDRAWING:
@@ -679,7 +682,7 @@ class SessionController(HandoverController):
         self._begin_to_feel()
 
     def _leave_way(self) -> None:
-        """Leave a way back: what is left of it is where the arm came from now."""
+        """Leave a way back: the rest of it becomes the trace."""
         if self._way is not None and self.state is HandoverState.WITHDRAWING:
             assert self._trace is not None
             trace = Trace(self._trace.start)

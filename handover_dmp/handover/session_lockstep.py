@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-One session in one process: the objects of the graph wired in lockstep, without ROS.
+One session in one process: the objects of the graph in lockstep, without ROS.
 
-As `lockstep` for a single handover, with a partner who waits at each exchange for the object, and
-with the object itself, where there is one: the force on the wrist goes to the controller, its
-gripper to the world.
+Like `lockstep` for a single handover, with a partner who waits for the object at each exchange,
+and optionally with the object itself: the controller gets the force on the wrist, and the world
+the gripper command.
 """
 
 from __future__ import annotations
@@ -44,21 +44,21 @@ from handover_dmp.tracking.tracker_preset import TrackerPreset
 import numpy as np
 
 MAX_WAIT_S = 20.0
-"""How long a partner waits at an exchange before the session is given up, s."""
+"""Time that the partner waits at an exchange before the session is given up, s."""
 
 
 @dataclass(frozen=True, eq=False)
 class SessionPeriod:
     """
-    What a period of a session saw and said beside that of any handover.
+    Inputs and outputs of a period of a session, besides those of any handover.
 
     Attributes:
-        period: as of a single handover, with the object where there is one.
-        leg: the handover that is on, or that comes next.
-        gripper_closed: whether the gripper was told to be closed.
-        truth: (3,), m, where the partner's hand is.
-        demonstrator: (3,), m, where the person is whose place the robot takes.
-        signals: of the partner, that became due.
+        period: the period as of a single handover, with the object if there is one.
+        leg: the current handover, or the next one.
+        gripper_closed: whether the gripper was commanded to be closed.
+        truth: (3,), m, true position of the partner's hand.
+        demonstrator: (3,), m, wrist position of the recorded demonstrator.
+        signals: signals of the partner that became due.
 
     """
 
@@ -71,12 +71,12 @@ class SessionPeriod:
 
     @property
     def state(self) -> HandoverState:
-        """Of the session."""
+        """State of the session."""
         return self.period.command.state
 
     @property
     def holder(self) -> Holder | None:
-        """Who has the object; None where none is simulated."""
+        """Holder of the object; None if none is simulated."""
         state = self.period.object_state
         return None if state is None else state.holder
 
@@ -88,7 +88,7 @@ class SessionLoop(LockstepLoop):
     Attributes:
         scenario: session, movements and arm.
         playback: the partner.
-        controller: of wrist and gripper.
+        controller: controller of wrist and gripper.
 
     """
 
@@ -105,17 +105,16 @@ class SessionLoop(LockstepLoop):
         rate_hz: float = 200.0,
     ) -> None:
         """
-        Wire the objects.
+        Connect the objects.
 
         Args:
             scenario: session, movements and arm.
-            options: the rules of each handover; the defaults, as the scenario has them, if left
-                out.
-            session: the rules of the session; those of the scenario if left out.
-            trackers: that see the hand; a perfect one if left out.
-            carried: what is handed over; if left out, or without a mass, distance and speed alone
-                tell when an exchange is over.
-            rate_hz: of the periods, Hz.
+            options: rules of each handover; by default those of the scenario.
+            session: rules of the session; by default those of the scenario.
+            trackers: trackers of the hand; a perfect one if left out.
+            carried: the handed-over object; if left out, or without a mass, distance and speed
+                alone end an exchange.
+            rate_hz: rate of the periods, Hz.
 
         """
         self.scenario = scenario
@@ -149,11 +148,11 @@ class SessionLoop(LockstepLoop):
         self, replay_at_s: float = REPLAY_AT_S, session: RecordedSession | None = None
     ) -> None:
         """
-        Let the partner begin.
+        Make the partner begin.
 
         Args:
-            replay_at_s: when the recording starts, s.
-            session: another one than that of the scenario.
+            replay_at_s: start of the recording, s.
+            session: another session than that of the scenario.
 
         """
         if session is not None:
@@ -177,7 +176,7 @@ class SessionLoop(LockstepLoop):
 
     def before_control(self, now_s: float) -> None:
         """
-        Tell the controller what the wrist feels and what the partner signals.
+        Pass the force on the wrist and the partner's signals to the controller.
 
         Args:
             now_s: start of the period, s.
@@ -189,7 +188,7 @@ class SessionLoop(LockstepLoop):
 
     def feel(self, now_s: float) -> None:
         """
-        Tell the controller what the wrist feels, where there is an object.
+        Pass the force on the wrist to the controller, if there is an object.
 
         Args:
             now_s: start of the period, s.
@@ -199,7 +198,7 @@ class SessionLoop(LockstepLoop):
             self.controller.set_wrench(tuple(self.arm.wrench.force.tolist()), now_s)
 
     def before_motion(self) -> None:
-        """Close or open the gripper; the partner's hand is where it was one period before."""
+        """Close or open the gripper; the partner's hand is that of the previous period."""
         self.arm.set_gripper(self.controller.gripper_closed)
         if self._truth is not None:
             self.arm.set_partner_hand(self._truth)
@@ -208,10 +207,10 @@ class SessionLoop(LockstepLoop):
 
     def step_session(self) -> SessionPeriod:
         """
-        Go through one period: every message of it, then the arm's motion.
+        Run one period: all of its messages, then the arm's motion.
 
         Returns:
-            What it saw and said.
+            Its inputs and outputs.
 
         """
         period = self.step()
@@ -231,14 +230,14 @@ class SessionLoop(LockstepLoop):
         session: RecordedSession | None = None,
     ) -> list[SessionPeriod]:
         """
-        Go on until the session is done, or will not be; once more for the next one.
+        Run until the session is done, or given up; call again for the next one.
 
         Args:
             progress: is told the share of the longest time that has passed.
             session: another one than that of the scenario.
 
         Returns:
-            All periods; the state of the last command tells whether the session is done.
+            All periods; the state of the last command shows whether the session is done.
 
         """
         begun_s = self.time_s
@@ -266,15 +265,15 @@ def simulate_session(
 
     Args:
         scenario: session, movements and arm; the example if left out.
-        progress: is told the share that is done.
-        trackers: that see the hand; a perfect one if left out.
-        carried: what is handed over; without, distance and speed alone tell.
+        progress: called with the completed share.
+        trackers: trackers of the hand; a perfect one if left out.
+        carried: the handed-over object; without it, distance and speed alone end an exchange.
 
     Returns:
-        What every period saw and said, in order.
+        All periods, in order.
 
     Raises:
-        UnreachableError: the arm of the example reaches the path from nowhere.
+        UnreachableError: the arm of the example cannot reach the path from any placement.
 
     """
     with SessionLoop(

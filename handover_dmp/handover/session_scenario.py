@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a run of a session needs, put together: the recorded session, both movements, the arm."""
+"""Everything that a run of a session needs: the recorded session, both movements, the arm."""
 
 from __future__ import annotations
 
@@ -44,17 +44,18 @@ import numpy as np
 @dataclass(frozen=True)
 class SessionScenario:
     """
-    One session to be run.
+    One session to run.
 
     Attributes:
-        session: as recorded, low-passed; its P1 is the partner, its P2 for comparison.
+        session: the recording, low-pass filtered; its P1 is the partner, its P2 for comparison.
         models: the learnt movements.
         robot: the arm, placed.
-        q_start: (n,), rad, with the wrist where P2's was before the give.
-        seed: of all that is drawn at random.
-        partner_model: `auto`, to expect of the hand what a movement knows of it, or `off`.
-        profile: of what is handed over; the movements are those that carry it.
-        pick_up: (3,), of the wrist where it picks the object up first, m; None: it has it.
+        q_start: (n,), rad, with the wrist at the position of P2's before the give.
+        seed: random seed.
+        partner_model: `auto`, to use the partner models of the movements, or `off`.
+        profile: profile of the handed-over object; the movements are adapted to it.
+        pick_up: (3,), m, wrist position at which the object is picked up; None: it is held
+            already.
 
     """
 
@@ -74,7 +75,7 @@ class SessionScenario:
 
     @property
     def rules(self) -> SessionOptions:
-        """Rules of the session; those of `config/`, but for where the object is picked up."""
+        """Rules of the session: those of `config/`, except for the pick-up."""
         if self.pick_up is None:
             return SessionOptions()
         x, y, z = self.pick_up.tolist()
@@ -82,13 +83,13 @@ class SessionScenario:
 
     def carried(self, mass_kg: float | None = None) -> CarriedObjectOptions:
         """
-        Tell what is handed over: an object between the wrists that meet.
+        Return the handed-over object, which lies between the two wrists at an exchange.
 
         Args:
-            mass_kg: kg; that of its profile if left out.
+            mass_kg: mass, kg; that of its profile if left out.
 
         Returns:
-            The object, in the gripper or on the table where it is picked up.
+            The object, in the gripper or on the table.
 
         """
         mass_kg = self.profile.mass_kg if mass_kg is None else mass_kg
@@ -97,10 +98,10 @@ class SessionScenario:
 
 def example_sessions(seed: int = 0) -> tuple[RecordedSession, RecordedSession]:
     """
-    Make the sessions of the example: an assistant and a mechanic, with one tool.
+    Create the sessions of the example: an assistant and a mechanic, with one tool.
 
     Args:
-        seed: of the synthetic data set.
+        seed: seed of the synthetic data set.
 
     Returns:
         One to learn from, and another one to run against.
@@ -113,13 +114,13 @@ def example_sessions(seed: int = 0) -> tuple[RecordedSession, RecordedSession]:
 
 def trials_of(session: RecordedSession) -> list[HandoverTrial]:
     """
-    Cut a session into its handovers, with P2's ways back.
+    Cut a session into its handovers, each with P2's way back.
 
     Args:
         session: as recorded.
 
     Returns:
-        A trial an exchange, in order.
+        One trial per exchange, in order.
 
     """
     cut = SegmentedMotion(session.motion, Segmentation(), list(session.exchanges), [])
@@ -145,7 +146,7 @@ def learn_from_session(session: RecordedSession) -> SessionModels:
         found[trial.direction] = learn_from_trials([trial])
     missing = [direction for direction in ('give', 'take') if direction not in found]
     if missing:
-        raise DataError(f'{session.motion.source}: no {missing[0]} is in it')
+        raise DataError(f'{session.motion.source}: contains no {missing[0]}')
     return SessionModels(found['give'], found['take'])
 
 
@@ -163,31 +164,31 @@ def make_session_scenario(
     pick_up: bool = False,
 ) -> SessionScenario:
     """
-    Put together what a run needs.
+    Assemble a scenario.
 
-    The movements are learnt from the very session that is replayed, unless they are given; the
-    example is learnt from another session than the one it is run against. The arm is placed so
-    that both reaches lie well inside its reach.
+    The movements are learnt from the replayed session, unless they are given; those of the
+    example are learnt from another session. The base is placed so that both reaches are well
+    inside the reach of the arm.
 
     Args:
-        session: recorded, or its file; none: the example.
+        session: the recording, or its file; by default the example.
         model: file of a learnt give.
         take_model: file of a learnt take.
-        models: both, learnt already.
-        arm: which one; the LWR 4+ if left out.
-        base: where it stands; found if left out.
-        seed: of the synthetic data.
+        models: both movements, instead of files.
+        arm: the arm; the LWR 4+ if left out.
+        base: base placement; found if left out.
+        seed: seed of the synthetic data.
         partner_model: `auto` or `off`; that of `config/` if left out.
-        profile: of what is handed over; a rod if left out.
-        pick_up: whether the object lies where the recorded person picked it up, and is to be
-            fetched first; no matter where the session does not tell that place.
+        profile: profile of the handed-over object; a rod if left out.
+        pick_up: whether the object is first picked up where the recorded person did so; ignored
+            if the session does not contain a pick-up.
 
     Returns:
         The scenario.
 
     Raises:
         DataError: a file cannot be used, or a session has no give or no take.
-        UnreachableError: the arm reaches the way from nowhere.
+        UnreachableError: the arm cannot reach the path from any placement.
 
     """
     if session is None:
@@ -229,14 +230,14 @@ def make_session_scenario(
 
 def expected_session_path(models: SessionModels, session: RecordedSession) -> Array:
     """
-    Foretell the way of the wrist against a recorded session.
+    Predict the path of the wrist for a recorded session.
 
     Args:
         models: the movements.
         session: as recorded.
 
     Returns:
-        (n, 3), m: the way to each exchange and back, but for the last way back.
+        (n, 3), m: the path to each exchange and back, except for the last way back.
 
     """
     trials = trials_of(session)
@@ -246,14 +247,14 @@ def expected_session_path(models: SessionModels, session: RecordedSession) -> Ar
         movement = models.give if trial.direction == 'give' else models.take
         goals, velocities = hand_goal(trial, movement)
         there, _ = rollout_towards(movement, trial.times, goals, velocities, home)
-        # what is carried slowly is still on its way when the recorded reach is over
+        # a slow object is still moving when the recorded reach is over
         there = np.vstack([there, trial.partner[-1] + movement.goal_offset])
         parts += [there, there[::-1]]
     return np.vstack(parts[:-1])
 
 
 def _fetching_path(home: Array, place: Array, session: RecordedSession) -> Array:
-    """Return the straight way to where the object lies, as often as the session is sampled."""
+    """Return the straight path to the object, sampled like the session."""
     times = session.motion.times
     step_m = WithdrawalOptions().speed * float(times[1] - times[0])
     count = max(2, math.ceil(float(np.linalg.norm(place - home)) / step_m))

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Learning a movement primitive from recorded handovers, and what a recorded hand tells it."""
+"""Learning a movement primitive from recorded handovers, and running it against one."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 PATH_NODES = 101
-"""Of the partner's path."""
+"""Number of nodes of the partner path."""
 
 
 def learn_from_trials(
@@ -54,28 +54,27 @@ def learn_from_trials(
     cutoff_hz: float | None = CUTOFF_HZ,
 ) -> Any:
     """
-    Learn the motion of P2 from one recorded handover, or from several.
+    Learn the motion of P2 from one or several recorded handovers.
 
-    The recordings are resampled and low-passed without phase first.
+    The recordings are first resampled and low-pass filtered with zero phase.
 
     Args:
-        trials: one or more; of several, their time-normalised mean is learnt (*learn mean*).
-        parameters: of the primitive; the defaults of `config/handover.yaml` if left out.
+        trials: one or more; with several, their time-normalised mean is learnt (*learn mean*).
+        parameters: parameters of the primitive; by default those of `config/handover.yaml`.
         regression: `rvm` or `ridge`.
         basis: number of basis functions.
-        jointly: learn from all rows of all trials at once instead of from their mean.
+        jointly: learn from all trials in one regression instead of from their mean.
         primitive: `DecoupledDmp` or `ClassicalDmp`.
-        cutoff_hz: low-pass of the recordings, Hz; None: they are smooth already.
+        cutoff_hz: cutoff of the low-pass filter, Hz; None: not filtered.
 
     Returns:
-        The learnt movement. Its goal offset is P2(end) − P1(end), the mean of it over the trials,
-        its partner path the mean of P1, each over its own duration, and its way back the one
-        learnt of the same trials, as far as they have one. Where all trials tell how P2's wrist
-        turns, it has learnt that, too.
+        The learnt movement. Its goal offset is the mean of P2(end) − P1(end) over the trials, its
+        partner path the mean of P1, each over its own duration. It has a way back if trials have
+        one, and a turn if all trials have the orientation of P2's wrist.
 
     Raises:
-        DataError: no trial, or one that cannot be used.
-        UsageError: an unknown regression, or a number of basis functions out of range.
+        DataError: there is no trial, or one cannot be used.
+        UsageError: the regression is unknown, or the number of basis functions is out of range.
 
     """
     if not trials:
@@ -121,18 +120,18 @@ def hand_goal(
     trial: HandoverTrial, model: Primitive, times: ArrayLike | None = None
 ) -> tuple[Array, Array]:
     """
-    Turn the recorded hand of P1 into the goal of a primitive: g = P1 + goal offset.
+    Convert the recorded hand of P1 to the goal of a primitive: g = P1 + goal offset.
 
     Args:
         trial: recorded handover.
         model: learnt movement.
-        times: when to give it, s, (n,); the stamps of the trial if left out.
+        times: times of the goals, s, (n,); the stamps of the trial if left out.
 
     Returns:
-        Goals, m, and their velocities, m/s, (n, 3) each, of the low-passed hand.
+        Goals, m, and their velocities, m/s, (n, 3) each, of the low-pass filtered hand.
 
     Raises:
-        DataError: the trial cannot be low-passed.
+        DataError: the trial cannot be low-pass filtered.
 
     """
     at = trial.times if times is None else np.asarray(times, dtype=float)
@@ -151,25 +150,25 @@ def rollout_against(
     partner: PartnerOptions | None = None,
 ) -> Rollout:
     """
-    Run a primitive against the recorded hand of P1, from where P2 stood, at rest.
+    Run a primitive against the recorded hand of P1, from rest at the start of P2.
 
     Args:
         model: learnt movement of three dimensions.
-        trial: recorded handover; the rollout takes as long.
-        rate_hz: samples a second.
-        deviation: whether to work out the standard deviation that the posterior implies.
-        partner: constants of the partner model; None: without it, as it is also where the movement
-            knows nothing of the partner.
+        trial: recorded handover; it determines the duration of the rollout.
+        rate_hz: samples per second.
+        deviation: whether to compute the standard deviation from the posterior.
+        partner: constants of the partner model; None: without it. It also needs a movement with a
+            partner path.
 
     Returns:
         The motion, at the first stamp of the trial and every 1/rate_hz after it.
 
     Raises:
-        DataError: a model of other than three dimensions, or a trial that cannot be low-passed.
+        DataError: the model does not have three dimensions, or the trial cannot be filtered.
 
     """
     if model.dimensions != 3:
-        raise DataError(f'the model has {model.dimensions} dimensions; a hand has 3')
+        raise DataError(f'the model has {model.dimensions} dimensions; a handover needs 3')
     count = int(trial.duration_s * rate_hz + 1e-6) + 1
     times = trial.times[0] + np.arange(count) / rate_hz
     goals, velocities = hand_goal(trial, model, times)
@@ -185,15 +184,15 @@ def reproduction_error(
     model: Primitive, trial: HandoverTrial, cutoff_hz: float | None = CUTOFF_HZ
 ) -> float:
     """
-    Measure how far a primitive, sent to P2's own goal at its own pace, strays from P2.
+    Measure the deviation from P2 of a primitive that runs to P2's own goal at its own pace.
 
     Args:
         model: learnt movement.
-        trial: recorded handover, such as the one it was learnt from.
-        cutoff_hz: low-pass of the recording, Hz; None: it is smooth already.
+        trial: recorded handover, e.g. the one it was learnt from.
+        cutoff_hz: cutoff of the low-pass filter, Hz; None: not filtered.
 
     Returns:
-        Largest distance between the motion and the low-passed recording, m.
+        Maximum distance between the motion and the filtered recording, m.
 
     """
     smoothed = condition(trial, cutoff_hz=cutoff_hz)

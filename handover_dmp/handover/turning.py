@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How the wrist is commanded to turn while it is moved, where the movement has learnt that."""
+"""The orientation command of the wrist, for movements that have learnt the rotation."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from handover_dmp.dmp import DecoupledDmp, OrientationPrimitive
 from handover_dmp.dmp.orientation import NO_TURN, OrientationState
 
 BRAKING = 20.0
-"""Of a turning wrist that has lost the hand, rad/s²."""
+"""Angular deceleration of the wrist while the hand is lost, rad/s²."""
 BACK_SPEED = 1.0
-"""Of a wrist on its way back to how it began, rad/s."""
+"""Angular speed of the wrist when it turns back to its start, rad/s."""
 BACK_ACCELERATION = 4.0
-"""For that, rad/s²."""
+"""Angular acceleration for that, rad/s²."""
 FOLLOWED_RAD = 0.2
-"""A wrist that is turned farther from its command than this does not follow it."""
+"""Angle between wrist and command beyond which the wrist does not follow."""
 
 
 class WristTurning:
-    """The commanded orientation of the wrist, period by period; none where nothing was learnt."""
+    """The commanded orientation of the wrist, period by period; None if none was learnt."""
 
     def __init__(self) -> None:
-        """Know nothing yet."""
+        """Begin without a movement and without a measurement."""
         self._movement: DecoupledDmp | None = None
         self._primitive: OrientationPrimitive | None = None
         self._state: OrientationState | None = None
@@ -45,7 +45,7 @@ class WristTurning:
 
     def use(self, movement: DecoupledDmp) -> None:
         """
-        Take a movement, from the next step on.
+        Change the movement from the next step on.
 
         Args:
             movement: as it is run.
@@ -59,25 +59,25 @@ class WristTurning:
 
     @property
     def is_learnt(self) -> bool:
-        """Whether the movement knows how the wrist turns."""
+        """Whether the movement has learnt the rotation of the wrist."""
         return self._primitive is not None
 
     @property
     def orientation(self) -> Quaternion | None:
-        """Where the wrist is to be turned, x, y, z, w; None where any orientation will do."""
+        """Commanded orientation, x, y, z, w; None if any orientation will do."""
         return None if self._state is None else self._state.orientation
 
     @property
     def angular_velocity(self) -> Turn:
-        """How fast it is to turn, rad/s."""
+        """Commanded angular velocity, rad/s."""
         return NO_TURN if self._state is None else self._state.angular_velocity
 
     def measure(self, orientation: Quaternion) -> None:
         """
-        Take the measured orientation of the wrist.
+        Process the measured orientation of the wrist.
 
         Args:
-            orientation: x, y, z, w, of norm 1.
+            orientation: unit quaternion x, y, z, w.
 
         """
         self._measured = orientation
@@ -85,11 +85,11 @@ class WristTurning:
             self._state = self._primitive.initial_state(orientation)
 
     def forget(self) -> None:
-        """Hold the wrist as it is turned when it is measured next."""
+        """Hold the orientation of the next measurement."""
         self._state = None
 
     def start(self) -> None:
-        """Begin to turn as learnt, from where the wrist is turned."""
+        """Begin the learnt rotation from the present orientation."""
         self._goes_back = False
         if self._primitive is None or self._measured is None:
             return
@@ -101,12 +101,12 @@ class WristTurning:
 
     def follow(self, dt: float, phase_rate: float, goal_weight: float) -> None:
         """
-        Turn on beside a step of the position.
+        Step the rotation, together with a step of the position.
 
         Args:
             dt: length of the step, s.
-            phase_rate: how fast the phase runs.
-            goal_weight: of the position.
+            phase_rate: speed of the phase, 1 as learnt.
+            goal_weight: goal weight of the position.
 
         """
         if self._primitive is not None and self._state is not None:
@@ -116,11 +116,11 @@ class WristTurning:
 
     def rest(self, dt: float, *, back: bool = False) -> None:
         """
-        Come to rest, or turn back to how the handover began, and rest there.
+        Brake, or turn back to the orientation at the start of the handover.
 
         Args:
             dt: length of the step, s.
-            back: whether to turn back, from now on until it starts anew.
+            back: whether to turn back, from now on until the next start.
 
         """
         if self._state is None:
@@ -132,7 +132,7 @@ class WristTurning:
         resting = self._state = self._state.braked(dt, BRAKING)
         moved = self._measured is not None and self._is_off(resting.orientation, self._measured)
         if moved and not any(resting.turned.velocity):
-            # by whoever: it stays where it is now
+            # an external cause has turned the wrist: keep its present orientation
             self.forget()
 
     @staticmethod

@@ -13,18 +13,17 @@
 # limitations under the License.
 
 """
-The way back after an exchange: home along the way that the arm came, or as it was learnt.
+The way back after an exchange: home along the path that the arm came, or as learnt.
 
-The way that the arm came is a `Trace` of its commands without its loops, so that a hand that was
-followed here and there is not followed once more. A `Way` lays a uniform cubic B-spline p through
-points: twice continuously differentiable, and round where the points have a corner. It is walked
-with minimum jerk,
+The path that the arm came is a `Trace` of its commands without loops, so the detours of a hand are
+not repeated. A `Way` puts a uniform cubic B-spline p through points: twice continuously
+differentiable, with rounded corners. The motion along it has minimum jerk,
 
     x(θ) = p(m(θ/T)), m(u) = 10u³ − 15u⁴ + 6u⁵,
 
-T being the shortest time that keeps a speed and an acceleration; or, where the points are those of
-a learnt movement, evenly in its own time. A `WayFollower` walks it, on a clock of its own that
-runs at a rate from 0 to 1: near a hand it is slow, before a hand that is lost it stands.
+with T the shortest duration within bounds on speed and acceleration. If the points are those of a
+learnt movement, they are evenly spaced in its own time instead. A `WayFollower` follows it on a
+clock of its own with a rate from 0 to 1: slow near the hand, stopped if a lost hand is ahead.
 """
 
 from __future__ import annotations
@@ -41,33 +40,33 @@ from handover_dmp.dmp.primitive import Primitive
 import numpy as np
 
 TRACE_SPACING_M = 0.005
-"""Distance between points of a trace; a way that comes back so near to itself was a loop."""
+"""Distance between points of a trace; a path that returns this close to itself is a loop."""
 SEGMENT_M = 0.02
-"""Length of a segment of a way; its corners are as round."""
+"""Length of a segment of a way, and radius of its corners, m."""
 MIN_SEGMENTS = 4
 CHECKED = 101
 CHECKED_OF_SEGMENT = 4
-"""Places at which the speed and the acceleration of a way are checked, at least."""
+"""Minimum number of points at which speed and acceleration of a way are checked."""
 WAY_SHARE = 0.25
-"""Of the acceleration limit, for walking a way at its full pace."""
+"""Share of the acceleration limit for following a way at full rate."""
 PAUSE_SHARE = 0.5
-"""Of the same, for standing still on it."""
+"""Share of the same for stopping on it."""
 RESUMING_RATE = 2.0
-"""1/s; how fast the clock of a way gets up to its rate again."""
+"""1/s; increase of the clock's rate after a stop."""
 TRACKING_RATE = 10.0
-"""1/s; how fast the command comes back to a way that it was pushed from; critically damped."""
+"""1/s; rate at which the command returns to a way after a push; critically damped."""
 ARRIVED_M = 1e-3
 ARRIVED_SPEED = 0.02
-"""So near to the end of a way, m, and so slow, m/s, it is walked."""
+"""Distance to the end of a way, m, and speed, m/s, below which it is completed."""
 LEARNT_SAMPLES = 101
 MIN_SPEED = 1e-9
 ASIDE_M = 0.0005
-"""A way that gets no nearer to a place than this before it leads away does not lead there, m."""
+"""A way approaches a point if it comes closer to it by more than this, m."""
 
 
 @dataclass(frozen=True)
 class WithdrawalOptions:
-    """How the wrist goes home."""
+    """Options of the way back."""
 
     speed: float = setting(
         'dmp',
@@ -94,10 +93,10 @@ class WithdrawalOptions:
 
     def speed_at(self, distance_m: float) -> float:
         """
-        Tell how fast the wrist may be.
+        Return the maximum speed of the wrist.
 
         Args:
-            distance_m: of the wrist from where it would hand over to the hand now, m.
+            distance_m: distance from the wrist to the present exchange position, m.
 
         Returns:
             m/s.
@@ -108,21 +107,21 @@ class WithdrawalOptions:
 
 
 class Trace:
-    """The way that the wrist was commanded, from where it began to where it is, without loops."""
+    """The commanded path of the wrist from its start to now, without loops."""
 
     def __init__(self, start: Vector) -> None:
         """
-        Begin it.
+        Begin the trace.
 
         Args:
-            start: first place, m.
+            start: first point, m.
 
         """
         self._points = [start]
 
     def add(self, position: Vector) -> None:
         """
-        Go on to a place; what lies between it and a former place near to it, was a loop.
+        Add a point; everything after an earlier point close to it was a loop, and is removed.
 
         Args:
             position: m.
@@ -136,31 +135,31 @@ class Trace:
 
     @property
     def start(self) -> Vector:
-        """Where it began, m."""
+        """Start of the trace, m."""
         return self._points[0]
 
     def is_at_start(self, position: Vector) -> bool:
         """
-        Tell whether a place is where it began.
+        Return whether a position is the start.
 
         Args:
             position: m.
 
         Returns:
-            Whether, and nothing is left of the trace.
+            Whether it is, and the trace has no other points.
 
         """
         return len(self._points) == 1 and dist(position, self.start) < TRACE_SPACING_M
 
     def back_from(self, position: Vector) -> list[Vector]:
         """
-        Give the way back to where it began.
+        Return the path back to the start.
 
         Args:
-            position: where the wrist is, m.
+            position: present position of the wrist, m.
 
         Returns:
-            Places, m, from there on.
+            Points, m, beginning there.
 
         """
         return [position, *reversed(self._points)]
@@ -168,12 +167,12 @@ class Trace:
 
 class Motion(NamedTuple):
     """
-    Where a way leads at a time.
+    A point of a way at a time.
 
     Attributes:
         position: m.
-        velocity: m/s, of its own clock.
-        acceleration: m/s², of the same.
+        velocity: m/s, by the clock of the way.
+        acceleration: m/s², by the same.
 
     """
 
@@ -184,7 +183,7 @@ class Motion(NamedTuple):
 
 class Way:
     """
-    A smooth way through places, from rest to rest.
+    A smooth motion through points, from rest to rest.
 
     Attributes:
         duration_s: T, s.
@@ -200,14 +199,14 @@ class Way:
         duration_s: float | None = None,
     ) -> None:
         """
-        Lay it through places.
+        Put a way through points.
 
         Args:
-            places: m, two at least, the last of them its end.
-            speed: bound on it, m/s.
-            acceleration: bound on it, m/s².
-            duration_s: of places that are evenly spaced in time, s; it takes longer where a bound
-                needs that. If left out, it is walked with minimum jerk, as fast as the bounds let.
+            places: points, m, at least two; the last one is the end.
+            speed: bound on the speed, m/s.
+            acceleration: bound on the acceleration, m/s².
+            duration_s: duration of points that are evenly spaced in time, s; longer if a bound
+                requires it. If left out, minimum jerk, as fast as the bounds permit.
 
         """
         self._minimum_jerk = duration_s is None
@@ -216,7 +215,7 @@ class Way:
             tuple(2.0 * a - b for a, b in zip(end, inner, strict=True))
             for end, inner in ((nodes[0], nodes[1]), (nodes[-1], nodes[-2]))
         )
-        # a spline of nodes that go on evenly beyond its ends begins and ends at these
+        # nodes extrapolated beyond the ends make the spline begin and end at the first and last
         self._nodes = [before, *nodes, after]
         self._segments = len(nodes) - 1
         self.duration_s = duration_s or 1.0
@@ -231,18 +230,18 @@ class Way:
 
     @property
     def end(self) -> Vector:
-        """Where it leads, m."""
+        """End of the way, m."""
         return self._nodes[-2]
 
     def at(self, time_s: float) -> Motion:
         """
-        Tell where it leads.
+        Return the point of the way at a time.
 
         Args:
-            time_s: since its beginning, on its own clock, s.
+            time_s: time since its beginning, by its own clock, s.
 
         Returns:
-            Place, velocity and acceleration then; at rest at its ends from after these on.
+            Position, velocity and acceleration; at rest beyond its ends.
 
         """
         u = time_s / self.duration_s
@@ -282,13 +281,13 @@ class Way:
 
     def rest_of(self, time_s: float) -> list[Vector]:
         """
-        Give the places that are still to come.
+        Return the remaining points.
 
         Args:
-            time_s: since its beginning, s.
+            time_s: time since its beginning, s.
 
         Returns:
-            Places, m, the end among them.
+            Points, m, including the end.
 
         """
         u = min(max(time_s / self.duration_s, 0.0), 1.0)
@@ -298,14 +297,14 @@ class Way:
 
     def leads_nearer(self, time_s: float, place: Vector) -> bool:
         """
-        Tell whether it comes nearer to a place shortly.
+        Return whether the way approaches a point next.
 
         Args:
-            time_s: since its beginning, s.
-            place: m.
+            time_s: time since its beginning, s.
+            place: the point, m.
 
         Returns:
-            Whether it does within the next bit of it.
+            Whether it does so within the next segment.
 
         """
         here = self.at(time_s).position
@@ -326,17 +325,17 @@ def way_back(
     learnt: Primitive | None = None,
 ) -> Way | None:
     """
-    Find the way home.
+    Plan the way home.
 
     Args:
-        trace: of the way that the arm came.
-        position: where the wrist is commanded to be, m.
-        options: of the withdrawal.
-        acceleration_limit: of the wrist command, m/s².
-        learnt: movement back, as it was recorded; the way that the arm came if left out.
+        trace: path that the arm came.
+        position: commanded position of the wrist, m.
+        options: options of the way back.
+        acceleration_limit: limit of the wrist command, m/s².
+        learnt: learnt way back; the path that the arm came if left out.
 
     Returns:
-        The way; None where the wrist is at home.
+        The way; None if the wrist is at home.
 
     """
     bounds = {'speed': options.speed, 'acceleration': WAY_SHARE * acceleration_limit}
@@ -346,7 +345,7 @@ def way_back(
         return Way(trace.back_from(position), **bounds)
     times = np.linspace(0.0, learnt.duration_s, LEARNT_SAMPLES)
     places = learnt.rollout(times, trace.start, start=position).positions
-    # a movement comes to its goal by and by; the last of the way is added over the whole of it
+    # a movement only converges to its goal; the remaining error is spread over the whole way
     done = [_done(u) for u in (times / times[-1]).tolist()]
     places = places + np.outer(done, np.array(trace.start) - places[-1])
     return Way([tuple(p) for p in places.tolist()], duration_s=learnt.duration_s, **bounds)
@@ -354,21 +353,21 @@ def way_back(
 
 class WayFollower:
     """
-    Walks a way with a bounded acceleration, from whatever place and velocity.
+    Follows a way with bounded acceleration, from any position and velocity.
 
     Attributes:
-        way: that is walked.
-        time_s: on the clock of the way, s.
-        rate: at which that runs, 0 to 1.
+        way: the way.
+        time_s: time on the clock of the way, s.
+        rate: rate of that clock, 0 to 1.
 
     """
 
     def __init__(self, way: Way) -> None:
         """
-        Begin it.
+        Begin a way.
 
         Args:
-            way: to be walked.
+            way: the way to follow.
 
         """
         self.way = way
@@ -377,14 +376,14 @@ class WayFollower:
 
     def has_arrived(self, position: Vector, velocity: Vector) -> bool:
         """
-        Tell whether the way is walked.
+        Return whether the way is completed.
 
         Args:
-            position: of the command, m.
-            velocity: m/s.
+            position: position of the command, m.
+            velocity: velocity of the command, m/s.
 
         Returns:
-            Whether the command is at its end and all but at rest.
+            Whether the command is at its end and almost at rest.
 
         """
         over = self.time_s >= self.way.duration_s
@@ -395,13 +394,13 @@ class WayFollower:
         self, position: Vector, velocity: Vector, dt: float, max_speed: float, limit: float
     ) -> tuple[Vector, Vector]:
         """
-        Go one period on.
+        Advance by one period.
 
         Args:
-            position: of the command, m.
-            velocity: m/s.
+            position: position of the command, m.
+            velocity: velocity of the command, m/s.
             dt: length of the period, s.
-            max_speed: on the way, m/s; 0 to stand still.
+            max_speed: maximum speed on the way, m/s; 0 to stop.
             limit: bound on the acceleration, m/s².
 
         Returns:
@@ -435,7 +434,7 @@ class WayFollower:
 
 
 def _done(u: float) -> float:
-    """Tell how much of a way is walked with minimum jerk, after a share of the time."""
+    """Return the completed share of a minimum-jerk motion after a share of its time."""
     return u * u * u * (10.0 + u * (6.0 * u - 15.0))
 
 
@@ -445,7 +444,7 @@ def _combined(shares: Sequence[float], points: Sequence[Vector], factor: float) 
 
 
 def _evenly_spaced(places: Sequence[Vector]) -> list[Vector]:
-    """Lay places evenly along straight lines between others, ends included."""
+    """Resample the polyline through points evenly, ends included."""
     lengths = [0.0]
     for a, b in pairwise(places):
         lengths.append(lengths[-1] + dist(a, b))

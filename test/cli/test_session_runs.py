@@ -34,7 +34,7 @@ import pytest
         (['--session', '--mass', '70'], '--mass 70 is not between'),
         (['--session', '--mass', 'nan'], '--mass nan is not between'),
         (['--session', '--scale', '0.5'], '--scale is for one handover'),
-        (['--session', '--object', 'anvil'], "no object 'anvil'"),
+        (['--session', '--object', 'anvil'], "object 'anvil' is unknown"),
     ],
 )
 def test_what_makes_no_sense_is_refused_in_one_line(

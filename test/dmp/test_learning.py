@@ -176,7 +176,7 @@ def test_derivatives_of_a_demonstration():
     ('times', 'path', 'fault'),
     [
         ([0, 1, 2], np.zeros((3, 3)), '3 samples'),
-        ([0, 1, 1, 2], np.zeros((4, 3)), 'rise'),
+        ([0, 1, 1, 2], np.zeros((4, 3)), 'increase'),
         ([0, 1, 2, 3], np.full((4, 3), np.nan), 'finite'),
         ([0, 1, 2, 3], np.zeros((5, 3)), 'instead of'),
         ([0, 1, 2, 3], np.zeros(4), 'instead of'),

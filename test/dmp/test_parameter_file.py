@@ -99,7 +99,10 @@ def test_sections_are_merged_for_the_node(tmp_path):
     [
         ('dmp:\n  ros__parameters: {stifness: 1.0}\n', "'stifness'; the nearest is 'stiffness'"),
         ('/**:\n  ros__parameters: {stifness: 1.0}\n', "'stifness'; the nearest is 'stiffness'"),
-        ('/a/dmp:\n  ros__parameters: {}\n/b/dmp:\n  ros__parameters: {}\n', 'is not told'),
+        (
+            '/a/dmp:\n  ros__parameters: {}\n/b/dmp:\n  ros__parameters: {}\n',
+            'sections for several nodes, /a/dmp, /b/dmp',
+        ),
         ('recorder:\n  ros__parameters: {mu: 0.7}\n', 'no section dmp'),
     ],
 )

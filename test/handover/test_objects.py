@@ -167,12 +167,12 @@ def test_what_is_slow_leaves_the_partner_their_own_pace() -> None:
 @pytest.mark.parametrize(
     'text, fault',
     [
-        ('cup: {orientation: askew}', "orientation 'askew' is none of"),
+        ('cup: {orientation: askew}', "orientation is 'askew', not one of"),
         ('cup: {colour: [1, 2]}', 'colour is not three numbers'),
-        ('cup: {mass_kg: .nan}', 'mass_kg is nan, not from'),
-        ('cup: {weight: 3}', "there is no 'weight'"),
-        ('cup: 3', "nothing below 'cup'"),
-        ('[1, 2]', 'not one object'),
+        ('cup: {mass_kg: .nan}', 'mass_kg is nan; it must be from'),
+        ('cup: {weight: 3}', "unknown field 'weight'"),
+        ('cup: 3', "object 'cup' has no fields"),
+        ('[1, 2]', 'must hold one object'),
         ('cup: {shape: [', 'not proper YAML'),
     ],
 )

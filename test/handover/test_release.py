@@ -247,7 +247,7 @@ def test_a_gap_and_numbers_that_are_none_open_nothing() -> None:
 def test_numbers_without_a_meaning_are_refused(change: dict[str, float]) -> None:
     with pytest.raises(UsageError, match=f'release.{next(iter(change))}'):
         ReleaseOptions(**change)
-    with pytest.raises(UsageError, match='weighs'):
+    with pytest.raises(UsageError, match='weight'):
         ReleaseRule(OPTIONS).reset(-1.0)
 
 

@@ -199,7 +199,7 @@ def test_the_handover_in_a_bag_is_chosen(tmp_path, trial):
     chosen = recorded_trial(bag, cutoff_hz=0.0, span_s=(2.0, 3.0))
     assert chosen.duration_s == pytest.approx(1.0, abs=0.006)
     np.testing.assert_allclose(chosen.partner[0], trial.partner[0], atol=1e-9)
-    with pytest.raises(DataError, match='0 samples make no handover'):
+    with pytest.raises(DataError, match='0 samples are too few for a handover'):
         recorded_trial(bag, span_s=(20.0, 30.0))
 
 
