@@ -388,7 +388,9 @@ class Primitive(ABC):
                 return fast(state, goal, goal_velocity, phase_rate)
             return reference_step(self, state, goal, goal_velocity, h, phase_rate)
         if not 0.0 <= phase_rate < inf:
-            raise DataError(f'phase rate of a step is {phase_rate}; it must be finite and not negative')
+            raise DataError(
+                f'phase rate of a step is {phase_rate}; it must be finite and not negative'
+            )
         done = 0.0
         for part in self._divide(self.time_of(state.phase), h, phase_rate):
             moved = tuple(g + done * v for g, v in zip(goal, goal_velocity, strict=True))

@@ -131,7 +131,9 @@ class ReleaseRule:
 
         """
         if weight_n is not None and not (isfinite(weight_n) and weight_n >= 0.0):
-            raise UsageError(f'weight of the object is {weight_n} N; it must be finite and not negative')
+            raise UsageError(
+                f'weight of the object is {weight_n} N; it must be finite and not negative'
+            )
         self._told_n = weight_n
         length = 0.0 if towards is None else hypot(*towards)
         self._towards = None if towards is None or length == 0.0 else _scaled(towards, 1 / length)

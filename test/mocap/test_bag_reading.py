@@ -205,7 +205,7 @@ def test_the_handover_in_a_bag_is_chosen(tmp_path, trial):
 
 def test_of_several_handovers_in_a_bag_one_is_asked_for(tmp_path, trial):
     bag = run_bag(tmp_path / 'bag', trial, at_s=(2.0, 8.0), end_s=13.0)
-    with pytest.raises(DataError, match=r'2 handovers, .* say which'):
+    with pytest.raises(DataError, match=r'2 handovers, .* choose one'):
         recorded_trial(bag)
 
 
