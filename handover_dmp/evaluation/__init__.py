@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The paper's Section III: how near to people the primitive moves, and how to bring it nearer."""
+"""The paper's Section III: how close the primitive's motion is to people's, and its tuning."""
 
 LEARN = ('single', 'mean', 'representative')
-"""What is learnt from: each trial, the mean of all, the trial nearest to the mean."""
+"""Sources of learning: each trial, the mean of all, the trial nearest to the mean."""
 
 METHODS = ('decoupled', 'partner_model', 'classical', 'minimum_jerk', 'human')
-"""What moves in the place of P2."""
+"""Methods that replace P2."""

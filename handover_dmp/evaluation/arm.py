@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The same table for what a simulated arm did, and where it lost what the primitive had."""
+"""The scores of a simulated arm, and where it is worse than the primitive alone."""
 
 from __future__ import annotations
 
@@ -54,12 +54,12 @@ import numpy as np
 @dataclass(frozen=True)
 class ArmReach:
     """
-    What the arm did in one trial.
+    The arm's motion in one trial.
 
     Attributes:
-        curve: (101, 3) m, its measured wrist, time-normalised.
-        limits: what held it back.
-        motion: its measures.
+        curve: (101, 3) m, the measured wrist, time-normalised.
+        limits: the limits that slowed the arm.
+        motion: measures of the motion.
 
     """
 
@@ -75,13 +75,14 @@ class ArmCase:
 
     Attributes:
         case: the trials.
-        primitive: the primitive alone, in the trials that the arm reaches.
-        arm: what the arm did in them.
+        primitive: scores of the primitive alone, in the trials that the arm reaches.
+        arm: scores of the arm in the same trials.
         apart_m: root-mean-square distance between the two, m.
-        limits: what held the arm back; None where it reached the start of no trial.
-        start_speed: of P2 where the recordings begin, median, m/s; the arm is at rest there.
+        limits: the limits that slowed the arm; None if it reached the start of no trial.
+        start_speed: median speed of P2 at the start of the recordings, m/s; the arm starts at
+            rest.
         unreached: numbers of the trials whose start the arm does not reach.
-        motions: number of each other trial to the measures of the motion.
+        motions: measures of the motion, by number of each other trial.
 
     """
 
@@ -126,10 +127,10 @@ class ArmEvaluation:
     All cases with the arm.
 
     Attributes:
-        arm: what was asked for.
-        learn: what was learnt from.
-        cases: that the arm can be placed for.
-        refused: configuration, exchange and reason of the others.
+        arm: name or description of the arm.
+        learn: source of the movement, one of `LEARN`.
+        cases: cases for which the arm can be placed.
+        refused: configuration, exchange and reason of the other cases.
 
     """
 
@@ -148,7 +149,7 @@ class ArmEvaluation:
         }
 
     def total(self) -> dict[str, Any]:
-        """Sum all cases up, in plain types; each trial that the arm reaches counts alike."""
+        """Summarise all cases, in plain types; all trials that the arm reaches weigh the same."""
         reached = [(int(one.arm.counted.sum()), one) for one in self.cases if one.limits]
         trials = sum(number for number, _ in reached)
         held = sum(number * one.limits.any_joint for number, one in reached if one.limits)
@@ -177,14 +178,14 @@ class ArmEvaluation:
 
 def figures(*scores: Scores) -> dict[str, Any]:
     """
-    Sum scores up.
+    Summarise scores.
 
     Args:
-        scores: of one case or of several, with the best shift in time of each rollout.
+        scores: scores of one or several cases, with the best shift in time of each rollout.
 
     Returns:
-        Percentages within 1σ, 2σ and 3σ, distance, final gap and distance after the best shift in
-        m, that shift in s.
+        Percentages within 1σ, 2σ and 3σ; distance, final gap and distance after the best shift,
+        m; that shift, s.
 
     """
     counted = [one for one in scores if one.counted.any()]
@@ -211,25 +212,26 @@ def evaluate_arm(
     progress: Progress | None = None,
 ) -> ArmEvaluation:
     """
-    Let an arm go through the trials of an evaluation.
+    Run the trials of an evaluation on a simulated arm.
 
-    In lockstep and with everything that the graph has: controller, approach rule, tracker, inverse
-    kinematics with the arm's limits, simulated joints. The arm is placed once a case, for the
-    trial nearest to the mean.
+    The simulation runs in lockstep and contains everything that the graph has: controller,
+    approach rule, tracker, inverse kinematics with the arm's limits, simulated joints. The arm is
+    placed once per case, for the trial nearest to the mean.
 
     Args:
-        evaluation: of the primitive alone.
+        evaluation: evaluation of the primitive alone.
         choice: the arm.
-        cache: folder in which finished trials are kept, so that what is broken off goes on there.
-        jobs: processes; −1 for one a processor. Within `joblib.parallel_config` another backend
-            takes their place.
-        progress: is told how many of how many trials are done.
+        cache: folder for finished trials; an interrupted evaluation resumes from it.
+        jobs: number of processes; −1 for one per processor. `joblib.parallel_config` selects
+            another backend.
+        progress: called with the number of finished trials and of all trials.
 
     Returns:
-        What it did, by case. Learnt from the mean, or from the first of what was evaluated.
+        The results by case. The movement is learnt from the mean if that was evaluated, otherwise
+        from the first source.
 
     Raises:
-        DataError: there is no such arm, or it is none.
+        DataError: the arm is missing or not an arm.
 
     """
     protocol = evaluation.protocol
@@ -280,7 +282,7 @@ def place(case: Case, choice: ArmChoice, protocol: Protocol) -> BasePlacement | 
         protocol: how the movement is learnt.
 
     Returns:
-        Where its base stands; if it reaches the path from nowhere, why.
+        The base placement, or the reason why the arm reaches the path from nowhere.
 
     """
     index = nearest_to_mean(case.curves)
@@ -302,18 +304,18 @@ def reach(
     protocol: Protocol,
 ) -> ArmReach | None:
     """
-    Let the arm go through one trial.
+    Run one trial on the arm.
 
     Args:
         case: the trials.
-        sources: which of them it is learnt from.
-        index: the trial to go through.
+        sources: indices of the trials to learn from.
+        index: index of the trial to run.
         choice: the arm.
-        base: where it stands.
+        base: its base placement.
         protocol: how the movement is learnt.
 
     Returns:
-        What it did; None where it does not reach where the person started.
+        The arm's motion; None if the start of the demonstrator is out of reach.
 
     """
     trial = case.trials[index]

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where an arm lost what the primitive had: which limits held, when, and what was asked of it."""
+"""Which limits slowed an arm, when, and the acceleration that the movement demanded."""
 
 from __future__ import annotations
 
@@ -27,25 +27,27 @@ from handover_dmp.robot.model import RobotModel
 import numpy as np
 
 KINDS = ('acceleration', 'velocity', 'position')
-"""Limits of a joint."""
+"""Kinds of joint limits."""
 START_S = 0.05
-"""So long at the start counts as the start of a movement, s."""
+"""Length of the start of a movement, s."""
 
 
 @dataclass(frozen=True)
 class ReachLimits:
     """
-    What held an arm back in one reach, or in those of a case on average.
+    The limits that slowed an arm in one reach, or on average in the reaches of a case.
 
     Attributes:
-        joints: share of the reach in which each joint was at a limit, those that ever were.
+        joints: by joint, share of the reach in which it was at a limit; joints that never were
+            are left out.
         kinds: share in which any joint was at a limit of its acceleration, velocity, position.
-        any_joint: share in which any joint was at any of them.
-        half_by: when half of that time had passed, as a fraction of the reach; NaN if none did.
-        slowed_s: by how much the phase fell behind, since the arm could not keep up, s.
+        any_joint: share in which any joint was at any limit.
+        half_by: fraction of the reach at which half of that time had passed; NaN if there was
+            none.
+        slowed_s: delay of the phase because the arm could not keep up, s.
         asked: greatest acceleration of the primitive in its first 50 ms, m/s².
-        possible: what the arm can do from rest in that direction within the limits of its
-            joints, m/s².
+        possible: greatest acceleration of the arm from rest in that direction, within the limits
+            of its joints, m/s².
 
     """
 
@@ -62,16 +64,16 @@ def reach_limits(
     periods: Sequence[Period], robot: RobotModel, period_s: float, primitive: Array
 ) -> ReachLimits:
     """
-    Tell what held an arm back in one reach.
+    Find the limits that slowed an arm in one reach.
 
     Args:
-        periods: of the reach alone.
+        periods: periods of the reach.
         robot: the arm.
         period_s: length of a period, s.
-        primitive: (n, 3) m, what the primitive alone does at these times.
+        primitive: (n, 3) m, rollout of the primitive alone at these times.
 
     Returns:
-        The shares, and what was asked at the start.
+        The shares, and the acceleration that the start demanded.
 
     """
     joints: Counter[str] = Counter()
@@ -107,9 +109,9 @@ def reach_limits(
 
 def possible_acceleration(robot: RobotModel, joint_positions: Array, direction: Array) -> float:
     """
-    Find how hard the wrist of an arm at rest can accelerate.
+    Find the greatest acceleration of the wrist of an arm at rest.
 
-    The greatest a with J q̈ = a·d and |q̈| within the limits of the joints, a linear programme.
+    It is the greatest a with J q̈ = a·d and |q̈| within the joint limits, a linear programme.
 
     Args:
         robot: the arm.
@@ -117,7 +119,7 @@ def possible_acceleration(robot: RobotModel, joint_positions: Array, direction: 
         direction: (3,), of any length but 0.
 
     Returns:
-        m/s²; infinite where no joint has a limit.
+        The acceleration, m/s²; infinite if no joint has a limit.
 
     """
     from scipy.optimize import linprog
@@ -144,7 +146,7 @@ def mean_limits(reaches: Sequence[ReachLimits]) -> ReachLimits:
         reaches: one or more.
 
     Returns:
-        Their means; of `half_by` and the accelerations the median.
+        The means; for `half_by` and the accelerations, the medians.
 
     """
     names = dict.fromkeys(name for one in reaches for name in one.joints)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Lays out what an arm did, beside the primitive alone, and says where it lost."""
+"""Tables that compare an arm with the primitive alone, and remarks on where it is worse."""
 
 from __future__ import annotations
 
@@ -33,33 +33,34 @@ LIMITS_HEAD = (
 )  # fmt: skip
 
 NOTE = (
-    'alone: the primitive, in the trials that the arm reaches. shifted, late by: what remains of '
-    'the distance after the best shift in time of each trial, and that shift. apart: between the '
-    'two, root mean square.'
+    'alone: the primitive, in the trials that the arm reaches. shifted: distance after the best '
+    'shift in time of each trial; late by: that shift. apart: root-mean-square distance between '
+    'arm and primitive.'
 )
 LIMITS_NOTE = (
     'limited: share of the time in which a joint was at a limit of its position, speed or '
-    'acceleration; most by: the joints that were most often; half of it before: as a fraction of '
-    'the duration. asked, possible: acceleration with which the movement begins, and with which '
-    'the arm can start in that direction. behind: time lost by waiting for the arm. not reached: '
-    'trials that start where the arm, placed once a case, does not get.'
+    'acceleration; most by: the joints with the largest shares; half of it before: fraction of '
+    'the duration at which half of that time had passed. asked: initial acceleration of the '
+    'movement; possible: greatest acceleration of the arm in that direction. behind: time lost '
+    'by waiting for the arm. not reached: trials whose start the arm, placed once per case, '
+    'cannot reach.'
 )
 SHOWN_JOINTS = 2
 MUCH = 0.2
-"""An arm that is at a limit for a greater share of the time is worth a sentence."""
+"""Cases with a larger share of time at a limit get a remark."""
 AT_ONCE = 0.1
-"""m/s; P2 is moving already who is faster than this where the recording begins."""
+"""Above this speed at the start of a recording, P2 is already moving, m/s."""
 
 
 def arm_tables(evaluation: ArmEvaluation) -> list[CaseTable]:
     """
-    Lay it out: how near the arm came, and what held it back.
+    Make the tables of an arm: its distances, and the limits that slowed it.
 
     Args:
-        evaluation: of the arm.
+        evaluation: evaluation of the arm.
 
     Returns:
-        Two tables of a line a case; those that the arm cannot be placed for say so.
+        Two tables with one line per case; cases without a placement are named below.
 
     """
     cases = [(case.as_json(), len(case.case)) for case in evaluation.cases]
@@ -75,7 +76,7 @@ def arm_tables(evaluation: ArmEvaluation) -> list[CaseTable]:
     if not cases:
         return [near]
     limits = CaseTable(
-        f'What held the arm back: {evaluation.arm}',
+        f'What limited the arm: {evaluation.arm}',
         LIMITS_NOTE,
         LIMITS_HEAD,
         [_limits_line(case) for case, _ in cases],
@@ -86,13 +87,13 @@ def arm_tables(evaluation: ArmEvaluation) -> list[CaseTable]:
 
 def arm_remarks(evaluation: ArmEvaluation) -> list[str]:
     """
-    Say where the arm lost what the primitive had.
+    Describe where limits slowed the arm.
 
     Args:
-        evaluation: of the arm.
+        evaluation: evaluation of the arm.
 
     Returns:
-        A sentence or two for each case in which limits held for more than a fifth of the time.
+        One or two sentences for each case with active limits in more than a fifth of the time.
 
     """
     found = [
@@ -106,24 +107,24 @@ def _remark(case: Mapping[str, Any]) -> str:
     kind = max(case['limits'], key=lambda one: case['limits'][one])
     text = (
         f'{_name(case)}: a joint is at a limit in '
-        f'{100 * case["any_limited"]:.0f} % of the time, of its {kind} in '
-        f'{100 * case["limits"][kind]:.0f} % ({_most_limited(case["limited"])}); half of that is '
-        f'over at {case["limited_by"]:.2f} of the duration.'
+        f'{100 * case["any_limited"]:.0f} % of the time, at its {kind} limit in '
+        f'{100 * case["limits"][kind]:.0f} % ({_most_limited(case["limited"])}); half of that '
+        f'time has passed at {case["limited_by"]:.2f} of the duration.'
     )
     possible = case['acceleration_possible']
     if possible is not None and case['acceleration_asked'] > possible:
         text += (
-            f' The movement begins with {case["acceleration_asked"]:.0f} m/s², the arm can start '
-            f'with {possible:.0f} m/s² in that direction'
+            f' The movement begins with {case["acceleration_asked"]:.0f} m/s², but the arm can '
+            f'only start with {possible:.0f} m/s² in that direction'
         )
         if case['start_speed'] > AT_ONCE:
             text += (
-                f': P2 moves at {case["start_speed"]:.2f} m/s where the recordings begin, and the '
-                'arm is at rest there'
+                f': P2 already moves at {case["start_speed"]:.2f} m/s when the recordings begin, '
+                'and the arm starts at rest'
             )
         text += '.'
     behind_ms = 1e3 * case['slowed_s']
-    return f'{text} Waiting for the arm, the movement falls {behind_ms:.0f} ms behind.'
+    return f'{text} The movement waits for the arm and loses {behind_ms:.0f} ms.'
 
 
 def _name(case: Mapping[str, Any]) -> str:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What moves in the place of P2, measured beside P2: medians and differences in pairs."""
+"""Measures of P2 and of what replaces P2: medians and paired differences."""
 
 from __future__ import annotations
 
@@ -27,25 +27,25 @@ from handover_dmp.evaluation.case_table import CaseTable
 import numpy as np
 
 PERSON = 'P2'
-"""Name of the column of the person."""
+"""Column name of the person."""
 
 NOTE = (
-    'Medians, and the mean difference to P2 in pairs with its 95 % interval from resampled '
-    '{what}. docs/method.md has the formulas.'
+    'Medians, and the mean paired difference to P2 with its 95 % interval from resampled '
+    '{what}. Formulas: docs/method.md.'
 )
 
 
 @dataclass(frozen=True)
 class Beside:
     """
-    One measure of P2, and of what moves in its place.
+    One measure of P2 and of what replaces P2.
 
     Attributes:
-        name: in `table.json`.
-        words: what is measured, and its unit.
+        name: name in `table.json`.
+        words: label with unit.
         digits: decimal places.
-        values: who moves to (n,), the measure in each trial, session or exchange; NaN where there
-            is none. The last one is P2.
+        values: by mover, (n,), the measure in each trial, session or exchange; NaN if there is
+            none. The last mover is P2.
 
     """
 
@@ -56,12 +56,12 @@ class Beside:
 
     @property
     def pairs(self) -> Array:
-        """(m, k), a column for each who moves, where all of them have the measure."""
+        """(m, k), one column per mover, one row per trial for which all have the measure."""
         columns = np.column_stack(list(self.values.values()))
         return np.asarray(columns[np.isfinite(columns).all(axis=1)])
 
     def medians(self) -> list[float]:
-        """Return the median of each who moves, NaN where none has the measure."""
+        """Return the median of each mover, NaN if none has the measure."""
         pairs = self.pairs
         return [float(np.median(column)) if len(column) else float('nan') for column in pairs.T]
 
@@ -70,10 +70,10 @@ class Beside:
         Return the difference of each to P2.
 
         Args:
-            seed: of the bootstrap.
+            seed: seed of the bootstrap.
 
         Returns:
-            Mean and both ends of its 95 % interval; NaN where none has the measure.
+            Mean and both ends of its 95 % interval; NaN if none has the measure.
 
         """
         pairs = self.pairs
@@ -89,10 +89,10 @@ class Beside:
 
     def as_json(self, seed: int) -> dict[str, Any]:
         """
-        Sum it up in plain types.
+        Summarise the measure in plain types.
 
         Args:
-            seed: of the bootstrap.
+            seed: seed of the bootstrap.
 
         Returns:
             Number of pairs, medians, differences to P2 and their intervals.
@@ -113,16 +113,16 @@ class Beside:
 
 def beside_table(title: str, note: str, measures: Sequence[Beside], seed: int) -> CaseTable:
     """
-    Lay measures out.
+    Make a table of measures.
 
     Args:
         title: heading of the table.
-        note: what is measured, in sentences.
-        measures: all with the same who.
-        seed: of the bootstrap.
+        note: explanation of the measures.
+        measures: measures, all with the same movers.
+        seed: seed of the bootstrap.
 
     Returns:
-        A line a measure; those that nothing has are left out.
+        One line per measure; measures without values are left out.
 
     """
     names = list(measures[0].values)

@@ -28,9 +28,9 @@ def draw_samples(trials: int, seed: np.random.SeedSequence, rounds: int = ROUNDS
     Draw trials with replacement.
 
     Args:
-        trials: how many there are, and how many are drawn in each round.
-        seed: makes the draws the same every time.
-        rounds: how many times to draw.
+        trials: number of trials, and of draws in each round.
+        seed: seed of the draws.
+        rounds: number of rounds.
 
     Returns:
         (rounds, trials): how often each trial was drawn in each round.
@@ -46,9 +46,8 @@ def interval(draws: Array, level: float = LEVEL) -> tuple[float, float]:
     Take the percentile interval of a statistic.
 
     Args:
-        draws: (rounds,) the statistic in each round; rounds where it does not exist (NaN) are
-            left out.
-        level: the share of rounds that the interval holds.
+        draws: (rounds,) the statistic in each round; NaN rounds are left out.
+        level: share of the rounds inside the interval.
 
     Returns:
         Its lower and upper end; NaN if the statistic never existed.

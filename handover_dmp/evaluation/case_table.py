@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A table of a line a case or a measure, for the terminal and for the page."""
+"""A table with one line per case or measure, for the terminal and the page."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from rich.text import Text
 
 NEW_LINE = '\n'
 MAX_WIDTH = 400
-"""Characters that no table needs."""
+"""Width that suffices for any table, characters."""
 
 
 @dataclass(frozen=True)
@@ -37,11 +37,11 @@ class CaseTable:
 
     Attributes:
         title: its heading.
-        note: what the columns mean, in sentences.
-        head: of the columns, the first one of words, the others of numbers; none: no table.
-        lines: cells, a line a case or a measure.
-        total: cells over all cases; none where that means nothing.
-        remarks: sentences below the table, a paragraph each.
+        note: explanation of the columns.
+        head: column headings, the first of text, the others of numbers; empty: no table.
+        lines: cells, one line per case or measure.
+        total: cells over all cases; empty if a total means nothing.
+        remarks: paragraphs below the table.
 
     """
 
@@ -65,10 +65,10 @@ class CaseTable:
 
     def show(self, console: Console) -> None:
         """
-        Print it with its note and its remarks.
+        Print the table with its note and remarks.
 
         Args:
-            console: where to; made as wide as the table needs.
+            console: output; widened to fit the table.
 
         """
         console.print(heading(self.title))
@@ -81,7 +81,7 @@ class CaseTable:
             console.print(text, '', sep='\n', highlight=False)
 
     def as_html(self) -> str:
-        """Lay it out for the page: heading, note, table, remarks."""
+        """Return HTML: heading, note, table, remarks."""
         parts = [f'<h2>{escape(self.title)}</h2>']
         if self.note:
             parts.append(f'<p class="soft">{escape(self.note)}</p>')
@@ -102,12 +102,12 @@ class CaseTable:
 
 
 def heading(title: str) -> Text:
-    """Lay out the heading of a table for rich; it stays on one line, however narrow the table."""
+    """Make the heading of a table for rich; it stays on one line, however narrow the table."""
     return Text(title, style='bold', no_wrap=True, overflow='ignore')
 
 
 def case_name(configuration: str, direction: str) -> str:
-    """Name a case as tables and sentences do."""
+    """Return the name of a case for tables and sentences."""
     return f'{configuration} {direction}'.strip()
 
 

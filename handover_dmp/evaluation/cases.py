@@ -36,9 +36,9 @@ class Hands:
 
     Attributes:
         times: (m,) s from the start, as long as the longest trial.
-        positions: (n, m, 3) m; after its end a hand stands still.
+        positions: (n, m, 3) m; after the end of its trial a hand stands still.
         velocities: (n, m, 3) m/s.
-        samples: (n,) number of samples that each trial really has.
+        samples: (n,) number of recorded samples of each trial.
 
     """
 
@@ -50,10 +50,10 @@ class Hands:
     @classmethod
     def of(cls, trials: Sequence[HandoverTrial]) -> Hands:
         """
-        Put trials of one rate beside each other.
+        Align trials of one rate.
 
         Args:
-            trials: conditioned, so that their samples are evenly spaced at one rate.
+            trials: conditioned trials: their samples are evenly spaced at one rate.
 
         Returns:
             Their hands.
@@ -75,7 +75,7 @@ class Hands:
 
         Args:
             rollouts: (k, at most m, 3) m, on `times`.
-            tested: the k trials whose hands they were.
+            tested: indices of the k trials whose hands they followed.
 
         Returns:
             (k, 101, 3) m.
@@ -150,8 +150,8 @@ def make_cases(
     Sort trials into cases and condition them.
 
     Args:
-        trials: of any configurations and exchanges, in any order.
-        min_trials: how many trials a case must have.
+        trials: trials of any configurations and exchanges, in any order.
+        min_trials: least number of trials in a case.
         cutoff_hz: low-pass of the recordings, Hz; None: they are smooth already.
 
     Returns:
@@ -185,7 +185,7 @@ def index_of(case: Case, number: int) -> int:
 
     Args:
         case: the trials.
-        number: of the trial.
+        number: number of the trial.
 
     Returns:
         Its index.

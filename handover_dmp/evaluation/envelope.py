@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Time-normalised curves and the band of human variability that they are held against."""
+"""The band of human variability, against which time-normalised curves are tested."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from handover_dmp.common.arrays import Array
 import numpy as np
 
 ROUNDING_M = 1e-9
-"""What may be rounding and nothing else: a nanometre decides no test."""
+"""Tolerance for rounding: a nanometre decides no test, m."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Envelope:
     Attributes:
         mean: (..., samples, d) m.
         deviation: (..., samples, d) m, with n − 1 in the denominator.
-        trials: number of curves that it was made of.
+        trials: number of curves in it.
 
     """
 
@@ -70,7 +70,7 @@ class Envelope:
         """
         n = len(curves)
         centre = curves.mean(axis=0)
-        # About the common centre, so that the sums of squares below lose no digits.
+        # Relative to the common centre, so that the sums of squares below lose no digits.
         offsets = curves - centre
         mean_offsets = -offsets / (n - 1)
         squares = (offsets**2).sum(axis=0) - offsets**2 - (n - 1) * mean_offsets**2
@@ -79,13 +79,13 @@ class Envelope:
 
     def at(self, trials: Sequence[int]) -> Envelope:
         """
-        Take the envelopes of some trials, where each has its own.
+        Select the envelopes of some trials.
 
         Args:
             trials: their indices.
 
         Returns:
-            Arrays of shape (len(trials), samples, d); itself where one serves for all.
+            Arrays of shape (len(trials), samples, d); the envelope itself if all trials share it.
 
         """
         if self.mean.ndim == 2:
@@ -95,16 +95,15 @@ class Envelope:
 
     def sigmas(self, curves: Array) -> Array:
         """
-        Find how many standard deviations wide the band must be to hold each curve throughout.
+        Find for each curve the least k of a kσ band that contains all of it.
 
-        A curve is within kσ if |y_d(u) − m_d(u)| ≤ k·s_d(u) at every sample, that is, if this
-        figure is at most k.
+        A curve is within kσ if |y_d(u) − m_d(u)| ≤ k·s_d(u) at every sample.
 
         Args:
             curves: (..., samples, d) m, broadcast against the envelope.
 
         Returns:
-            (..., d), infinite where the band has no width and the curve is not on it.
+            (..., d), infinite if the band has no width and the curve is not on it.
 
         """
         away = np.abs(curves - self.mean) - ROUNDING_M

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How near a movement comes to people by the number of demonstrations that it learns from."""
+"""Distance of a movement to people, by the number of demonstrations."""
 
 from __future__ import annotations
 
@@ -45,10 +45,10 @@ class LearningCurve:
 
     Attributes:
         counts: numbers of demonstrations.
-        rms_m: method to root-mean-square distance at each number, m, (len(counts),).
-        interval_m: method to its 95 % interval from resampled trials, m, (len(counts), 2).
-        trials: number of trials that took part.
-        rollouts: of each method at each number.
+        rms_m: by method, root-mean-square distance at each number, m, (len(counts),).
+        interval_m: by method, its 95 % interval from resampled trials, m, (len(counts), 2).
+        trials: number of tested trials.
+        rollouts: number of rollouts of each method at each number.
 
     """
 
@@ -69,24 +69,24 @@ def few_demonstrations(
     progress: Callable[[int, int], None] | None = None,
 ) -> LearningCurve:
     """
-    Learn the mean of few trials, and roll out against one that was left out.
+    Learn the mean of a few trials, and roll out against one that was left out.
 
-    Every trial of a case serves as a test and, at each number of demonstrations, equally often as
-    a demonstration: they are taken round robin from those that follow the tested one.
+    Every trial of a case serves as a test. At each number of demonstrations every trial serves
+    equally often as a demonstration: they are chosen round robin, starting after the tested one.
 
     Args:
-        cases: those that have trials enough for the largest number take part.
+        cases: the cases; those with too few trials for the largest number are left out.
         counts: numbers of demonstrations, rising.
         draws: choices of demonstrations for each tested trial.
-        learning: how to learn; with the partner model in any case.
-        jobs: processes; −1 for one a processor. The result does not depend on it.
-        progress: is told how many of how many cases are done.
+        learning: how to learn; always includes the partner model.
+        jobs: number of processes; −1 for one per processor. The result does not depend on it.
+        progress: called with the number of finished cases and of all cases.
 
     Returns:
         The distances.
 
     Raises:
-        DataError: no case has trials enough.
+        DataError: no case has enough trials.
 
     """
     large = [case for case in cases if len(case) > max(counts)]
@@ -123,7 +123,7 @@ def few_demonstrations(
 
 
 def _squares(case: Case, counts: Sequence[int], draws: int, learning: Learning) -> Array:
-    """Give the mean squared distance of each rollout, (methods, counts, draws, trials)."""
+    """Return the mean squared distance of each rollout, (methods, counts, draws, trials)."""
     found = np.zeros((len(METHODS), len(counts), draws, len(case)))
     for method, name in enumerate(METHODS):
         for place, count in enumerate(counts):
@@ -138,7 +138,7 @@ def _squares(case: Case, counts: Sequence[int], draws: int, learning: Learning) 
 def _tasks(trials: int, count: int, draws: int) -> Iterator[tuple[int, RolloutTask]]:
     for tested in range(trials):
         for draw in range(draws):
-            # one after the other at first, then every other one, and so on
+            # first consecutive trials, then every second one, and so on
             step, first = 1 + draw // (trials - 1), draw % (trials - 1)
             places = [(first + step * k) % (trials - 1) for k in range(count)]
             if len(set(places)) < count:
@@ -152,8 +152,8 @@ def draw_learning_curve(curve: LearningCurve, path: Path) -> None:
     Draw distance against number of demonstrations.
 
     Args:
-        curve: what to draw.
-        path: picture to write; its suffix tells the kind.
+        curve: the curve.
+        path: image file; its suffix sets the format.
 
     """
     figure = Figure(figsize=(7.2, 4.2), layout='constrained')
@@ -181,7 +181,8 @@ def draw_learning_curve(curve: LearningCurve, path: Path) -> None:
     axes.spines[['top', 'right']].set_visible(False)
     axes.legend(frameon=False)
     axes.set_title(
-        f'{curve.trials} handovers, each unseen by the model; learn mean; bars: 95 %', fontsize=11
+        f'{curve.trials} handovers, unseen by the model; learn mean; bars: 95 % interval',
+        fontsize=11,
     )
     path.parent.mkdir(parents=True, exist_ok=True)
     with replacing(path) as temporary:

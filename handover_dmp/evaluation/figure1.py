@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Fig. 1 of the paper: one learnt curve, a goal that is elsewhere, three μ."""
+"""Fig. 1 of the paper: one learnt curve, a shifted goal, three μ."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 MU = (0.25, 0.5, 0.75)
-# light to dark, and each with a stroke of its own: none hangs on telling two hues apart
+# light to dark, each with its own line style, so that hue alone does not matter
 LINES = (('#5aa9d6', (0, (6, 2))), ('#2f6fb5', (0, (6, 2, 1.5, 2))), ('#14345f', '-'))
 LEARNT = '#59626d'
 GOAL = '#c8372d'
@@ -49,21 +49,22 @@ def draw_figure1(
     shift: float = 0.3,
 ) -> dict[float, Array]:
     """
-    Draw how μ decides when a motion leaves the learnt shape for a goal that is elsewhere.
+    Draw how μ sets the time at which a motion leaves the learnt shape for a shifted goal.
 
     Args:
-        times: of the demonstration, s, (n,).
-        positions: of the demonstration, m, (n, d); the dimension that moves most is drawn.
-        path: picture to write; its suffix tells the format.
-        parameters: of the primitive; μ is replaced.
+        times: times of the demonstration, s, (n,).
+        positions: positions of the demonstration, m, (n, d); the dimension with the largest
+            motion is drawn.
+        path: image file; its suffix sets the format.
+        parameters: parameters of the primitive; μ is replaced.
         mu: three centres of the goal weight (7), in units of τ.
-        shift: how far the new goal lies beyond the learnt one, as a part of the way.
+        shift: distance of the new goal beyond the learnt one, as a share of the motion.
 
     Returns:
         The motion of the drawn dimension for each μ, m, at 401 times from 0 to 1.3 τ.
 
     Raises:
-        DataError: a demonstration that cannot be used.
+        DataError: the demonstration cannot be used.
 
     """
     stamps, points = np.asarray(times, dtype=float), np.asarray(positions, dtype=float)
@@ -108,7 +109,7 @@ def _draw_motions(
     for (mu, motion), (colour, stroke) in zip(motions.items(), LINES, strict=False):
         axes.plot(u, motion, color=colour, linestyle=stroke, linewidth=2.0, label=f'μ = {mu:g}')
     axes.set_ylabel('position [m]')
-    axes.set_title('The later the goal weighs, the longer the motion keeps the learnt shape')
+    axes.set_title('The larger μ, the longer the motion keeps the learnt shape')
     axes.legend(loc='lower right')
 
 

@@ -48,25 +48,25 @@ AXES = 'XYZ'
 AXES_COLOURS = ('#c8372d', '#2f8f4e', '#1f5fb4')
 
 MAX_TRIALS = 8
-"""Trials drawn one after the other; more would be a smear."""
+"""Largest number of trials drawn one after the other; more would be unreadable."""
 
 MAX_CURVES = 60
-"""Curves drawn in one panel, evenly chosen; the percentages beside them count all."""
+"""Largest number of curves in a panel, evenly chosen; the percentages count all."""
 
 NARROWEST = 8.5
-"""Width of a figure, inch, in which title and legend stand beside each other."""
+"""Least width of a figure with title and legend side by side, inch."""
 
 SWARM_ROWS, SWARM_STEP, SWARM_REACH = 36, 0.04, 0.32
-"""Heights that dots are told apart by; sideways, how far they are moved, and at most."""
+"""Number of height classes of dots; sideways step between dots of one class, and its maximum."""
 
 FEW_CURVES = 10
-"""Up to as many are drawn broad."""
+"""Up to this number, curves are drawn with broad lines."""
 
 SCALE_SHARE = 10.0
-"""Percent; an axis of shares reaches so far at least, so that next to none looks like that."""
+"""Least range of an axis of shares, percent, so that small shares look small."""
 
 SKEWED = ('path_ratio',)
-"""Measures that are drawn on a logarithmic scale."""
+"""Measures with a logarithmic scale."""
 
 EXCHANGE_BAND_M = 0.03
 """The exchange is shaded while the wrists are within this of their least distance."""
@@ -93,14 +93,14 @@ _FORMATS: dict[str, dict[str, Any]] = {
 @dataclass(frozen=True)
 class Shown:
     """
-    The rollouts of one case that a figure holds against the band.
+    The rollouts of one case that a figure shows with the band.
 
     Attributes:
         curves: (k, 101, 3) m, time-normalised, k at most some hundreds.
         inside: (k, 3) whether each is within 3σ.
-        share: (3,) share of all curves within 3σ, also of those that are not shown.
-        within: k to percentage of all curves within kσ.
-        rollouts: how many there are in all.
+        share: (3,) share of all curves within 3σ, including those not shown.
+        within: by k, percentage of all curves within kσ.
+        rollouts: number of all rollouts.
 
     """
 
@@ -114,16 +114,17 @@ class Shown:
 @dataclass(frozen=True)
 class Panel:
     """
-    What the figures show of one case.
+    The content of the figures of one case.
 
     Attributes:
         case: the trials.
         learnt: index of the trial that Figs 4 to 6 learn from.
-        tested: index of the other trial that they test against; None: the middling one.
-        rollouts: of the model learnt from that trial, against every trial, (n, m, 3) m on the
-            clock of `case.hands`.
-        shown: by what was learnt from.
-        rejections: curves that leave the band, by the first of what was learnt from.
+        tested: index of the other trial that they test against; None: the one with the median
+            distance.
+        rollouts: rollouts of the model learnt from that trial, against every trial, (n, m, 3) m
+            on the clock of `case.hands`.
+        shown: the shown rollouts, by source of learning.
+        rejections: curves that leave the band, for the first source of learning.
 
     """
 
@@ -140,8 +141,8 @@ def draw(panels: Sequence[Panel], folder: Path) -> Iterator[tuple[str, str]]:
     Draw every figure, one configuration at a time.
 
     Args:
-        panels: the cases, those of one configuration share its figures.
-        folder: where the files go, NAME.png and NAME.svg.
+        panels: the cases; the cases of one configuration share figures.
+        folder: folder for the files NAME.png and NAME.svg.
 
     Yields:
         Name and caption of each figure as soon as it is written.
@@ -155,10 +156,13 @@ def draw(panels: Sequence[Panel], folder: Path) -> Iterator[tuple[str, str]]:
         file = re.sub(r'[^A-Za-z0-9_-]+', '-', configuration).strip('-') or 'unnamed'
         name = f'fig03_traces_{file}'
         _save(_traces, group, title, folder / name)
-        yield name, f'{title}: wrists of P1 and P2, trial after trial, exchanges shaded (Fig. 3)'
+        yield name, f'{title}: wrists of P1 and P2 in all trials, exchanges shaded (Fig. 3)'
         name = f'fig04-06_rollouts_{file}'
         _save(_rollouts, group, title, folder / name)
-        yield name, f'{title}: the DMP against the hand it was learnt with, and another (Figs 4–6)'
+        yield (
+            name,
+            f'{title}: the DMP with the hand of its demonstration, and with another (Figs 4–6)',
+        )
         for learn, numbers in (('single', '07-09'), ('mean', '10-12'), ('representative', '13')):
             if learn not in group[0].shown:
                 continue
@@ -166,25 +170,25 @@ def draw(panels: Sequence[Panel], folder: Path) -> Iterator[tuple[str, str]]:
             _save(_bands, group, title, folder / name, learn)
             yield (
                 name,
-                f'{title}: learn {learn} against the spread of people ({_figures(numbers)})',
+                f'{title}: learn {learn} and the spread of people ({_figures(numbers)})',
             )
         name = f'why_{file}'
         _save(_why, group, title, folder / name)
-        yield name, f'{title}: when curves leave the band of people, and how wide it is there'
+        yield name, f'{title}: when curves leave the band of people, and width of the band'
 
 
 def draw_beside(
     measures: Sequence[Beside], folder: Path, name: str, title: str, columns: int = 5
 ) -> None:
     """
-    Draw measures of P2 and of what moves in its place, a panel each.
+    Draw measures of P2 and of what replaces P2, one panel each.
 
     Args:
-        measures: what to draw; those that nothing has get no panel.
-        folder: where the files go, NAME.png and NAME.svg.
-        name: of the files.
-        title: of the figure.
-        columns: panels beside each other.
+        measures: the measures; those without values get no panel.
+        folder: folder for the files NAME.png and NAME.svg.
+        name: name of the files.
+        title: title of the figure.
+        columns: number of columns.
 
     """
     shown = [one for one in measures if len(one.pairs)]
@@ -193,7 +197,7 @@ def draw_beside(
 
 
 def figure_count(panels: Sequence[Panel]) -> int:
-    """Return how many figures `draw` makes of these cases."""
+    """Return the number of figures that `draw` makes of these cases."""
     configurations = {panel.case.configuration for panel in panels}
     return len(configurations) * (3 + len(panels[0].shown))
 
@@ -236,7 +240,7 @@ def _traces(group: Sequence[Panel], title: str) -> Figure:
         axis.margins(x=0.01)
         for boundary in boundaries:
             axis.axvline(boundary, color='#9aa4af', lw=1.0, ls=(0, (4, 3)))
-    axes[-1].set_xlabel('time, s (trials cut to the reach and set one after the other)')
+    axes[-1].set_xlabel('time, s (trials cut to the reach, one after the other)')
     _legend(
         figure,
         f'Wrists of P1 and P2: {title}',
@@ -264,14 +268,14 @@ def _rollouts(group: Sequence[Panel], title: str) -> Figure:
         at = trial.times - trial.times[0]
         for dimension, axis in enumerate(column):
             axis.plot(at, trial.partner[:, dimension], color=PARTNER_COLOUR, lw=1.6)
-            # Broad below narrow: both are seen where they lie on each other.
+            # A broad line below a narrow one: both stay visible where they coincide.
             axis.plot(
                 at, trial.demonstrator[:, dimension], color=DEMONSTRATOR_COLOUR, lw=4.0, alpha=0.55
             )
             axis.plot(at, rollout[:, dimension], color=DMP_COLOUR, lw=1.6)
             axis.xaxis.set_major_locator(MaxNLocator(5))
         learnt = panel.case.trials[panel.learnt].number
-        what = 'the learnt trial' if tested == panel.learnt else 'another trial'
+        what = 'the learnt trial' if tested == panel.learnt else 'other trial'
         column[0].set_title(
             f'{trial.direction}: {what}\nlearnt from {learnt}, tested against {trial.number}'
         )
@@ -280,7 +284,7 @@ def _rollouts(group: Sequence[Panel], title: str) -> Figure:
         axis.set_ylabel(f'{AXES[dimension]}, m')
     _legend(
         figure,
-        f'The DMP in the place of P2: {title}',
+        f'The DMP replaces P2: {title}',
         [
             Line2D([], [], color=PARTNER_COLOUR, lw=2, label='P1'),
             Line2D([], [], color=DEMONSTRATOR_COLOUR, lw=4, alpha=0.55, label='P2'),
@@ -291,7 +295,7 @@ def _rollouts(group: Sequence[Panel], title: str) -> Figure:
 
 
 def _shown(panel: Panel) -> tuple[int, int]:
-    """Choose the learnt trial and, of the others, the one that turned out middling."""
+    """Choose the learnt trial and, of the others, the one with the median distance."""
     if panel.tested is not None:
         return panel.learnt, panel.tested
     errors = []
@@ -442,7 +446,7 @@ def _beside(measures: Sequence[Beside], title: str, columns: int) -> Figure:
 
 
 def _swarm(heights: Array) -> Array:
-    """Move dots of one height apart, (n,), in parts of the distance of two columns."""
+    """Move dots of equal height apart, (n,), as shares of the distance between columns."""
     span = float(np.ptp(heights)) or 1.0
     rows = np.round((heights - heights.min()) / span * SWARM_ROWS).astype(int)
     offsets = np.zeros(len(heights))
@@ -464,16 +468,16 @@ def _grid(
     row_gap: float = _ROW_GAP,
 ) -> tuple[Figure, Any]:
     """
-    Make rows of axes with fixed margins; finding them by measuring takes most of the time.
+    Make rows of axes with fixed margins; an automatic layout would take most of the time.
 
     Args:
         columns: number of columns.
         rows: number of rows.
-        width: of the figure, inch.
-        height: of the figure, inch.
-        top: room for title and legend, inch.
-        same_scale: whether the axes of a row share their scale, and only the first has numbers.
-        row_gap: between two rows, inch.
+        width: width of the figure, inch.
+        height: height of the figure, inch.
+        top: space for title and legend, inch.
+        same_scale: whether the axes of a row share their scale; then only the first has numbers.
+        row_gap: gap between two rows, inch.
 
     Returns:
         The figure and its axes, (rows, columns).
@@ -535,5 +539,5 @@ def _write(figure: Figure, stem: Path) -> None:
     for suffix, options in _FORMATS.items():
         with replacing(stem.with_name(stem.name + suffix)) as temporary:
             figure.savefig(temporary, **options)
-        # found once, it holds for every format
+        # computed once for all formats
         figure.set_layout_engine('none')

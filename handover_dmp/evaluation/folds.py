@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Cross-validation by trial: what a set of parameters is worth on trials that it has not seen."""
+"""Cross-validation by trial: the score of parameters on unseen trials."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ import numpy as np
 
 FOLDS = 5
 MAX_TRIALS = 20
-"""Trials of a case that take part; more would cost their square and tell little more."""
+"""Largest number of trials of a case; the cost grows with its square."""
 
 
 @dataclass(frozen=True)
 class Candidate:
     """
-    Something to try.
+    A set of parameters to try.
 
     Attributes:
         learning: parameters of the primitive, factor on its duration, regression.
-        view: what the primitive is told of the hands; the truth if left out.
+        view: maps the true hands to those that the primitive sees; None: the truth.
         common_offset: take the mean goal offset of the training trials instead of that of the
             learnt trial.
 
@@ -56,7 +56,7 @@ class Split:
 
     Attributes:
         training: indices of trials, at least three.
-        unseen: indices of trials; empty where all are for training.
+        unseen: indices of trials; empty if all are for training.
 
     """
 
@@ -70,10 +70,10 @@ class Verdict:
     One candidate in one case.
 
     Attributes:
-        training: sums over the training trials of each split, each trial held against the others
-            and never rolled out from itself; the last split has all trials in it.
+        training: sums over the training trials of each split; each trial is tested against the
+            band of the others and never with a model of its own. The last split has all trials.
         unseen: (trials, 6) the sums of `Totals` over the rollouts of models of the training
-            trials against each unseen trial, held against the spread of the training trials.
+            trials against each unseen trial, tested against the band of the training trials.
 
     """
 
@@ -87,11 +87,11 @@ def split(case: Case, seed: np.random.SeedSequence, folds: int = FOLDS) -> list[
 
     Args:
         case: at least four trials.
-        seed: decides which go together.
-        folds: how many parts; with fewer trials, parts are empty.
+        seed: seed of the random division.
+        folds: number of parts; with fewer trials, some are empty.
 
     Returns:
-        The splits, and at the end one with all trials for training.
+        The splits, and finally one with all trials for training.
 
     """
     order = np.random.default_rng(seed).permutation(len(case)).tolist()
@@ -108,10 +108,10 @@ def try_out(case: Case, splits: Sequence[Split], candidate: Candidate) -> Verdic
     Args:
         case: the trials.
         splits: from `split`.
-        candidate: what to try.
+        candidate: the parameters to try.
 
     Returns:
-        What it is worth.
+        Its scores.
 
     """
     return judge_splits(case, splits, _rollouts(case, candidate))
@@ -119,7 +119,7 @@ def try_out(case: Case, splits: Sequence[Split], candidate: Candidate) -> Verdic
 
 def judge_splits(case: Case, splits: Sequence[Split], curves: Array) -> Verdict:
     """
-    Judge the rollouts of a model of each trial against each trial.
+    Score the rollouts of the model of each trial against each trial.
 
     Args:
         case: the trials.
@@ -127,7 +127,7 @@ def judge_splits(case: Case, splits: Sequence[Split], curves: Array) -> Verdict:
         curves: (n, n, 101, 3) m; learnt trial first, tested trial second.
 
     Returns:
-        What they are worth.
+        Their scores.
 
     """
     training, unseen = [], np.zeros((len(case), 6))
@@ -157,8 +157,8 @@ def learn_mean_unseen(case: Case, part: Split, candidate: Candidate) -> Array:
 
     Args:
         case: the trials.
-        part: which are which.
-        candidate: what to try.
+        part: the split.
+        candidate: the parameters to try.
 
     Returns:
         (len(part.unseen), 6) the sums of `Totals`, one rollout each.
@@ -175,11 +175,11 @@ def learn_mean_unseen(case: Case, part: Split, candidate: Candidate) -> Array:
 
 def thinned(case: Case, maximum: int = MAX_TRIALS) -> Case:
     """
-    Leave out trials of a large case, evenly.
+    Thin out the trials of a large case evenly.
 
     Args:
         case: any case.
-        maximum: trials to keep.
+        maximum: largest number of trials to keep.
 
     Returns:
         The case with at most that many.
@@ -192,7 +192,7 @@ def thinned(case: Case, maximum: int = MAX_TRIALS) -> Case:
 def _rollouts(case: Case, candidate: Candidate) -> Array:
     everyone = range(len(case))
     hands = case.hands if candidate.view is None else candidate.view(case.hands)
-    # Of a tested trial itself nothing may be known, so its own offset is not in its mean.
+    # A tested trial must stay unknown, so its own offset is not in its mean.
     means = (case.goal_offsets.sum(axis=0) - case.goal_offsets) / (len(case) - 1)
     rows = []
     for index in everyone:

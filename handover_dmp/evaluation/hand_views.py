@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a primitive may be told of a hand: the truth, or what a filter makes of it."""
+"""Views of a hand for a primitive: the truth, or a filtered version."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ import numpy as np
 
 def smooth_velocity(hands: Hands, time_constant_s: float) -> Hands:
     """
-    Low-pass the velocity (first order, causal), and leave the position as it is.
+    Low-pass the velocity (first order, causal), and keep the position.
 
     Args:
         hands: the truth.
@@ -41,7 +41,7 @@ def smooth_velocity(hands: Hands, time_constant_s: float) -> Hands:
 
 def smooth_goal(hands: Hands, time_constant_s: float) -> Hands:
     """
-    Low-pass position and velocity alike (first order, causal): a goal that comes later but calmer.
+    Low-pass position and velocity (first order, causal): a smoother but later goal.
 
     Args:
         hands: the truth.
@@ -59,11 +59,11 @@ def smooth_goal(hands: Hands, time_constant_s: float) -> Hands:
 
 def looking_ahead(hands: Hands, horizon_s: float) -> Hands:
     """
-    Tell where the hand will be if it keeps its velocity for a while.
+    Predict the hand at constant velocity.
 
     Args:
         hands: the truth.
-        horizon_s: how far ahead, s.
+        horizon_s: horizon of the prediction, s.
 
     Returns:
         What is told.
@@ -73,7 +73,7 @@ def looking_ahead(hands: Hands, horizon_s: float) -> Hands:
 
 
 def estimated(hands: Hands) -> Hands:
-    """Tell what the goal estimator makes of the positions, each as soon as it comes."""
+    """Return the causal output of the goal estimator for the positions."""
     positions, velocities = hands.positions.copy(), np.zeros_like(hands.velocities)
     for trial in range(len(positions)):
         estimator = GoalEstimator()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What an evaluation says, in a sentence a question, out of `table.json`."""
+"""The results of an evaluation in one sentence per question, from `table.json`."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ from handover_dmp.evaluation.case_table import case_name
 from handover_dmp.evaluation.rejections import AXES
 
 SHOWN_TRIALS = 3
-"""Trials that are named as the farthest."""
+"""Number of trials named as the farthest."""
 
 
 def in_short(table: Mapping[str, Any], learn: str) -> dict[str, str]:
     """
-    Sum an evaluation up.
+    Summarise an evaluation.
 
     Args:
-        table: what `table.json` holds.
-        learn: what the movement was learnt from.
+        table: content of `table.json`.
+        learn: source of the movement, one of `LEARN`.
 
     Returns:
-        Question to answer.
+        Answers by question.
 
     """
     return {
@@ -53,12 +53,12 @@ def _near(summary: Sequence[Mapping[str, Any]], learn: str) -> str:
     rows = {one['method']: one for one in summary if one['learn'] == learn}
     own, people = rows['decoupled'], rows['human']
     text = (
-        f'Learn {learn} has {_percent(own)} of its curves within 3σ of P2 and is {_rms(own)} mm '
-        f'off (RMS), {1e3 * own["shifted_rms_m"]:.0f} mm after the best shift in time'
+        f'Learn {learn}: {_percent(own)} of the curves are within 3σ of P2, at a distance of '
+        f'{_rms(own)} mm (RMS), {1e3 * own["shifted_rms_m"]:.0f} mm after the best shift in time'
     )
     others = [('classical', 'the classical primitive')]
     if people['rms_m'] is not None:
-        others.append(('human', 'people among each other'))
+        others.append(('human', 'people against each other'))
     beside = '; '.join(f'{words}: {_percent(rows[m])}, {_rms(rows[m])} mm' for m, words in others)
     return f'{text}; {beside}.'
 
@@ -74,14 +74,14 @@ def _rms(row: Mapping[str, Any]) -> str:
 def _why(why: Sequence[Mapping[str, Any]], learn: str) -> str:
     *cases, everything = (one for one in why if one['learn'] == learn)
     if not everything['rejected']:
-        return 'No curve leaves the band of 3σ.'
+        return 'No curve leaves the 3σ band.'
     axes = ', '.join(f'{everything["by_dimension"][axis]} in {axis}' for axis in AXES)
     worst = max(cases, key=lambda one: one['rejected'] / one['curves'])
     text = (
         f'{everything["rejected"]} of {everything["curves"]} curves leave the band ({axes}), '
         f'first at {everything["leaves_at"]:.2f} of the duration and by '
         f'{1e3 * everything["beyond_median_m"]:.0f} mm (medians); '
-        f'{everything["in_bottleneck"]} of them in a bottleneck; most of all in '
+        f'{everything["in_bottleneck"]} of them in a bottleneck. The largest share is in '
         f'{case_name(worst["configuration"], worst["exchange"])} '
         f'({worst["rejected"]} of {worst["curves"]}'
     )
@@ -114,14 +114,14 @@ def _timing(lateness_s: float) -> str:
 
 def _arm(arm: Mapping[str, Any] | None) -> str:
     if arm is None:
-        return 'None was asked for (--arm).'
+        return 'No arm was evaluated (--arm selects one).'
     everything = arm['all']
     if not everything['trials']:
         return f'{arm["arm"]} reaches no trial.'
     alone, moved = everything['primitive'], everything['arm']
     text = (
-        f'{arm["arm"]} has {_percent(moved)} within 3σ and is {_rms(moved)} mm off where the '
-        f'primitive alone has {_percent(alone)} and {_rms(alone)} mm; a joint is at a limit in '
+        f'{arm["arm"]} has {_percent(moved)} within 3σ and a distance of {_rms(moved)} mm; the '
+        f'primitive alone has {_percent(alone)} and {_rms(alone)} mm. A joint is at a limit in '
         f'{100 * everything["any_limited"]:.0f} % of the time'
     )
     lost = max(
@@ -140,23 +140,23 @@ def _smooth(measures: Iterable[Mapping[str, Any]]) -> str:
     found = {one['measure']: one for one in measures}
     return (
         f'Log dimensionless jerk {_medians(found["log_dimensionless_jerk"], 1)}, spectral arc '
-        f'length {_medians(found["spectral_arc_length"], 2)} (medians; the greater, the smoother).'
+        f'length {_medians(found["spectral_arc_length"], 2)} (medians; greater is smoother).'
     )
 
 
 def _fluent(measures: Iterable[Mapping[str, Any]], sessions: Sequence[Mapping[str, Any]]) -> str:
     found = {one['measure']: one for one in measures}
     text = (
-        f'In a reach both are active for {_medians(found["concurrent"], 2)} of it, behind the '
-        f'partner’s speed by {_medians(found["lag_s"], 2)} s (medians)'
+        f'Share of a reach in which both are active: {_medians(found["concurrent"], 2)}; lag '
+        f'behind the partner’s speed, s: {_medians(found["lag_s"], 2)} (medians)'
     )
     if not sessions:
         return f'{text}; no sessions were given (--sessions).'
     found = {one['measure']: one for one in sessions}
     return (
-        f'{text}; over a session the robot, or P2, is idle for {_medians(found["robot_idle"], 2)} '
-        'of it, and the partner waits at the exchange for '
-        f'{_medians(found["wait_person_s"], 2)} s.'
+        f'{text}. Over a session: idle share of the robot or P2 '
+        f'{_medians(found["robot_idle"], 2)}; wait of the partner at the exchange, s: '
+        f'{_medians(found["wait_person_s"], 2)}.'
     )
 
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The minimum-jerk reach: what one would do who knew where and when the hands will meet."""
+"""The minimum-jerk reach of an oracle that knows where and when the hands will meet."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ def minimum_jerk(start: Array, end: Array, samples: int = SAMPLES) -> Array:
     Reach from rest at one point to rest at another with the least possible jerk.
 
     Flash and Hogan (1985): x0 + (x1 − x0)(10u³ − 15u⁴ + 6u⁵), the quintic without velocity and
-    acceleration at its ends. Over fractions of its duration it is the same for every duration.
+    acceleration at its ends. As a function of the fraction of its duration it is always the same.
 
     Args:
         start: (d,) m.
         end: (d,) m.
-        samples: equally spaced samples of it, both ends included.
+        samples: number of equally spaced samples, including both ends.
 
     Returns:
         (samples, d) m.

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The motions of the primitive and of an arm beside people's, by the measures of studies."""
+"""Measures of the motions of the primitive, of an arm and of people, as in studies."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ from handover_dmp.mocap.measures import (
 import numpy as np
 
 MEASURES = (
-    ('path_m', 'path, m', 2),
-    ('path_ratio', 'path over the straight line', 3),
+    ('path_m', 'path length, m', 2),
+    ('path_ratio', 'path length / straight line', 3),
     ('peak_speed', 'peak speed, m/s', 2),
     ('time_to_peak_s', 'onset to peak speed, s', 2),
     ('duration_s', 'onset to rest, s', 2),
-    ('peaks', 'peaks of the speed', 1),
+    ('peaks', 'number of speed peaks', 1),
     ('spectral_arc_length', 'spectral arc length', 2),
     ('log_dimensionless_jerk', 'log dimensionless jerk', 2),
     ('lag_s', 'lag behind the partner’s speed, s', 2),
@@ -55,7 +55,7 @@ MEASURES = (
     ('concurrent', 'both active, share of reach', 2),
     ('functional_delay', 'functional delay, share of reach', 2),
 )
-"""Name in `table.json`, in words, digits."""
+"""Name in `table.json`, label, digits."""
 
 ALONE = 'DMP'
 ARM = 'arm'
@@ -67,20 +67,20 @@ WHAT = (
     'm/s. Functional delay: from the end of each one’s motion to the beginning of the other’s; '
     'negative where the other begins before.'
 )
-WITH_ARM = ' arm: what the simulated arm made of the same movement.'
+WITH_ARM = ' arm: the simulated arm with the same movement.'
 
 
 @dataclass(frozen=True)
 class MotionBeside:
     """
-    A motion in the place of P2.
+    A motion of P2 or of what replaces P2.
 
     Attributes:
-        motion: by itself; None where nothing moves.
-        synchrony: with the motion of P1; None where one of the two speeds never changes.
-        fluency: of P1 as the person and this as the robot.
-        distance_min_m: to P1, at the least, m.
-        relative_speed_m_s: to P1, at the end, m/s.
+        motion: measures of the motion itself; None if nothing moves.
+        synchrony: synchrony with the motion of P1; None if one of the two speeds never changes.
+        fluency: fluency with P1 as the person and this motion as the robot.
+        distance_min_m: least distance to P1, m.
+        relative_speed_m_s: speed relative to P1 at the end, m/s.
 
     """
 
@@ -91,7 +91,7 @@ class MotionBeside:
     relative_speed_m_s: float
 
     def as_json(self) -> dict[str, Any]:
-        """Return every measure by its name; None where there is none."""
+        """Return every measure by its name; None if there is none."""
         empty = dict.fromkeys(name for name, *_ in MEASURES)
         parts = [asdict(one) for one in (self.motion, self.synchrony, self.fluency) if one]
         found: dict[str, Any] = {
@@ -113,8 +113,8 @@ class TrialMeasures:
         case: its case.
         number: its number.
         primitive: motion of the primitive.
-        person: of P2.
-        partner: of P1; None where nothing moves.
+        person: motion of P2.
+        partner: motion of P1; None if nothing moves.
 
     """
 
@@ -143,10 +143,10 @@ class TrialMeasures:
 
 def measure_beside(trial: HandoverTrial, motion: Array) -> MotionBeside:
     """
-    Measure a motion in the place of P2.
+    Measure a motion of P2 or of what replaces P2.
 
     Args:
-        trial: smooth, evenly spaced.
+        trial: the trial, smooth and evenly spaced.
         motion: (n, 3) m, at the times of the trial, smooth.
 
     Returns:
@@ -173,11 +173,11 @@ def measure_trials(
     Args:
         cases: the trials.
         learning: how the primitive is learnt.
-        learn: what from, as `sources_of` takes it: the movement that an arm makes, too.
-        leave_one_out: whether no model may have seen the trial that it moves against.
+        learn: source of the movement, as for `sources_of`; an arm uses the same.
+        leave_one_out: whether a model must not have seen the trial that it moves against.
 
     Returns:
-        One a trial.
+        The measures, one per trial.
 
     """
     found = []
@@ -203,14 +203,14 @@ def motions_beside(
     arm: Mapping[tuple[str, str, int], MotionBeside] | None = None,
 ) -> list[Beside]:
     """
-    Put the motions of all trials beside each other.
+    Compare the motions of all trials.
 
     Args:
-        trials: measured.
-        arm: what an arm did, by the label of the trial; those that it did not reach are missing.
+        trials: the measured trials.
+        arm: motions of an arm, by the label of the trial; trials out of its reach are missing.
 
     Returns:
-        One a measure.
+        One entry per measure.
 
     """
     movers: dict[str, list[dict[str, Any]]] = {ALONE: [one.primitive.as_json() for one in trials]}
@@ -234,15 +234,15 @@ def motions_beside(
 
 def measures_table(measures: Sequence[Beside], learn: str, seed: int) -> CaseTable:
     """
-    Lay the motions out, over all cases.
+    Make the table of motions over all cases.
 
     Args:
-        measures: of `motions_beside`.
-        learn: what the movement was learnt from.
-        seed: of the bootstrap.
+        measures: result of `motions_beside`.
+        learn: source of the movement.
+        seed: seed of the bootstrap.
 
     Returns:
-        A line a measure.
+        One line per measure.
 
     """
     with_arm = WITH_ARM if ARM in measures[0].values else ''

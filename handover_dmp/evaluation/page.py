@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The page that shows the table and every figure; it opens without a network."""
+"""The page with the tables and all figures; it needs no network."""
 
 from __future__ import annotations
 
@@ -59,8 +59,8 @@ def picture(name: str, caption: str) -> str:
     Show a figure.
 
     Args:
-        name: NAME.svg and NAME.png lie in `figures/` beside the page.
-        caption: what stands below.
+        name: name of the files NAME.svg and NAME.png in `figures/` beside the page.
+        caption: caption below the figure.
 
     Returns:
         HTML.
@@ -88,12 +88,12 @@ def page(
 
     Args:
         title: its heading.
-        facts: what was evaluated and how, a sentence each.
-        in_short: question to answer.
-        rows: of the cases.
-        summary: over all cases.
-        sections: HTML that stands between the tables of the paper and the figures.
-        figures: name and caption of those that stand at the end.
+        facts: sentences on what was evaluated and how.
+        in_short: answers by question.
+        rows: rows of the cases.
+        summary: rows over all cases.
+        sections: HTML between the paper's tables and the figures.
+        figures: name and caption of the figures at the end.
 
     Returns:
         HTML; it loads nothing but those figures.
@@ -122,11 +122,11 @@ href="table.json">table.json</a></nav>
 <h2>{TITLE}</h2>
 <div class="wide"><table>{_paper_table(rows, summary, learns)}</table></div>
 <h2>All cases, every method</h2>
-<p class="soft">In brackets the 95 % interval from resampled trials. Distance: root mean square to
-what P2 really did; end: mean distance to where P2 was at the exchange. P2 itself is held
-against mean and band of the other trials: the ceiling for anything that imitates. Shifted: the
-distance that remains when each motion is shifted in time as a whole to where it fits best; late
-by: how much that was (mean ± standard deviation).</p>
+<p class="soft">In brackets: 95 % interval from resampled trials. Distance: root mean square to P2
+in the same trial. End: mean distance to P2's position at the exchange. P2 itself is compared with
+mean and band of the other trials; this is the upper bound for any imitation. Shifted: distance
+after each motion is shifted in time to its best fit. Late by: that shift (mean ± standard
+deviation).</p>
 <div class="wide"><table>{_methods_table(summary)}</table></div>
 {chr(10).join(sections)}
 {'<h2>Figures</h2>' if figures else ''}

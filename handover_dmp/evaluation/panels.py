@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""From an evaluation to its figures: which rollouts are shown, and what stands beside them."""
+"""Figures of an evaluation: selection of the shown rollouts, and captions."""
 
 from __future__ import annotations
 
@@ -45,20 +45,21 @@ def write_panels(
     Draw the figures of an evaluation into `figures/`.
 
     Args:
-        evaluation: what to draw.
-        folder: where `figures/` goes.
-        progress: is told how many of how many are drawn.
-        learnt: number of the trial that Figs 4 to 6 learn from; that nearest to the mean if left
-            out.
-        tested: number of the other trial that they test against; the middling one if left out.
-        arm: what an arm did, if one was asked for.
-        sessions: what was done in whole sessions, if there are any.
+        evaluation: the evaluation.
+        folder: parent folder of `figures/`.
+        progress: called with the number of drawn figures and of all figures.
+        learnt: number of the trial that Figs 4 to 6 learn from; default: the one nearest to the
+            mean.
+        tested: number of the other trial that they test against; default: the one with the
+            median distance.
+        arm: results of an arm, if one was evaluated.
+        sessions: results of whole sessions, if there are any.
 
     Returns:
-        Name and caption of each.
+        Name and caption of each figure.
 
     Raises:
-        DataError: a case has no trial of that number.
+        DataError: a case has no trial with that number.
 
     """
     panels = [_panel(judged, evaluation.protocol, learnt, tested) for judged in evaluation.cases]
@@ -75,10 +76,10 @@ def write_panels(
         drawn(name, caption)
     beside = motions_beside(evaluation.measures, None if arm is None else arm.motions)
     draw_beside(beside, place, 'measures', 'Motions beside those of P2')
-    drawn('measures', 'Motions beside those of P2, a line a trial; bars: medians')
+    drawn('measures', 'Motions beside those of P2, one line per trial; bars: medians')
     if sessions:
         draw_beside(sessions_beside(sessions), place, 'sessions', 'Sessions beside those of P2', 3)
-        drawn('sessions', 'Sessions beside those of two people, a line a session or exchange')
+        drawn('sessions', 'Sessions beside those of two people, one line per session or exchange')
     return figures
 
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The protocol of Section III: every method in the place of P2, held against people."""
+"""The protocol of Section III: every method replaces P2 and is compared with people."""
 
 from __future__ import annotations
 
@@ -49,10 +49,10 @@ MIN_TRIALS = 2
 MIN_TRIALS_LEFT_OUT = 3
 
 KEPT_ROLLOUTS = 400
-"""Rollouts of a case that are kept for the figures."""
+"""Largest number of rollouts of a case kept for the figures."""
 
 _CHUNK = 20
-"""Models that one worker learns at a time; the result does not depend on it."""
+"""Number of models that one worker learns at a time; the result does not depend on it."""
 
 Progress = Callable[[int, int], None]
 
@@ -64,11 +64,11 @@ class Protocol:
 
     Attributes:
         learning: parameters of the primitive, and how it is learnt.
-        learn: which of `LEARN`.
-        leave_one_out: band, mean and model from all other trials, the one left out as the test.
-        seed: of the bootstrap.
-        rounds: of the bootstrap.
-        min_width_m: a band narrower than this, from −3σ to 3σ, is called a bottleneck, m.
+        learn: sources of learning, of `LEARN`.
+        leave_one_out: test each trial against band, mean and model of all other trials.
+        seed: seed of the bootstrap.
+        rounds: rounds of the bootstrap.
+        min_width_m: a band narrower than this, from −3σ to 3σ, is a bottleneck, m.
 
     """
 
@@ -83,14 +83,14 @@ class Protocol:
 @dataclass(frozen=True)
 class CaseScores:
     """
-    Everything that was judged in one case.
+    All scores of one case.
 
     Attributes:
         case: the trials.
-        scores: by learn and method.
-        curves: learn to some curves of the decoupled primitive, for the figures, (k, 101, 3) m.
-        kept: learn to (k, 2), row and column of these in `scores`.
-        rejections: learn to the curves of the decoupled primitive that leave the band.
+        scores: scores by source of learning and method.
+        curves: by source, some curves of the decoupled primitive for the figures, (k, 101, 3) m.
+        kept: by source, (k, 2), row and column of these in `scores`.
+        rejections: by source, the curves of the decoupled primitive that leave the band.
 
     """
 
@@ -104,14 +104,14 @@ class CaseScores:
 @dataclass(frozen=True)
 class Evaluation:
     """
-    Table I, and what its figures are drawn from.
+    Table I and the data of its figures.
 
     Attributes:
-        protocol: what was asked for.
-        rows: one for each case, learn and method.
-        summary: one for each learn and method, over all cases.
-        cases: the cases with every single score.
-        measures: of the motions, trial by trial.
+        protocol: the protocol.
+        rows: one row per case, source of learning and method.
+        summary: one row per source of learning and method, over all cases.
+        cases: all scores of each case.
+        measures: measures of the motions, trial by trial.
 
     """
 
@@ -134,9 +134,9 @@ def evaluate(
 
     Args:
         trials: recorded handovers, several of each configuration and exchange.
-        protocol: what to evaluate; the paper's Section III if left out.
-        jobs: processes; −1 for one a processor. The result does not depend on it.
-        progress: is told how many of how many models have been learnt and rolled out.
+        protocol: what to evaluate; default: the paper's Section III.
+        jobs: number of processes; −1 for one per processor. The result does not depend on it.
+        progress: called with the number of finished models and of all models.
 
     Returns:
         The table and the scores behind it.
@@ -169,7 +169,7 @@ def evaluate(
 
 @dataclass(frozen=True)
 class _Unit:
-    """Some tasks of one case, learn and method: what one worker does at a time."""
+    """Tasks of one case, source of learning and method: the work unit of one worker."""
 
     case: Case
     band: Envelope
@@ -180,7 +180,7 @@ class _Unit:
 
 @dataclass(frozen=True)
 class _Block:
-    """The rollouts of one task, judged."""
+    """The scored rollouts of one task."""
 
     task: RolloutTask
     scores: Scores
@@ -200,11 +200,11 @@ def _units(case: Case, protocol: Protocol) -> Iterator[_Unit]:
 
 def band_of(case: Case, *, leave_one_out: bool) -> Envelope:
     """
-    Make the band that the rollouts of a case are held against.
+    Make the band against which the rollouts of a case are tested.
 
     Args:
         case: the trials.
-        leave_one_out: whether each trial has a band of its own, of all the others.
+        leave_one_out: whether each trial has its own band, made of all other trials.
 
     Returns:
         The band.
@@ -312,7 +312,7 @@ def _judge_minimum_jerk(case: Case, protocol: Protocol) -> Scores:
 
 
 def _judge_people(case: Case) -> Scores:
-    """Hold each person's motion against the others': the ceiling for anything that imitates."""
+    """Score each person's motion against the others': the upper bound for any imitation."""
     if len(case) < MIN_TRIALS_LEFT_OUT:
         nothing = np.zeros((1, len(case)))
         wide = nothing[..., None].repeat(3, axis=2)

@@ -15,9 +15,9 @@
 """
 Why curves leave the band of people: which, when, by how much, and where the band is narrow.
 
-Sections III.D and III.E of the paper read this off its figures: of the rejected curves most are of
-one dimension and learnt from one or two references, and many leave the band where it is narrower
-than 4 cm.
+Sections III.D and III.E of the paper read this from its figures: most rejected curves belong to
+one dimension and are learnt from one or two demonstrations, and many leave the band where it is
+narrower than 4 cm.
 """
 
 from __future__ import annotations
@@ -48,13 +48,12 @@ class Rejection:
         sources: indices of the trials that it was learnt from.
         tested: index of the trial that it was rolled out against.
         dimension: 0, 1 or 2 for X, Y or Z.
-        first: where it first leaves the band, as a fraction of the duration.
-        worst: where it is farthest beyond.
-        beyond_m: how far beyond the band it gets, m.
-        sigmas: least k at which it would be within kσ.
-        in_bottleneck: whether the band is narrower than the least width where the curve is
-            farthest beyond.
-        widened: whether it is rejected also by a band that has the least width everywhere.
+        first: fraction of the duration at which it first leaves the band.
+        worst: fraction of the duration at which it is farthest outside.
+        beyond_m: largest distance outside the band, m.
+        sigmas: least k for which it is within kσ.
+        in_bottleneck: whether the band is narrower than the least width at `worst`.
+        widened: whether a band that is widened to the least width still rejects it.
 
     """
 
@@ -75,8 +74,8 @@ class Bottleneck:
     Where the 3σ band of a case is narrowest in one dimension.
 
     Attributes:
-        at: as a fraction of the duration.
-        width_m: from −3σ to 3σ, m.
+        at: fraction of the duration.
+        width_m: width from −3σ to 3σ, m.
         narrow: share of the duration in which the band is narrower than the least width.
 
     """
@@ -89,16 +88,16 @@ class Bottleneck:
 @dataclass(frozen=True)
 class Rejections:
     """
-    The rejected curves of a case, learnt one way.
+    The rejected curves of a case and one source of learning.
 
     Attributes:
         case: the trials.
-        learn: what was learnt from.
-        curves: number of curves that were judged, three a rollout.
-        rejected: those that leave the band.
-        outside: (samples, 3) how many curves are outside, over time.
+        learn: source of learning.
+        curves: number of tested curves, three per rollout.
+        rejected: the curves that leave the band.
+        outside: (samples, 3) number of curves outside, over time.
         widths_m: (samples, 3) width of the band from −3σ to 3σ, m.
-        bottlenecks: of X, Y and Z.
+        bottlenecks: bottlenecks of X, Y and Z.
         min_width_m: the least width, from −3σ to 3σ, m.
 
     """
@@ -150,8 +149,8 @@ def excess(curves: Array, band: Envelope, min_width_m: float = 0.0) -> Array:
 
     Args:
         curves: (n, samples, d) m.
-        band: one for all, or one a curve.
-        min_width_m: width, from −3σ to 3σ, that the band has at least, m.
+        band: one for all, or one per curve.
+        min_width_m: least width of the band, from −3σ to 3σ, m.
 
     Returns:
         (n, samples, d) m; above 0 outside.
@@ -171,11 +170,11 @@ def find_rejections(
         curves: (len(tested), samples, 3) m, time-normalised.
         sources: trials that the model was learnt from.
         tested: trials that it was rolled out against.
-        band: one for all, or one a tested trial.
+        band: one for all, or one per tested trial.
         width_m: the least width of the band, from −3σ to 3σ, m.
 
     Returns:
-        One for each, rollout by rollout.
+        The rejections, rollout by rollout.
 
     """
     beyond: Array = excess(curves, band)
@@ -206,10 +205,10 @@ def find_rejections(
 
 def band_widths(band: Envelope) -> Array:
     """
-    Measure how wide a band is.
+    Measure the width of a band.
 
     Args:
-        band: of a case.
+        band: band of a case.
 
     Returns:
         (samples, 3) from −3σ to 3σ, m.
@@ -223,7 +222,7 @@ def bottlenecks(widths_m: Array, width_m: float) -> tuple[Bottleneck, ...]:
     Find where a band is narrowest.
 
     Args:
-        widths_m: (samples, 3) of `band_widths`.
+        widths_m: (samples, 3) result of `band_widths`.
         width_m: the least width, from −3σ to 3σ, m.
 
     Returns:

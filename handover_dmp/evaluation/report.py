@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The folder that an evaluation leaves: its tables, and the page that shows them."""
+"""The result folder of an evaluation: its tables and the page."""
 
 from __future__ import annotations
 
@@ -47,18 +47,18 @@ def as_json(
     sessions: Sequence[SessionOutcome] = (),
 ) -> dict[str, Any]:
     """
-    Say everything about an evaluation in plain types.
+    Convert an evaluation to plain types.
 
     Args:
         evaluation: the table.
         data_set: its name.
-        arm: what an arm did, if one was asked for.
-        sessions: what was done in whole sessions, if there are any.
+        arm: results of an arm, if one was evaluated.
+        sessions: results of whole sessions, if there are any.
 
     Returns:
-        `rows` and `summary` as the table has them, `distances` of every trial, every single one of
-        `rejections` and `why` they are, `measures` of every motion and `sessions` with their
-        summaries, all of it `in_short`, and how it came about.
+        `rows` and `summary` of the table, `distances` of every trial, all `rejections` and their
+        summary `why`, `measures` of every motion and `sessions` with summaries, the answers
+        `in_short`, and the protocol.
 
     """
     protocol = evaluation.protocol
@@ -100,7 +100,7 @@ def as_json(
 
 
 def _distances(evaluation: Evaluation, arm: ArmEvaluation | None) -> list[dict[str, Any]]:
-    """Tell trial by trial how far off the decoupled primitive, the arm and people are."""
+    """Return the distances of the decoupled primitive, the arm and people, trial by trial."""
     first, *_ = evaluation.protocol.learn
     judged = [
         (one.case, learn, method, scores)
@@ -146,12 +146,12 @@ def write_evaluation(
     Write `table.txt`, `table.csv`, `table.json` and `index.html`.
 
     Args:
-        evaluation: what to write.
+        evaluation: the evaluation.
         data_set: its name.
-        folder: where to.
-        figures: name and caption of each figure that lies in `figures/` there.
-        arm: what an arm did, if one was asked for.
-        sessions: what was done in whole sessions, if there are any.
+        folder: output folder.
+        figures: name and caption of each figure in its `figures/`.
+        arm: results of an arm, if one was evaluated.
+        sessions: results of whole sessions, if there are any.
 
     Returns:
         The text of `table.json`.
@@ -199,9 +199,9 @@ def _facts(evaluation: Evaluation) -> list[str]:
     cases: list[Case] = [judged.case for judged in evaluation.cases]
     parameters = protocol.learning.parameters
     band = (
-        'Each trial is held against the spread of the others of its case; no model has seen it.'
+        'Each trial is tested against the spread of the others of its case; no model has seen it.'
         if protocol.leave_one_out
-        else 'Each rollout is held against the spread of all P2 of its case.'
+        else 'Each rollout is tested against the spread of all P2 of its case.'
     )
     return [
         f'{sum(map(len, cases))} handovers, {len(cases)} cases.',

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Learning and rolling out as the protocol has it: which model against which hands."""
+"""Learning and rollouts of the protocol: which model runs against which hands."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ PRIMITIVES: dict[str, type[DecoupledDmp] | type[ClassicalDmp]] = {
     'partner_model': DecoupledDmp,
     'classical': ClassicalDmp,
 }
-"""The methods that learn."""
+"""Methods that learn."""
 
 
 @dataclass(frozen=True)
@@ -40,17 +40,17 @@ class Learning:
     """
     How movement primitives are learnt.
 
-    The recordings are smoothed before, so nothing is left for a sparse regression to remove, and
-    ridge gives the same table as the relevance vector machine in a tenth of the time.
+    The recordings are already smooth, so a sparse regression has no noise to remove. Ridge gives
+    the same table as the relevance vector machine in a tenth of the time.
 
     Attributes:
-        parameters: of the primitive.
+        parameters: parameters of the primitive.
         regression: `rvm` or `ridge`.
         basis: number of basis functions.
-        duration_scale: factor on the duration that was learnt; 1 in the protocol.
+        duration_scale: factor on the learnt duration; 1 in the protocol.
         cutoff_hz: low-pass of the recordings, Hz; None: they are smooth already.
-        partner: constants of the partner model, its goal weight among them, for the method
-            `partner_model`; None: that method is left out.
+        partner: constants of the partner model, including its goal weight, for the method
+            `partner_model`; None leaves that method out.
 
     """
 
@@ -63,20 +63,20 @@ class Learning:
 
     @property
     def methods(self) -> tuple[str, ...]:
-        """Return the methods that learn, as far as they are wanted."""
+        """Return the selected methods that learn."""
         return tuple(
             name for name in PRIMITIVES if name != 'partner_model' or self.partner is not None
         )
 
     def parameters_for(self, method: str) -> DmpParameters:
         """
-        Give the parameters that a method learns with.
+        Return the parameters with which a method learns.
 
         Args:
             method: one of `methods`.
 
         Returns:
-            The parameters; with the partner model, the goal weight is its own.
+            The parameters; the partner model has its own goal weight.
 
         """
         if method != 'partner_model' or self.partner is None:
@@ -90,9 +90,9 @@ class RolloutTask:
     One model and the trials that it is rolled out against.
 
     Attributes:
-        row: line of the table of rollouts that it belongs to.
-        sources: trials that it is learnt from, one, or several for their mean.
-        tested: trials whose hand it moves against.
+        row: its row in the table of rollouts.
+        sources: trials to learn from: one, or several for their mean.
+        tested: trials whose hands it moves against.
 
     """
 
@@ -103,7 +103,7 @@ class RolloutTask:
 
 def plan(case: Case, learn_from: str, *, leave_one_out: bool = False) -> list[RolloutTask]:
     """
-    Say which models the protocol wants, and what each is tested against.
+    Return the models of the protocol, and the trials against which each is tested.
 
     Args:
         case: the trials.
@@ -111,7 +111,7 @@ def plan(case: Case, learn_from: str, *, leave_one_out: bool = False) -> list[Ro
         leave_one_out: never test a model against a trial that it was learnt from.
 
     Returns:
-        The tasks; those of `single` have a row each, all others share row 0.
+        The tasks; each task of `single` has its own row, all others share row 0.
 
     """
     everyone = tuple(range(len(case)))
@@ -134,13 +134,13 @@ def plan(case: Case, learn_from: str, *, leave_one_out: bool = False) -> list[Ro
 
 def moved_from(learn: Sequence[str]) -> str:
     """
-    Choose what the motions are learnt from that an arm makes, and that are measured.
+    Choose the source of learning for the motions of an arm and for the measures.
 
     Args:
-        learn: what was asked for.
+        learn: selected sources.
 
     Returns:
-        The mean where it is among them, else the first.
+        The mean if it is selected, otherwise the first.
 
     """
     return 'mean' if 'mean' in learn else learn[0]
@@ -150,15 +150,15 @@ def sources_of(
     case: Case, learn_from: str, *, leave_one_out: bool = False
 ) -> dict[int, tuple[int, ...]]:
     """
-    Say which model moves against each trial where there is to be one alone.
+    Choose one model for each trial.
 
     Args:
         case: the trials.
-        learn_from: as `plan` takes it; of the models of `single`, the representative one moves.
-        leave_one_out: as `plan` takes it.
+        learn_from: as for `plan`; for `single`, the representative model is chosen.
+        leave_one_out: as for `plan`.
 
     Returns:
-        Each trial to those that its model is learnt from.
+        By trial, the sources of its model.
 
     """
     one_model = 'representative' if learn_from == 'single' else learn_from
@@ -173,13 +173,13 @@ def learn_from_case(
     Learn a movement primitive from a trial, or from the mean of several.
 
     The mean is that of the time-normalised motions, over the mean duration; its goal offset is
-    the mean of theirs.
+    the mean of their offsets.
 
     Args:
         case: the trials.
-        sources: which of them to learn from.
+        sources: indices of the trials to learn from.
         method: `decoupled`, `partner_model` or `classical`.
-        learning: how.
+        learning: how to learn.
 
     Returns:
         The model, and its goal offset P2(end) − P1(end), (3,) m.
@@ -213,25 +213,25 @@ def roll_out(
     hands: Hands | None = None,
 ) -> Array:
     """
-    Roll a model out from rest where P2 started, against the recorded hands.
+    Roll a model out from rest at the start of P2, against the recorded hands.
 
-    The goal is g(t) = P1(t) + goal offset, its velocity that of P1.
+    The goal is g(t) = P1(t) + goal offset; its velocity is that of P1.
 
     Args:
-        model: what to roll out, with its own duration.
-        goal_offset: (3,) m, or (len(tested), 3) m, one a hand.
+        model: the model, with its own duration.
+        goal_offset: (3,) m, or (len(tested), 3) m, one per hand.
         case: the trials.
-        tested: which of them give hand and start.
-        hands: what the primitive is told of the hands, on the clock of `case.hands`; the truth if
-            left out.
+        tested: indices of the trials that give hand and start.
+        hands: the hands as the primitive sees them, on the clock of `case.hands`; default: the
+            truth.
 
     Returns:
-        (len(tested), m, 3) m on the clock of `case.hands`; after the end of its trial a rollout
-        means nothing.
+        (len(tested), m, 3) m on the clock of `case.hands`; a rollout is meaningless after the
+        end of its trial.
 
     """
     told = hands or case.hands
-    # Everyone is the usual case, and a slice copies nothing.
+    # Usually all trials are tested; a slice copies nothing.
     everyone = tuple(tested) == tuple(range(len(case)))
     chosen: slice | list[int] = slice(None) if everyone else list(tested)
     longest = int(told.samples[chosen].max())
@@ -251,7 +251,7 @@ def curves_of(case: Case, task: RolloutTask, method: str, learning: Learning) ->
 
     Args:
         case: the trials.
-        task: the model to learn, and what to test it against.
+        task: the model to learn, and the trials to test it against.
         method: one of `Learning.methods`.
         learning: how to learn.
 
@@ -275,13 +275,13 @@ def roll_out_expecting(
     options: PartnerOptions | None = None,
 ) -> Array:
     """
-    Roll a model out as `roll_out` does, with what it may expect of each hand.
+    Roll a model out like `roll_out`, with the partner model.
 
     Args:
-        model: what to roll out, with goal offset and partner path.
+        model: the model, with goal offset and partner path.
         case: the trials.
-        tested: which of them give hand and start.
-        options: constants of the partner model; those of `config/` if left out.
+        tested: indices of the trials that give hand and start.
+        options: constants of the partner model; default: those of `config/`.
 
     Returns:
         The time-normalised rollouts, (len(tested), 101, 3) m.

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What one rollout is worth: inside the band or not, how far off, how wide the gap at the end."""
+"""Scores of rollouts: inside the band or not, distance, gap at the end."""
 
 from __future__ import annotations
 
@@ -34,19 +34,19 @@ _SQUARED, _GAP, _COUNT, _SHIFTED, _LATE, _LATE_SQUARED = range(len(BANDS), len(B
 @dataclass(frozen=True)
 class Scores:
     """
-    The rollouts of one method in one case, each judged by itself.
+    The scores of the rollouts of one method in one case.
 
-    Rollouts stand in a table: one row a model, one column a tested trial. A method with a model a
+    The arrays have one row per model and one column per tested trial. A method with one model per
     learnt trial has as many rows as columns; any other method has one row.
 
     Attributes:
-        sigmas: (models, trials, d) least k at which each curve is within kσ.
-        squared_m2: (models, trials) mean over the samples of the squared distance to what P2 did.
-        gap_m: (models, trials) distance at the end to where P2 was.
+        sigmas: (models, trials, d) least k for which each curve is within kσ.
+        squared_m2: (models, trials) mean squared distance to P2 over the samples, m².
+        gap_m: (models, trials) distance to P2 at the end, m.
         counted: (models, trials) whether the protocol counts this pair.
-        shifted_m2: (models, trials) the squared distance after the best shift in time; None where
-            none was sought.
-        lateness_s: (models, trials) that shift, s; negative where the rollout comes early.
+        shifted_m2: (models, trials) squared distance after the best shift in time, m²; None if
+            no shift was computed.
+        lateness_s: (models, trials) that shift, s; negative if the rollout is early.
 
     """
 
@@ -59,12 +59,12 @@ class Scores:
 
     @property
     def curves(self) -> int:
-        """Return the number of curves: three a rollout."""
+        """Return the number of curves: three per rollout."""
         return int(self.counted.sum() * self.sigmas.shape[-1])
 
     @property
     def measures(self) -> Array:
-        """(6 or 9, models, trials) what `Totals` sums up, of each rollout; 0 where not counted."""
+        """(6 or 9, models, trials) summands of `Totals`, 0 for rollouts that do not count."""
         measures = [(self.sigmas <= k).mean(axis=-1) for k in BANDS]
         measures += [self.squared_m2, self.gap_m, np.ones_like(self.gap_m)]
         if self.shifted_m2 is not None and self.lateness_s is not None:
@@ -73,19 +73,18 @@ class Scores:
 
     def totals(self, counts: Array) -> Totals:
         """
-        Add the rollouts up, each as often as its trials were drawn.
+        Sum the rollouts, each as often as its trials were drawn.
 
-        A rollout of a method with one model counts c_j times. Where each trial i has a model, a
-        rollout of it against trial j counts c_i·c_j times, and one against its own trial c_i
-        times; the former are scaled so that they keep their share. Without that, a trial that is
-        drawn twice would meet itself in the guise of another, and the interval would lie beside
-        the figure.
+        For a method with one model, a rollout against trial j counts c_j times. If each trial i
+        has a model, its rollout against trial j counts c_i·c_j times, and against its own trial
+        c_i times; the former are scaled to keep their share. Otherwise a trial that is drawn twice
+        would be paired with itself as if it were another, and the interval would be biased.
 
         Args:
-            counts: (rounds, trials) how often each trial was drawn; ones for the data as they are.
+            counts: (rounds, trials) number of draws of each trial; ones for the data as they are.
 
         Returns:
-            The sums, one a round; NaN where one trial alone was drawn and no pair is left.
+            The sums, one per round; NaN if a round drew a single trial and no pair is left.
 
         """
         if len(self.gap_m) == 1:
@@ -99,7 +98,7 @@ class Scores:
             return Totals(own + others * (trials * (trials - 1) / drawn))
 
     def by_trial(self) -> Totals:
-        """Add up the rollouts against each trial: a line a trial in place of a round."""
+        """Sum the rollouts against each trial: one row per trial instead of per round."""
         return Totals(self.measures.sum(axis=1).T)
 
 
@@ -110,8 +109,8 @@ class Totals:
 
     Attributes:
         sums: (rounds, 6): rollouts within 1σ, 2σ and 3σ (each curve a third), squared distance in
-            m², final gap in m, number of rollouts; where shifts in time were sought, (rounds, 9):
-            squared distance after the best one in m², that shift in s, its square in s², too.
+            m², final gap in m, number of rollouts; with shifts in time, (rounds, 9): also squared
+            distance after the best shift in m², that shift in s, its square in s².
 
     """
 
@@ -142,7 +141,7 @@ class Totals:
 
     @property
     def lateness_s(self) -> Array:
-        """Return (rounds,) mean of that shift, s; positive where the rollouts come late."""
+        """Return (rounds,) mean of that shift, s; positive if the rollouts are late."""
         return self._mean(_LATE)
 
     @property
@@ -164,13 +163,13 @@ class Summary:
     The figures of one row of the table.
 
     Attributes:
-        within: k to percentage of curves within kσ.
-        within_interval: k to its 95 % interval.
+        within: by k, percentage of curves within kσ.
+        within_interval: by k, its 95 % interval.
         rms_m: root-mean-square distance, m.
         rms_interval_m: its 95 % interval, m.
         final_gap_m: mean gap at the end, m.
         shifted_rms_m: root-mean-square distance after the best shift in time of each rollout, m.
-        lateness_s: mean of these shifts, s; positive where the method comes late.
+        lateness_s: mean of these shifts, s; positive if the method is late.
         lateness_deviation_s: their standard deviation, s.
 
     """
@@ -187,10 +186,10 @@ class Summary:
     @classmethod
     def of(cls, totals: Totals, draws: Totals) -> Summary:
         """
-        Turn sums into figures with intervals.
+        Compute the figures and their intervals from sums.
 
         Args:
-            totals: sums over the data as they are, one round.
+            totals: sums over the original data, one round.
             draws: sums over resampled trials, many rounds.
 
         Returns:
@@ -219,14 +218,14 @@ def judge(
     durations_s: Array | None = None,
 ) -> Scores:
     """
-    Judge the rollouts of one or of several models.
+    Score the rollouts of one or several models.
 
     Args:
         curves: (models, trials, samples, d) m, time-normalised.
-        references: (trials, samples, d) m, what they are held against, time-normalised.
-        envelope: the band, one for all trials or one a trial.
-        counted: (models, trials) whether the protocol counts the pair; all if left out.
-        durations_s: (trials,) s, to find how late each rollout is, too.
+        references: (trials, samples, d) m, reference curves, time-normalised.
+        envelope: the band, one for all trials or one per trial.
+        counted: (models, trials) whether the protocol counts the pair; default: all.
+        durations_s: (trials,) s; if given, the lateness of each rollout is computed, too.
 
     Returns:
         The scores.

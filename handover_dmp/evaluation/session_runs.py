@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A recorded session with the robot in the place of P2: by the movements alone, or by an arm."""
+"""A recorded session in which the robot replaces P2: the movements alone, or an arm."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ OVER = HandoverState.DONE, HandoverState.ABORTED
 @dataclass(frozen=True, eq=False)
 class SessionMotion:
     """
-    What a session was.
+    The motion of a session.
 
     Attributes:
         partner: (n, 3) m, the hand at 200 Hz.
-        wrist: (n, 3) m, at the same times.
-        states: (n,) of the session.
+        wrist: (n, 3) m, the wrist at the same times.
+        states: (n,) states of the session.
 
     """
 
@@ -57,10 +57,10 @@ class SessionMotion:
 
     def fluency(self) -> SessionFluency | None:
         """
-        Measure how fluent it was, from the first reach on.
+        Measure the fluency from the first reach on.
 
         Returns:
-            The measures; None where the robot never began.
+            The measures; None if the robot never began.
 
         """
         began = [n for n, state in enumerate(self.states) if state is HandoverState.REACHING]
@@ -81,18 +81,18 @@ def run_alone(
     session: RecordedSession, models: SessionModels, partner_model: str = 'off'
 ) -> SessionMotion:
     """
-    Let a wrist that is always where it is told to be go through a session.
+    Run a session with an ideal wrist that is always at the commanded position.
 
-    The object passes where the gripper opens or closes; the partner waits for it, and the wrist
+    The object changes hands when the gripper opens or closes; the partner waits for it. The wrist
     starts where P2 did.
 
     Args:
-        session: recorded, low-passed.
+        session: the recorded session, low-passed.
         models: the movements.
         partner_model: `auto` or `off`.
 
     Returns:
-        What it did, until the session is over or will not be.
+        The motion, until the session is complete or can no longer be completed.
 
     """
     told = defaults('hand_tracker')
@@ -123,13 +123,13 @@ def run_alone(
 
 def run_arm(scenario: SessionScenario) -> SessionMotion:
     """
-    Let a simulated arm go through a session, with the object.
+    Run a session with a simulated arm and the object.
 
     Args:
         scenario: session, movements and arm.
 
     Returns:
-        What it did, until the session is over or will not be.
+        The motion, until the session is complete or can no longer be completed.
 
     """
     with SessionLoop(scenario, carried=scenario.carried()) as loop:

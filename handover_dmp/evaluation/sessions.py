@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How fluent whole sessions are, of the robot in the place of P2 and of the two people."""
+"""Fluency of whole sessions: the robot in the role of P2, and the two people."""
 
 from __future__ import annotations
 
@@ -44,25 +44,24 @@ import numpy as np
 
 SHARES = (
     ('person_idle', 'partner idle, share of the session'),
-    ('robot_idle', 'the other idle'),
+    ('robot_idle', 'robot or P2 idle'),
     ('concurrent', 'both active'),
     ('functional_delay', 'functional delay'),
 )
 WAITS = (
     ('person_s', 'partner waited at the exchange, s'),
-    ('robot_s', 'the other waited there, s'),
+    ('robot_s', 'robot or P2 waited there, s'),
 )
 
 TITLE = 'How fluent: sessions beside those of two people'
 NONE = (
-    'No sessions: this data set holds single reaches alone (above, how fluent those are). '
-    '--sessions takes recordings of a give and a take in a row.'
+    'No sessions: this data set contains only single reaches; their fluency is shown above. '
+    '--sessions reads recordings of a give and a take in a row.'
 )
 WHAT = (
     'Shares of the time from the first reach on, and waits with the hand at the exchange (Hoffman '
-    '2019). DMP: a wrist that is always where the controller tells it to be, through reach, '
-    'exchange and way home; learnt from the other sessions of the configuration, or from the only '
-    'one there is.'
+    '2019). DMP: an ideal wrist that is always at the commanded position, during reach, exchange '
+    'and way home; learnt from the other sessions of the configuration, or from the only one.'
 )
 WITH_ARM = ' arm: the simulated arm, with the object.'
 
@@ -73,14 +72,13 @@ class SessionOutcome:
     One session.
 
     Attributes:
-        configuration: where it took place.
-        number: of the session.
+        configuration: where the session took place.
+        number: number of the session.
         learnt: numbers of the sessions that the movements were learnt from.
         exchanges: number of exchanges.
-        movers: who moved in the place of P2 to the measures; None where nothing was done. The
-            last one is P2.
-        done: who moved to whether the object was given and taken back.
-        reasons: who moved to why there are no measures.
+        movers: measures by mover; None if it did not move. The last mover is P2.
+        done: by mover, whether the object was given and taken back.
+        reasons: by mover, why there are no measures.
 
     """
 
@@ -109,17 +107,17 @@ class SessionOutcome:
 
 def read_recorded(folder: Path, more: Sequence[Path] = ()) -> list[RecordedSession]:
     """
-    Read the sessions of a data set, and others.
+    Read the sessions of a data set, and further ones.
 
     Args:
         folder: the data set; its `sessions.csv` names sessions, if it has one.
-        more: folders with such an index, or single recordings.
+        more: further folders with such an index, or single recordings.
 
     Returns:
         The sessions.
 
     Raises:
-        DataError: one of them cannot be read.
+        DataError: a session cannot be read.
 
     """
     found = session_files(folder) if (folder / SESSIONS_NAME).exists() else []
@@ -133,13 +131,13 @@ def read_trials(folder: Path) -> list[HandoverTrial]:
     Read the trials of a data set, or cut them out of its sessions.
 
     Args:
-        folder: with `trials.csv`, or, where it has none, with `sessions.csv`.
+        folder: folder with `trials.csv` or, if that is missing, with `sessions.csv`.
 
     Returns:
-        The trials; of each configuration and direction numbered from 1 where they were cut.
+        The trials; if they were cut, numbered from 1 for each configuration and direction.
 
     Raises:
-        DataError: there is no index, or something in it cannot be read.
+        DataError: there is no index, or a file of it cannot be read.
 
     """
     if (folder / INDEX_NAME).exists() or not (folder / SESSIONS_NAME).exists():
@@ -163,18 +161,18 @@ def evaluate_sessions(
     progress: Progress | None = None,
 ) -> list[SessionOutcome]:
     """
-    Let the robot take the place of P2 in whole sessions.
+    Run whole sessions in which the robot replaces P2.
 
     Args:
-        sessions: recorded.
+        sessions: recorded sessions.
         learning: how the movements are learnt.
-        choice: an arm that goes through them, too; none: the movements alone.
-        cache: folder in which finished sessions of the arm are kept.
-        jobs: processes; −1 for one a processor.
-        progress: is told how many of how many sessions are done.
+        choice: an arm to run the sessions, too; None: the movements alone.
+        cache: folder for finished sessions of the arm.
+        jobs: number of processes; −1 for one per processor.
+        progress: called with the number of finished sessions and of all sessions.
 
     Returns:
-        One a session.
+        The outcomes, one per session.
 
     """
     run = _go_through if choice is None else Memory(cache, verbose=0).cache(_go_through)
@@ -247,7 +245,7 @@ def _place(
     learning: Learning,
     choice: ArmChoice,
 ) -> BasePlacement | str:
-    """Place the arm for a session; else say why it cannot be."""
+    """Place the arm for a session, or return why that is impossible."""
     try:
         models = _learn(taught, learning)
         return make_session_scenario(session, models=models, arm=choice).robot.base
@@ -275,13 +273,13 @@ def _learn(taught: Sequence[RecordedSession], learning: Learning) -> SessionMode
 
 def sessions_beside(outcomes: Sequence[SessionOutcome]) -> list[Beside]:
     """
-    Put the sessions beside each other.
+    Compare the sessions.
 
     Args:
-        outcomes: one or more.
+        outcomes: one or more outcomes.
 
     Returns:
-        A measure each; of the waits, an exchange each.
+        One entry per measure, with a value per session; for waits, per exchange.
 
     """
     movers = list(outcomes[0].movers)
@@ -299,15 +297,15 @@ def sessions_beside(outcomes: Sequence[SessionOutcome]) -> list[Beside]:
 
 def sessions_table(outcomes: Sequence[SessionOutcome], seed: int) -> CaseTable:
     """
-    Lay the sessions out.
+    Make the table of sessions.
 
     Args:
-        outcomes: none, one or more.
-        seed: of the bootstrap.
+        outcomes: the outcomes, or none.
+        seed: seed of the bootstrap.
 
     Returns:
-        A line a measure; those in which the robot did not come to the end are named. Without any,
-        no more than a line that says so.
+        One line per measure, and remarks on sessions that were not completed. Without sessions,
+        only a line that says so.
 
     """
     if not outcomes:
@@ -326,7 +324,7 @@ def _failures(outcome: SessionOutcome) -> dict[str, str]:
     found = dict(outcome.reasons)
     for who, done in outcome.done.items():
         if not done:
-            found[who] = 'it did not come to its end'
+            found[who] = 'the session was not completed'
     return found
 
 
@@ -336,7 +334,7 @@ def _share(outcome: SessionOutcome, who: str, name: str) -> float:
 
 
 def _waits(outcome: SessionOutcome, who: str, name: str) -> list[float]:
-    """Return the wait at each exchange, NaN where it did not come to it."""
+    """Return the wait at each exchange, NaN for exchanges that did not take place."""
     found = outcome.movers[who]
     waits = [] if found is None else [float(getattr(wait, name)) for wait in found.waits]
     missing = outcome.exchanges - len(waits)

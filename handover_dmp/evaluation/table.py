@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Table I: its rows, and how they are written for people, spreadsheets and programs."""
+"""Table I: its rows, and its formats for people, spreadsheets and programs."""
 
 from __future__ import annotations
 
@@ -46,20 +46,20 @@ TITLES = {
     'human': 'P2 itself',
 }
 LEARNING_METHODS = ('decoupled', 'partner_model', 'classical')
-"""Methods with a row for each of what they may be learnt from."""
+"""Methods with one row per source of learning."""
 
 TITLE = 'Table I: curves of the decoupled DMP within kσ of P2, %'
-METHODS_TITLE = 'All cases, every method; beside each figure its 95 % interval'
+METHODS_TITLE = 'All cases, every method; with 95 % intervals'
 TIMING_TITLE = 'Distance after the best shift in time, and that shift'
 NOTE = (
-    'rms: distance to what P2 did, root mean square; end: mean distance to where P2 was at the '
-    'exchange; shifted, late by: what remains of the distance after the best shift in time of '
-    'each motion, and that shift, mean ± standard deviation. P2 itself: held against mean and '
-    'band of the other trials.'
+    "rms: root-mean-square distance to P2 in the same trial; end: mean distance to P2's position "
+    'at the exchange; shifted: distance after the best shift in time of each motion; late by: '
+    'that shift, mean ± standard deviation. P2 itself: compared with mean and band of the other '
+    'trials.'
 )
 
 WIDTH = 104
-"""Characters that the table needs."""
+"""Width of the table, characters."""
 
 
 @dataclass(frozen=True)
@@ -68,12 +68,12 @@ class Row:
     One line of the table.
 
     Attributes:
-        configuration: of the trials; empty in the summary.
+        configuration: configuration of the trials; empty in the summary.
         direction: `give` or `take`; empty in the summary.
         learn: one of `LEARN`.
         method: one of `METHODS`.
         trials: number of trials.
-        curves: number of curves judged; 0 where there were too few trials for it.
+        curves: number of tested curves; 0 if there were too few trials.
         figures: the percentages, distances and intervals.
 
     """
@@ -112,11 +112,11 @@ def as_csv(rows: Sequence[Row]) -> str:
     Write rows as CSV.
 
     Args:
-        rows: of cases and of the summary; the latter have no configuration.
+        rows: rows of cases and of the summary; the latter have no configuration.
 
     Returns:
         The text, with a header; percentages to a hundredth, distances to a hundredth of a
-        millimetre, nothing where a figure does not exist.
+        millimetre; cells of missing figures are empty.
 
     """
     text = io.StringIO()
@@ -151,10 +151,10 @@ def as_text(
     Write the tables for people.
 
     Args:
-        rows: of the cases.
-        summary: over all cases.
-        tables: what follows.
-        width: characters of a line, or more where a table needs more.
+        rows: rows of the cases.
+        summary: rows over all cases.
+        tables: further tables.
+        width: least width of a line, characters; wider tables extend it.
 
     Returns:
         Plain text.
@@ -171,14 +171,14 @@ def as_text(
 
 def renderable(rows: Sequence[Row], summary: Sequence[Row]) -> Group:
     """
-    Lay the table out as the paper has it, with what the paper lacks below.
+    Make the table in the paper's layout, and the tables that the paper lacks below it.
 
     Args:
-        rows: of the cases.
-        summary: over all cases.
+        rows: rows of the cases.
+        summary: rows over all cases.
 
     Returns:
-        What rich can print.
+        A renderable of rich.
 
     """
     return Group(
@@ -273,7 +273,7 @@ def _timing_table(summary: Sequence[Row]) -> Table:
 
 
 def _each_once(summary: Sequence[Row]) -> Iterator[tuple[Row, str]]:
-    """Yield rows in the order of their methods, and what each learnt from if it learns."""
+    """Yield rows in the order of their methods, with the source of learning if there is one."""
     shown = set()
     for row in sorted(summary, key=lambda row: METHODS.index(row.method)):
         learns = row.method in LEARNING_METHODS

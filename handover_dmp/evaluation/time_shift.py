@@ -13,13 +13,12 @@
 # limitations under the License.
 
 """
-How much of a distance is time and not place: the one shift in time that fits a motion best.
+How much of a distance is time and not position: the shift in time that fits a motion best.
 
-A motion that does the right thing a little late is far from the right thing for all of its way.
-So each motion is moved in time as a whole, y(u + d), until it is nearest to what it is held
-against: d tells how late it is, and what remains is the distance of place. Before its start and
-after its end a motion is where it started and ended, so that no sample is lost and nothing is
-gained by a shift that leaves little to compare.
+A motion that is right but a little late is far from its reference all the time. Each motion is
+therefore shifted in time as a whole, y(u + d), to the least distance from its reference: d is the
+lateness, and the rest is the distance in position. Before its start and after its end a motion
+stands still, so that no sample is lost and a shift with little overlap has no advantage.
 """
 
 from __future__ import annotations
@@ -42,8 +41,8 @@ class TimeShift:
     The best shift in time of some motions.
 
     Attributes:
-        lateness: (...) d, how late each is, as a share of its duration; negative: early.
-        squared_m2: (...) mean squared distance that remains, m².
+        lateness: (...) d, the lateness of each, as a share of its duration; negative: early.
+        squared_m2: (...) remaining mean squared distance, m².
 
     """
 
@@ -53,15 +52,15 @@ class TimeShift:
 
 def best_time_shift(curves: Array, references: Array) -> TimeShift:
     """
-    Move each motion in time as a whole, to where it is nearest to its reference.
+    Shift each motion in time as a whole, to the least distance from its reference.
 
     Args:
         curves: (..., samples, d) m, evenly spaced in time over the duration.
         references: (..., samples, d) m, of the same durations; broadcast against the curves.
 
     Returns:
-        The shift that leaves the least mean squared distance, and that distance. Of shifts that
-        leave the same, the smallest.
+        The shift with the least mean squared distance, and that distance; of equal ones, the
+        smallest shift.
 
     """
     references = np.broadcast_to(references, curves.shape)
@@ -76,7 +75,7 @@ def best_time_shift(curves: Array, references: Array) -> TimeShift:
     chosen = errors.argmin(axis=0)
     shift = np.take_along_axis(shifts, chosen[None], axis=0)[0]
     lowest = np.take_along_axis(errors, chosen[None], axis=0)[0]
-    # a parabola through the least and its neighbours finds the shift between two samples
+    # a parabola through the minimum and its neighbours gives the shift between two samples
     before, after = (_error(curves, references, shift + side) for side in (-1, 1))
     bend = before + after - 2.0 * lowest
     slope = 0.5 * (after - before)
@@ -89,7 +88,7 @@ def best_time_shift(curves: Array, references: Array) -> TimeShift:
 
 
 def _errors(curves: Array, references: Array, steps: NDArray[np.int_]) -> Array:
-    """Give the mean squared distance for some shifts that are the same for all, (steps, ...)."""
+    """Return the mean squared distances for common shifts of all curves, (steps, ...)."""
     count = curves.shape[-2]
     moved = (np.clip(np.arange(count) + step, 0, count - 1) for step in steps)
     return np.stack(
@@ -98,7 +97,7 @@ def _errors(curves: Array, references: Array, steps: NDArray[np.int_]) -> Array:
 
 
 def _error(curves: Array, references: Array, shift: NDArray[np.int_]) -> Array:
-    """Give the mean squared distance for a shift of each curve, (...)."""
+    """Return the mean squared distance for one shift per curve, (...)."""
     count = curves.shape[-2]
     at = np.clip(shift[..., None] + np.arange(count), 0, count - 1)
     moved = np.take_along_axis(curves, at[..., None], axis=-2)

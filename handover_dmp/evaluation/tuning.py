@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Finding better parameters on some trials, and saying what they are worth on others."""
+"""Search for better parameters, and their score on unseen trials."""
 
 from __future__ import annotations
 
@@ -53,19 +53,19 @@ WITHIN = len(BANDS) - 1
 SQUARED, GAP, COUNT = 3, 4, 5
 
 REST_SPEED = 0.1
-"""m/s; a hand that is slower rests."""
+"""A slower hand is at rest, m/s."""
 
 
 @dataclass(frozen=True)
 class Range:
     """
-    Where a parameter is searched.
+    The search range of a parameter.
 
     Attributes:
-        name: of the parameter.
+        name: name of the parameter.
         low: least value.
         high: largest value.
-        logarithmic: whether equal ratios count alike.
+        logarithmic: whether the scale is logarithmic.
 
     """
 
@@ -85,7 +85,7 @@ SPACE = (
     Range('stiffness', 30.0, 1000.0, logarithmic=True),
     Range('mu', 0.3, 1.1),
     Range('sigma', 0.02, 0.4, logarithmic=True),
-    # K_v as a part of what follows without lag; above 1 the rule Dτ itself.
+    # K_v as a share of Dτ, which follows without lag; above 1, the rule Dτ itself.
     Range('goal_velocity_gain', 0.0, 2.0),
     Range('duration_scale', 0.8, 1.25, logarithmic=True),
 )
@@ -94,11 +94,11 @@ SPACE = (
 @dataclass(frozen=True)
 class Worth:
     """
-    Figures of parameters on trials that they were not chosen on.
+    Scores of parameters on trials that they were not chosen on.
 
     Attributes:
-        rms_m: distance to what P2 really did, root mean square, m.
-        within: k to percentage of curves within kσ.
+        rms_m: root-mean-square distance to P2, m.
+        within: by k, percentage of curves within kσ.
         final_gap_m: mean distance at the end, m.
 
     """
@@ -111,13 +111,13 @@ class Worth:
 @dataclass(frozen=True)
 class Comparison:
     """
-    The tuned parameters beside the defaults, on unseen trials.
+    The tuned parameters compared with the defaults, on unseen trials.
 
     Attributes:
         learn: `single` or `mean`.
-        default: figures of the defaults.
-        tuned: figures of the parameters chosen on the other trials.
-        gain_m: by how much the distance falls, m.
+        default: scores of the defaults.
+        tuned: scores of the parameters chosen on the other trials.
+        gain_m: reduction of the distance, m.
         gain_interval_m: its 95 % interval, trials resampled, m.
         within_change: change of the percentage within 3σ, points.
         within_change_interval: its 95 % interval, points.
@@ -136,12 +136,12 @@ class Comparison:
 @dataclass(frozen=True)
 class Attempt:
     """
-    One change to the defaults, and what it gives on unseen trials.
+    One change to the defaults, and its effect on unseen trials.
 
     Attributes:
         what: the change.
-        worth: its figures, learn single.
-        gain_m: by how much the distance falls, m.
+        worth: its scores, learn single.
+        gain_m: reduction of the distance, m.
         gain_interval_m: its 95 % interval, trials resampled, m.
 
     """
@@ -155,17 +155,17 @@ class Attempt:
 @dataclass(frozen=True)
 class Tuning:
     """
-    What was found.
+    The result of the search.
 
     Attributes:
-        default: where the search began.
-        best: chosen on all trials.
-        folds: chosen without the unseen trials of each fold.
+        default: start of the search.
+        best: parameters chosen on all trials.
+        folds: parameters chosen without the unseen trials of each fold.
         comparisons: gain on unseen trials, learn single and learn mean.
         attempts: single changes to the defaults, the defaults first.
-        candidates: how many sets of parameters were tried.
-        trials: how many trials took part.
-        start_at_rest: how many of them begin with both hands slower than 0.1 m/s.
+        candidates: number of sets of parameters that were tried.
+        trials: number of trials.
+        start_at_rest: number of trials that begin with both hands slower than 0.1 m/s.
 
     """
 
@@ -191,21 +191,21 @@ def tune(
     """
     Search K, μ, σ, K_v and the scale of τ by cross-validation.
 
-    The least distance to what P2 really did wins among the candidates that have no fewer curves
-    within 3σ than the defaults. Candidates are first spread evenly, then set around the best of
-    each fold, ever closer. Each fold chooses by its own training trials alone and is judged on
-    trials that it has not seen; the choice that is given in the end is that of all trials.
+    The candidate with the least distance to P2 wins, among those with no fewer curves within 3σ
+    than the defaults. Candidates are first spread evenly, then placed ever closer around the best
+    of each fold. Each fold chooses by its training trials alone and is scored on unseen trials;
+    the final choice uses all trials.
 
     Args:
         trials: recorded handovers, at least four of each configuration and exchange.
-        default: where to start, and what to beat.
-        candidates: how many sets of parameters to try, at least.
-        seed: of the search, the folds and the intervals.
-        jobs: processes; the result does not depend on it.
-        progress: is told how many of how many are tried.
+        default: start of the search, and the parameters to beat.
+        candidates: least number of sets of parameters to try.
+        seed: seed of the search, the folds and the intervals.
+        jobs: number of processes; the result does not depend on it.
+        progress: called with the number of tried candidates and of all candidates.
 
     Returns:
-        What was found.
+        The result of the search.
 
     Raises:
         DataError: too few trials in a case.
@@ -240,10 +240,10 @@ def tune(
 
 def starts_at_rest(trial: HandoverTrial) -> bool:
     """
-    Tell whether a trial begins before anybody moves.
+    Tell whether a trial begins at rest.
 
     Args:
-        trial: conditioned.
+        trial: a conditioned trial.
 
     Returns:
         Whether both hands are slower than 0.1 m/s in the first sample.
@@ -257,7 +257,7 @@ def starts_at_rest(trial: HandoverTrial) -> bool:
 
 
 class _Court:
-    """Judges candidates on all cases, several at a time."""
+    """Scores candidates on all cases, several at a time."""
 
     def __init__(
         self,
@@ -272,7 +272,7 @@ class _Court:
         self.done, self.expected = 0, expected
 
     def judge(self, candidates: Sequence[Candidate]) -> list[list[Verdict]]:
-        """Give a verdict for each candidate and case."""
+        """Return a verdict for each candidate and case."""
         verdicts = []
         pairs = list(zip(self.cases, self.splits, strict=True))
         for verdict in self.parallel(delayed(_try_all)(pairs, each) for each in candidates):
@@ -288,7 +288,7 @@ def _try_all(pairs: Sequence[tuple[Case, Sequence[Split]]], candidate: Candidate
 
 
 class _Search:
-    """Everything that was tried, the default first."""
+    """All tried candidates, the default first."""
 
     def __init__(
         self, default: Learning, court: _Court, random: np.random.Generator, candidates: int
@@ -301,7 +301,7 @@ class _Search:
         self.verdicts: list[list[Verdict]] = []
 
     def run(self) -> None:
-        """Try the default, then candidates spread over the space, then near the best."""
+        """Try the default, then evenly spread candidates, then candidates near the best."""
         self._try([(self.default, np.full(len(SPACE), np.nan))])
         # takes longer to load than the rest of the package
         from scipy.stats import qmc
@@ -321,7 +321,7 @@ class _Search:
             self._try([(self._learning(place), place) for place in places])
 
     def choose(self, fold: int, *, among_spread: bool = False) -> int:
-        """Pick the best by the training trials of a fold; the last fold has all of them."""
+        """Choose the best by the training trials of a fold; the last fold has all trials."""
         sums = [self._training(verdicts, fold) for verdicts in self.verdicts]
         errors = np.array([total.rms_m[0] for total in sums])
         within = np.array([total.within_percent[0, WITHIN] for total in sums])
@@ -445,7 +445,7 @@ def _changes(default: Learning) -> Iterator[tuple[str, Candidate]]:
     yield 'μ = 0.65, σ = 0.2', changed(mu=0.65, sigma=0.2)
     for scale in (0.9, 0.95, 1.05, 1.1):
         yield f'τ × {scale:g}', Candidate(replace(default, duration_scale=scale))
-    yield 'K_v = 0: ġ not looked at', changed(goal_velocity_gain=0.0)
+    yield 'K_v = 0: ġ ignored', changed(goal_velocity_gain=0.0)
     for constant in (0.05, 0.1, 0.2):
         view = partial(smooth_velocity, time_constant_s=constant)
         yield f'ġ low-passed, {1e3 * constant:g} ms', Candidate(default, view=view)

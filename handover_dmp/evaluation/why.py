@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Sums up why curves were rejected, case by case, out of `table.json`."""
+"""Summary of why curves were rejected, case by case, from `table.json`."""
 
 from __future__ import annotations
 
@@ -30,25 +30,26 @@ HEAD = (
 )  # fmt: skip
 
 NOTE = (
-    'rejected: of how many curves. learnt from, tested against: the trials with the most rejected '
-    'curves, and how many. leaves at, farthest at: median, as a fraction of the duration. beyond: '
-    'median and maximum, how far beyond 3σ. narrowest: least width of the band from −3σ to 3σ, '
-    'and where. in the neck: farthest beyond where the band is narrower than {width:.0f} mm. '
-    'still out: rejected also by a band that is at least so wide everywhere.'
+    'rejected: number of rejected curves, and of all. learnt from, tested against: the trials '
+    'with the most rejected curves, and their number. leaves at, farthest at: median, as a '
+    'fraction of the duration. beyond: distance outside 3σ, median and maximum. narrowest: least '
+    'width of the band from −3σ to 3σ, and where. in the neck: curves whose largest excess is '
+    'where the band is narrower than {width:.0f} mm. still out: curves that a band of at least '
+    'that width everywhere would still reject.'
 )
 SHOWN_TRIALS = 2
 
 
 def explanation(rejections: Sequence[Mapping[str, Any]], learn: str) -> list[dict[str, Any]]:
     """
-    Sum up the rejections of each case, and of all.
+    Summarise the rejections of each case, and of all.
 
     Args:
         rejections: `rejections` of `table.json`.
-        learn: what was learnt from.
+        learn: source of learning.
 
     Returns:
-        One a case, then one over all.
+        One summary per case, then one over all.
 
     """
     cases = [case for case in rejections if case['learn'] == learn]
@@ -87,7 +88,7 @@ def _summary(learn: str, cases: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 def _by_trial(
     cases: Sequence[Mapping[str, Any]], trials: Callable[[Mapping[str, Any]], Sequence[int]]
 ) -> dict[str, int]:
-    """Count by trial; over several cases, and of a mean, their numbers mean nothing."""
+    """Count by trial; over several cases or for a mean, trial numbers mean nothing."""
     found = [trials(curve) for case in cases for curve in case['rejected']]
     if len(cases) > 1 or any(len(numbers) > 1 for numbers in found):
         return {}
@@ -122,14 +123,15 @@ def _most(counts: Mapping[str, int]) -> str:
 
 def why_tables(rejections: Sequence[Mapping[str, Any]], learns: Sequence[str]) -> list[CaseTable]:
     """
-    Lay the explanation out.
+    Make the tables of rejections.
 
     Args:
         rejections: `rejections` of `table.json`.
-        learns: what was learnt from, one or more.
+        learns: sources of learning, one or more.
 
     Returns:
-        A table each, a line a case and one over all; the first one says what the columns mean.
+        One table per source, with one line per case and one over all; the first explains the
+        columns.
 
     """
     note = NOTE.format(width=1e3 * rejections[0]['min_width_m'])

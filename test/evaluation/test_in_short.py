@@ -75,7 +75,7 @@ def test_the_answers_are_the_figures_of_the_table(table: dict[str, Any]) -> None
     )
     early = 'early' if far['lateness_s'] < 0.0 else 'late'
     assert f'{1e3 * abs(far["lateness_s"]):.0f} ms {early}' in answers['Which trials?']
-    assert answers['With which arm?'] == 'None was asked for (--arm).'
+    assert answers['With which arm?'] == 'No arm was evaluated (--arm selects one).'
     assert '(DMP)' in answers['How smooth?'] and '(P2)' in answers['How fluent?']
 
 
