@@ -108,7 +108,7 @@ def test_a_slower_arm_is_limited_and_loses(
     assert late > early + 0.1
     assert case.limits.slowed_s > 0.1
     (remark,) = arm_remarks(ArmEvaluation('slow', 'mean', [case], []))
-    assert 'of its velocity' in remark
+    assert 'at its velocity limit' in remark
 
 
 def test_an_arm_at_rest_accelerates_as_its_joints_can() -> None:
