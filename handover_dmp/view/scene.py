@@ -625,13 +625,11 @@ class Scene(Closing):
             ):
                 low, high = pybullet.getAABB(self._robot, number, physicsClientId=self._client)
                 clouds.append(np.array([low, high]))
+        corners = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
+        clouds += [place + corners * piece.size for piece, place in self.table]
         clouds += [
-            np.array(pybullet.getAABB(body, physicsClientId=self._client)) for body in self._pieces
-        ]
-        clouds += [
-            place + 0.5 * np.array(piece.size) * corner
-            for piece, place in self.table
-            for corner in itertools.product((-1.0, 1.0), repeat=3)
+            place + Rotation.from_quat(turn).apply(corners * piece.lying)
+            for piece, place, turn in self.around
         ]
         person, base, floor = self.figure.pelvis, self.model.base.position, self.floor_height_m
         clouds.append(_ring(base, PEDESTAL_RADIUS_M, floor))

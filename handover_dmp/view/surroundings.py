@@ -48,6 +48,12 @@ class Piece:
     colour: Colour
     is_round: bool = False
 
+    @property
+    def lying(self) -> Point:
+        """Return its size along the axes of its own body, m: of a cylinder the last is its axis."""
+        x, y, z = self.size
+        return (x, z, y) if self.is_round else self.size
+
 
 @dataclass(frozen=True)
 class Surroundings:

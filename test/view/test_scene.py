@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from handover_dmp.common.errors import DataError
 from handover_dmp.robot.model import BasePlacement, RobotModel
+from handover_dmp.simulation.stances import stance_of
 from handover_dmp.view.scene import Scene, SceneOptions
 from handover_dmp.view.surroundings import SURROUNDINGS
 import numpy as np
@@ -223,3 +224,17 @@ def test_object_that_goes_back_is_with_the_robot_again_and_never_jumps():
     assert np.ptp(to_wrist[:120]) < 1e-6
     assert np.ptp(to_wrist[241:]) < 1e-6
     assert np.ptp(to_wrist[120:241]) > 0.02
+
+
+@pytest.mark.parametrize('configuration', SURROUNDINGS)
+def test_what_is_around_the_person_is_in_the_picture(configuration):
+    around = SURROUNDINGS[configuration]
+    with handover(surroundings=around, stance=stance_of(configuration)) as made:
+        camera = made.camera(480, 360)
+        ends = [
+            place + 0.5 * piece.size[2] * np.array([0.0, 0.0, side])
+            for piece, place, _ in made.around
+            for side in (-1.0, 1.0)
+        ]
+    assert len(ends) == 2 * len(around.pieces)
+    assert np.abs(camera.project(np.array(ends))).max() < 0.95
