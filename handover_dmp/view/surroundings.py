@@ -50,7 +50,7 @@ class Piece:
 
     @property
     def lying(self) -> Point:
-        """Return its size along the axes of its own body, m: of a cylinder the last is its axis."""
+        """Return its size along its own axes, m: of a cylinder the last is along it."""
         x, y, z = self.size
         return (x, z, y) if self.is_round else self.size
 
