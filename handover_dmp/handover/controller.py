@@ -393,7 +393,7 @@ class HandoverController:
 
     @property
     def refused(self) -> Counter[str]:
-        """Number of refused poses of the hand since the beginning, by reason."""
+        """Return the number of refused poses of the hand since the beginning, by reason."""
         return self._estimator.rejected
 
     def refuse_hand(self, reason: str, tracker: str = '') -> None:
@@ -502,7 +502,7 @@ class HandoverController:
 
     @property
     def starts_by(self) -> str:
-        """What starts the next handover: `signal`, `motion` or `service`."""
+        """Tell what starts the next handover: `signal`, `motion` or `service`."""
         return self.options.start
 
     @property

@@ -156,7 +156,7 @@ class ObjectProfile:
 
     @property
     def stopping_limit(self) -> float:
-        """The same for a hand that stops abruptly, m/s²: better a spilt cup than a hit hand."""
+        """Return it for a hand that stops abruptly, m/s²: better a spilt cup than a hit hand."""
         usual = defaults('dmp')
         own: float = usual['approach.stopping_limit']
         return max(own, usual['acceleration_limit']) if self.acceleration_limit else own

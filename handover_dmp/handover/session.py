@@ -300,7 +300,7 @@ class SessionController(HandoverController):
 
     @property
     def feels(self) -> ReleaseRule | None:
-        """The release rule with the force on the wrist; None if no force was ever measured."""
+        """Return the release rule with its force; None if no force was ever measured."""
         return None if self._force is None else self._rule
 
     def begin_with(self, holder: str) -> bool:
@@ -353,7 +353,7 @@ class SessionController(HandoverController):
 
     @property
     def starts_by(self) -> str:
-        """What starts the next handover: `signal`, `motion` or `service`."""
+        """Tell what starts the next handover: `signal`, `motion` or `service`."""
         return self.options.start if self.next_leg is Leg.GIVE else self.session.take_start
 
     @property
