@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`handover_dmp bag`: trials as bags; a look into bags; repair of broken ones."""
+"""`handover_dmp bag`: convert trials to bags; inspect and repair bags."""
 
 from __future__ import annotations
 
@@ -45,17 +45,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'words',
         nargs='+',
         metavar='DATASET | info BAG | repair BAG',
-        help='a data set (or one trial, CSV) to write as bags; or a bag to look into or to '
-        'repair: its folder, an MCAP file, or the folder of a run',
+        help='data set (or one trial, CSV) to convert to bags; or a bag to inspect or repair: its '
+        'folder, an MCAP file, or the folder of a run',
     )
-    parser.add_argument('-o', '--output', type=Path, metavar='DIR', help='where the bags go')
+    parser.add_argument('-o', '--output', type=Path, metavar='DIR', help='folder for the bags')
     parser.add_argument(
         '--compression',
         choices=['zstd', 'lz4', 'none'],
         default='zstd',
-        help='of the bags written (default: %(default)s)',
+        help='compression of the bags (default: %(default)s)',
     )
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write the outcome as JSON, too')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='also write the outcome as JSON')
 
 
 def run(options: argparse.Namespace) -> int:
@@ -69,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
         0.
 
     Raises:
-        UsageError: the words make no sense together.
+        UsageError: the words do not fit together.
         DataError: a data set or a bag that cannot be read or written.
 
     """
@@ -85,10 +85,10 @@ def run(options: argparse.Namespace) -> int:
             raise UsageError(f'{word} needs a bag: handover_dmp bag {word} BAG')
         case [source]:
             if options.output is None:
-                raise UsageError('-o DIR: where the bags go is missing')
+                raise UsageError('-o DIR, the folder for the bags, is missing')
             outcome = _write(Path(source), options.output, options.compression, console)
         case _:
-            raise UsageError(f'one data set, or info BAG, or repair BAG, not {options.words}')
+            raise UsageError(f'expected one data set, info BAG or repair BAG, got {options.words}')
     if options.json is not None:
         import json
 
@@ -141,7 +141,7 @@ def _describe(path: Path, console: Console) -> dict[str, Any]:
     console.print(table)
     if not bag.complete:
         console.print(
-            f'its recorder did not close it; try: handover_dmp bag repair {path}', soft_wrap=True
+            f'its recorder did not close it; run: handover_dmp bag repair {path}', soft_wrap=True
         )
     return {
         'files': [str(file) for file in bag.files],
@@ -166,13 +166,13 @@ def _repair(path: Path, console: Console) -> dict[str, Any]:
 
     repair = repair_bag(path)
     for file in repair.rewritten:
-        console.print(f'{file}: written anew', soft_wrap=True)
+        console.print(f'{file}: rewritten', soft_wrap=True)
     if repair.metadata_written:
         console.print(f'{repair.files[0].parent / "metadata.yaml"}: written', soft_wrap=True)
     if not repair.rewritten and not repair.metadata_written:
         console.print('nothing to repair')
     if repair.dropped_chunks:
-        console.print(f'{repair.dropped_chunks} piece(s) in the middle could not be read')
+        console.print(f'{repair.dropped_chunks} chunk(s) in the middle could not be read')
     console.print(f'{repair.message_count} messages')
     return {
         'files': [str(file) for file in repair.files],

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`handover_dmp bench`: speed and accuracy, each figure beside its target, floor and peers."""
+"""`handover_dmp bench`: speed and accuracy, with targets, floors and other libraries."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 SUBJECTS = {
-    'startup': 'start of the command',
+    'startup': 'time to start the command',
     'dmp': 'the movement primitive: step, rollouts, learning, error, lag',
     'rvm': 'sparse Bayesian learning',
-    'ik': 'inverse kinematics by priorities',
+    'ik': 'prioritised inverse kinematics',
     'sim': 'the handover in lockstep with PyBullet',
     'ros': 'rate, jitter and latency of the ROS 2 graph',
     'bag': 'recording',
@@ -61,7 +61,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'words',
         nargs='*',
         metavar='SUBJECT',
-        help='what to measure (default: all but those that say so), or `compare` and two files',
+        help='subject to measure (default: all except those marked "only when named"), or '
+        '`compare` and two files',
     )
     parser.add_argument('--json', type=Path, metavar='FILE', help='write the figures as JSON')
     parser.add_argument(
@@ -71,14 +72,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--minutes',
         type=float,
         metavar='MIN',
-        help='how long soak lasts, and fuzz at most (default: 30 and 60)',
+        help='duration of soak, and maximum duration of fuzz (default: 30 and 60)',
     )
     parser.add_argument(
         '--tolerance',
         type=float,
         default=1.25,
         metavar='TIMES',
-        help='how many times worse a figure may get before `compare` fails (default: %(default)s)',
+        help='factor by which a figure may get worse before `compare` fails (default: '
+        '%(default)s)',
     )
 
 
@@ -93,8 +95,8 @@ def run(options: argparse.Namespace) -> int:
         0, or 1 if a comparison found a slowdown.
 
     Raises:
-        UsageError: a subject that does not exist, or not two files to compare.
-        HandoverError: a subject that was named needs a package that is not installed.
+        UsageError: a subject does not exist, or there are not two files to compare.
+        HandoverError: a named subject needs a package that is not installed.
 
     """
     if options.words[:1] == [COMPARE]:
@@ -113,10 +115,10 @@ def _measure(options: argparse.Namespace) -> int:
 
     unknown = [word for word in options.words if word not in SUBJECTS]
     if unknown:
-        raise UsageError(f'no subject {unknown[0]!r}: choose from {", ".join(SUBJECTS)}')
+        raise UsageError(f'unknown subject {unknown[0]!r}; choose from {", ".join(SUBJECTS)}')
     subjects = options.words or [subject for subject in SUBJECTS if subject not in WHEN_NAMED]
     if options.minutes is not None and not 0.0 < options.minutes < 1e5:
-        raise UsageError(f'--minutes is {options.minutes:g}, not a number above 0')
+        raise UsageError(f'--minutes is {options.minutes:g}; it must be above 0')
 
     description = machine()
     results: list[Measurement] = []
@@ -142,7 +144,7 @@ def _measure(options: argparse.Namespace) -> int:
                     raise HandoverError(absent) from error
                 skipped.append(absent)
             bar.advance(task)
-            # After every subject: what takes long must not be lost to what fails later.
+            # After every subject, so that a later failure does not lose long measurements.
             if options.json:
                 write_json(options.json, description, results)
 
@@ -173,7 +175,7 @@ def _compare(options: argparse.Namespace) -> int:
     console = _wide_console()
     console.print(comparison_table(changes, options.tolerance))
     for name in single:
-        console.print(f'in one of the two alone: {name}')
+        console.print(f'only in one of the two files: {name}')
     slower = [change.name for change in changes if change.is_slowdown(options.tolerance)]
     if slower:
         console.print(f'[red]worse by more than × {options.tolerance:g}:[/] {", ".join(slower)}')
@@ -183,7 +185,7 @@ def _compare(options: argparse.Namespace) -> int:
 
 
 def _wide_console() -> Console:
-    """Return a console that does not squeeze the table where there is no terminal."""
+    """Return a console that does not squeeze the table if there is no terminal."""
     from rich.console import Console
 
     console = Console()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`handover_dmp calibrate`: where a tracker stands and how late it stamps, as parameters."""
+"""`handover_dmp calibrate`: find the pose and the delay of a tracker."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs='*',
         type=Path,
         metavar='BAG | REFERENCE.csv TRACKER.csv',
-        help='a bag with both paths, or two CSV files (t,x,y,z and, where known, qx,qy,qz,qw)',
+        help='a bag with both paths, or two CSV files (t,x,y,z and, if known, qx,qy,qz,qw)',
     )
     parser.add_argument(
         '-o',
@@ -52,88 +52,93 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         default=Path('tracker.yaml'),
         metavar='FILE.yaml',
-        help='parameters of dmp and priority_ik; the figure lies beside it (default: %(default)s)',
+        help='parameter file for dmp and priority_ik; the figure is written beside it (default: '
+        '%(default)s)',
     )
     parser.add_argument(
         '--reference',
         default=REFERENCE_TOPIC,
         metavar='TOPIC',
-        help='poses of the body in the frame that counts; of several, TOPIC:NAME '
-        '(default: %(default)s, where priority_ik says that the wrist is)',
+        help='poses of the body in the frame of the nodes; TOPIC:NAME if the messages contain '
+        'several bodies (default: %(default)s, published by priority_ik)',
     )
     parser.add_argument(
         '--tracker',
         default=TRACKER_TOPIC,
         metavar='TOPIC',
-        help='poses of the tracker, the same way (default: %(default)s)',
+        help='poses of the tracker, TOPIC or TOPIC:NAME (default: %(default)s)',
     )
     parser.add_argument(
-        '--frame', default='', help='of the tracker, where its poses do not name one of their own'
+        '--frame',
+        default='',
+        help='frame of the tracker, if its poses do not name one of their own',
     )
     parser.add_argument(
         '--name',
         default='tracker',
-        help='of the tracker in the parameters of the nodes (default: %(default)s)',
+        help='name of the tracker in the parameters of the nodes (default: %(default)s)',
     )
     parser.add_argument(
         '--marker',
         nargs=3,
         type=float,
         metavar=('X', 'Y', 'Z'),
-        help='where the marker is in the axes of the reference, m (default: estimated, as far as '
-        'the motion tells)',
+        help='position of the marker in the axes of the reference, m (default: estimated, as far '
+        'as the motion permits)',
     )
     parser.add_argument(
         '--max-delay',
         type=float,
         default=2.0,
         metavar='S',
-        help='how far to search for the delay, either way (default: %(default)s)',
+        help='maximum delay to search for, in both directions (default: %(default)s)',
     )
     parser.add_argument(
         '--clock',
         choices=('stamp', 'log'),
         default='stamp',
-        help='take the times of a bag from the stamps, or from when it was recorded '
-        '(default: %(default)s)',
+        help='time of the poses of a bag: their stamps, or the time of recording (default: '
+        '%(default)s)',
     )
     parser.add_argument(
-        '--part', type=int, metavar='N', help='of a bag whose clock was set back, from 1'
+        '--part', type=int, metavar='N', help='part of a bag whose clock was set back, from 1'
     )
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write the result as JSON, too')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='also write the result as JSON')
     add_move_arguments(parser)
 
 
 def add_move_arguments(parser: argparse.ArgumentParser) -> None:
     """
-    Declare what moves the arm first.
+    Declare the options of moving the arm first.
 
     Args:
         parser: parser of the verb.
 
     """
-    move = parser.add_argument_group('moving the arm, which leaves a bag and then calibrates')
+    move = parser.add_argument_group('move the arm, record a bag, then calibrate')
     move.add_argument(
         '--move',
         action='store_true',
-        help='move robot_sim, with a simulated tracker, and record both',
+        help='move the arm of robot_sim, with a simulated tracker, and record both',
     )
     move.add_argument(
         '--running',
         action='store_true',
-        help='move the arm that runs in this ROS domain, beside its tracker, not robot_sim',
+        help='move the arm that runs in this ROS domain with its tracker, in place of robot_sim',
     )
     move.add_argument(
-        '--bag', type=Path, metavar='FOLDER', help='to record into (default: beside the output)'
+        '--bag', type=Path, metavar='FOLDER', help='bag to record (default: beside the output)'
     )
     move.add_argument(
         '--duration',
         type=float,
         default=DURATION_S,
         metavar='S',
-        help='of the motion (default: %(default)s)',
+        help='duration of the motion (default: %(default)s)',
     )
-    move.add_argument('--seed', type=int, default=0, help='of the simulated tracker')
+    move.add_argument(
+        '--seed', type=int, default=0, help='seed of the simulated tracker (default: %(default)s)'
+    )
     add_robot_arguments(parser, 'lwr4')
 
 
@@ -145,7 +150,7 @@ def run(options: argparse.Namespace) -> int:
         options: what `add_arguments` declared.
 
     Returns:
-        0, or 1 if the motion does not determine where the tracker stands.
+        0, or 1 if the motion does not determine the pose of the tracker.
 
     Raises:
         DataError: the paths cannot be read, or are not of one body.
@@ -155,13 +160,13 @@ def run(options: argparse.Namespace) -> int:
     from handover_dmp.common.errors import UsageError
 
     if not 0.1 <= options.max_delay <= 600.0:
-        raise UsageError(f'--max-delay {options.max_delay:g} is not from 0.1 to 600 s')
+        raise UsageError(f'--max-delay is {options.max_delay:g} s; it must be from 0.1 to 600')
     if options.output.suffix not in {'.yaml', '.yml'}:
-        raise UsageError(f'{options.output}: parameters are a .yaml')
+        raise UsageError(f'{options.output}: the name of a parameter file must end in .yaml')
     if options.move:
         options.sources = [_moved(options)]
     if not 1 <= len(options.sources) <= 2:
-        raise UsageError('say a bag, two CSV files, or --move')
+        raise UsageError('calibrate needs a bag, two CSV files, or --move')
     from handover_dmp.tracking.calibration import calibrate
 
     reference, tracker = _paths(options)
@@ -174,7 +179,7 @@ def _moved(options: argparse.Namespace) -> Path:
     from handover_dmp.common.errors import GET_ROS, HandoverError, UsageError
 
     if options.sources:
-        raise UsageError('--move makes the bag: leave the others out')
+        raise UsageError('--move records the bag itself: leave out the other sources')
     try:
         from handover_dmp.nodes.run_calibration import move_and_record
     except ModuleNotFoundError as error:
@@ -205,10 +210,10 @@ def _paths(options: argparse.Namespace) -> tuple[BodyPath, BodyPath]:
     if len(options.sources) == 2:
         first, second = options.sources
         if first.suffix.lower() != '.csv' or second.suffix.lower() != '.csv':
-            raise UsageError(f'{first}, {second}: two sources are two CSV files')
+            raise UsageError(f'{first}, {second}: two sources must both be CSV files')
         return read_body_csv(first), read_body_csv(second)
     if options.sources[0].suffix.lower() == '.csv':
-        raise UsageError(f'{options.sources[0]}: and the CSV file of the tracker?')
+        raise UsageError(f'{options.sources[0]}: the CSV file of the tracker is missing')
     reference, tracker = read_body_paths(
         options.sources[0],
         (options.reference, options.tracker),
@@ -219,7 +224,7 @@ def _paths(options: argparse.Namespace) -> tuple[BodyPath, BodyPath]:
 
 
 def _tracker_frame(options: argparse.Namespace, reference: str, tracker: str) -> str:
-    """Return the name that the nodes will know the tracker's frame by."""
+    """Return the name of the tracker's frame for the nodes."""
     from handover_dmp.common.errors import DataError
     from handover_dmp.topics import FRAME
 
@@ -228,9 +233,9 @@ def _tracker_frame(options: argparse.Namespace, reference: str, tracker: str) ->
         return 'tracker'
     if frame in ('', reference or FRAME):
         raise DataError(
-            f'{options.tracker}: its poses call their frame {frame!r}, as the reference does: the '
-            'nodes would not transform them; let the tracker name a frame of its own, and say it '
-            'here by --frame if the bag is from before'
+            f'{options.tracker}: its poses are in the frame {frame!r}, as is the reference, so '
+            'the nodes would not transform them; give the tracker a frame of its own, and name it '
+            'with --frame if the bag was recorded before that'
         )
     return frame
 
@@ -250,7 +255,7 @@ def _tell(
     if 'delay' not in found.undetermined and not tells_delay(found):
         console.print(
             f'the clock of the tracker is {abs(found.delay_s):.1f} s off, more than the nodes '
-            'take: set it, or say hand_stamps:=arrival to them',
+            'accept: set the clock, or start the nodes with hand_stamps:=arrival',
             style='yellow',
         )
     for warning in found.warnings:
@@ -264,7 +269,7 @@ def _tell(
         result['parameters'] = str(options.output)
         console.print(f'parameters: {options.output}, figure: {figure}')
     else:
-        console.print(f'not determined, no parameters written; figure: {figure}', style='red')
+        console.print('pose not determined, no parameters written; figure: ', style='red')
     if options.json:
         import json
 
@@ -294,14 +299,14 @@ def _show(console: Any, found: Calibration) -> None:
         f'± {found.rotation_interval_deg:.3f} about any axis',
     )
     table.add_row(
-        'stamped too late, ms',
+        'delay of the stamps, ms',
         f'{1e3 * found.delay_s:.2f}',
         f'± {1e3 * found.delay_interval_s:.2f}',
     )
     table.add_row(
         'marker on the body, mm',
         millimetres(found.marker),
-        f'± {millimetres(found.marker_interval_m)}' if found.marker_estimated else 'as told',
+        f'± {millimetres(found.marker_interval_m)}' if found.marker_estimated else 'given',
     )
     table.add_row(
         'residual, mm',

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`handover_dmp compare`: runs side by side, with their differences in pairs."""
+"""`handover_dmp compare`: runs side by side, with their paired differences."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 MAX_WIDTH = 400
-"""Characters that no table needs."""
+"""Characters that are left out of tables."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,9 +44,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs='+',
         type=Path,
         metavar='RUN',
-        help='two or more runs or bags; or folders of runs, of which those of one name are pairs',
+        help='two or more runs or bags; or folders of runs, paired by their names',
     )
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write the figures as JSON, too')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='also write the figures as JSON')
 
 
 def run(options: argparse.Namespace) -> int:
@@ -60,12 +60,12 @@ def run(options: argparse.Namespace) -> int:
         0.
 
     Raises:
-        UsageError: there is only one.
-        DataError: one of them is no run, or none of one set belongs to one of another.
+        UsageError: there is only one run.
+        DataError: one of them is not a run, or no run of one folder has its pair in another.
 
     """
     if len(options.runs) < 2:
-        raise UsageError('give two runs or more, or two folders of runs')
+        raise UsageError('compare needs two or more runs, or two or more folders of runs')
     from dataclasses import asdict
     import json
 
@@ -95,7 +95,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _names(runs: list[Path]) -> list[str]:
-    """Name runs by what their places differ in."""
+    """Name runs by the parts in which their paths differ."""
     places = [place.resolve() for place in runs]
     common = Path(os.path.commonpath(places))
     if common in places:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`handover_dmp demo`: the main job, a handover or a session on the whole ROS 2 graph."""
+"""`handover_dmp demo`: run a handover or a session on the whole ROS 2 graph."""
 
 from __future__ import annotations
 
@@ -26,10 +26,16 @@ from handover_dmp.common.errors import GET_ROS, HandoverError
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
-    parser.add_argument('--trial', type=Path, help='CSV file or bag of the handover to replay')
-    parser.add_argument('--model', type=Path, help='learnt movement; default: learnt on the way')
     parser.add_argument(
-        '--wall-clock', action='store_true', help='in real time instead of in lockstep'
+        '--trial',
+        type=Path,
+        help='CSV file or bag of the handover to replay (default: a synthetic one)',
+    )
+    parser.add_argument(
+        '--model', type=Path, help='learnt movement (default: learnt from the trial)'
+    )
+    parser.add_argument(
+        '--wall-clock', action='store_true', help='run in real time instead of in lockstep'
     )
     add_run_arguments(parser)
 

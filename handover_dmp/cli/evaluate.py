@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`handover_dmp evaluate`: the paper's Section III on a data set."""
+"""`handover_dmp evaluate`: reproduce Section III of the paper on a data set."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from handover_dmp.evaluation.rollouts import Learning
 
 PATIENCE_S = 2.0
-"""A progress bar appears when something takes longer."""
+"""Time after which the progress bar appears, s."""
 
 CACHE = 'arm_cache'
 """Folder of the finished trials of an arm."""
@@ -61,45 +61,46 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'data_set',
         type=Path,
         metavar='DATASET',
-        help='folder with trials.csv, or with the sessions.csv of recordings',
+        help='folder with trials.csv, or with sessions.csv of recordings',
     )
     parser.add_argument(
-        '-o', '--output', type=Path, required=True, metavar='DIR', help='where the results go'
+        '-o', '--output', type=Path, required=True, metavar='DIR', help='folder for the results'
     )
     parser.add_argument(
         '--learn',
         metavar='LIST',
-        help=f'what to learn from, separated by commas (default: {",".join(LEARN)})',
+        help='demonstrations to learn from, separated by commas (default: ',
     )
     parser.add_argument(
         '--paper',
         action='store_true',
-        help='everything as the paper prints it, unless another option says otherwise: learn '
+        help='settings as printed in the paper, unless other options override them: learn '
         'single,mean; relevance vector machine; K_s = 1; mu 0.75 and sigma 0.05',
     )
     parser.add_argument(
         '--learnt',
         type=int,
         metavar='TRIAL',
-        help='number of the trial that Figs 4 to 6 learn from (default: the nearest to the mean)',
+        help='number of the trial that Figs 4 to 6 learn from (default: nearest to the mean)',
     )
     parser.add_argument(
         '--tested',
         type=int,
         metavar='TRIAL',
-        help='number of the other trial that they test against (default: the middling one)',
+        help='number of the trial that they test against (default: a middling one)',
     )
     parser.add_argument(
         '--leave-one-out',
         action='store_true',
-        help='band, mean and model from all other trials, the one left out as the test',
+        help='compute band, mean and model from all other trials, and test on the one left out',
     )
     parser.add_argument(
         '--min-width',
         type=float,
         default=0.04,
         metavar='M',
-        help='a band of people narrower than this is a bottleneck, m (default: %(default)s)',
+        help='width of the band of people below which it is a bottleneck, m (default: '
+        '%(default)s)',
     )
     add_learning_arguments(parser)
     parser.add_argument(
@@ -108,8 +109,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs='?',
         const='auto',
         default='off',
-        help='auto: show the decoupled primitive with the partner model, too, as a method of its '
-        'own (default: off, since it is not in the paper and takes longer)',
+        help='auto: evaluate the decoupled primitive with the partner model as well, as a '
+        'separate method (default: off, since it is not in the paper and takes longer)',
     )
     parser.add_argument(
         '--sessions',
@@ -117,72 +118,75 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action='append',
         default=[],
         metavar='PATH',
-        help='recordings of a give and a take in a row, for how fluent they are: a folder with '
-        'sessions.csv, a CSV file or a bag; may be given again (default: those of DATASET)',
+        help='recorded sessions, for measures of fluency: a folder with sessions.csv, a CSV file '
+        'or a bag; may be repeated (default: those of DATASET)',
     )
     add_running_arguments(parser)
-    arm = parser.add_argument_group('with an arm')
+    arm = parser.add_argument_group('arm')
     arm.add_argument(
         '--arm',
         default='',
         metavar='ARM',
-        help=f'let a simulated arm go through the trials, too: {WHICH}. What is broken off goes '
-        'on where it was when the same is asked for again',
+        help=f'run a simulated arm through the trials as well: {WHICH}. An interrupted evaluation '
+        'continues where it stopped if it is started again',
     )
     add_frame_arguments(arm)
-    parser.add_argument('--no-figures', action='store_true', help='the tables alone')
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write the table as JSON, too')
+    parser.add_argument('--no-figures', action='store_true', help='write only the tables')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='also write the table as JSON')
 
 
 def add_running_arguments(parser: argparse.ArgumentParser) -> None:
     """
-    Declare what decides about chance and about processes.
+    Declare the options for the seed and the number of processes.
 
     Args:
         parser: parser of a verb.
 
     """
     parser.add_argument(
-        '--seed', type=int, default=0, help='of everything random (default: %(default)s)'
+        '--seed', type=int, default=0, help='seed of the random numbers (default: %(default)s)'
     )
     parser.add_argument(
         '--jobs',
         type=int,
         default=1,
         metavar='N',
-        help='processes, -1 for one a processor; changes no result (default: %(default)s)',
+        help='number of processes; -1: one per processor; changes no result (default: '
+        '%(default)s)',
     )
 
 
 def check_running_options(options: argparse.Namespace) -> None:
     """
-    Check what `add_running_arguments` declared.
+    Check the options of `add_running_arguments`.
 
     Args:
         options: the parsed words.
 
     Raises:
-        UsageError: a negative seed, or a number of processes that makes no sense.
+        UsageError: the seed is negative, or the number of processes is invalid.
 
     """
     if options.seed < 0:
-        raise UsageError(f'--seed {options.seed} is negative')
+        raise UsageError(f'--seed is {options.seed}; it must not be negative')
     if options.jobs == 0 or options.jobs < -1:
-        raise UsageError(f'--jobs {options.jobs}: give a number above 0, or -1 for all processors')
+        raise UsageError(f'--jobs is {options.jobs}; it must be above 0, or -1 for all processors')
 
 
 def add_learning_arguments(parser: argparse.ArgumentParser) -> None:
     """
-    Declare the parameters of the primitive and how it is learnt.
+    Declare the parameters of the primitive and of the learning.
 
     Args:
         parser: parser of a verb that learns.
 
     """
     parser.add_argument(
-        '--parameters', type=Path, metavar='FILE', help='ROS parameter file, its dmp section'
+        '--parameters', type=Path, metavar='FILE', help='ROS parameter file with a dmp section'
     )
-    group = parser.add_argument_group('movement primitive, in place of that file or the defaults')
+    group = parser.add_argument_group(
+        'movement primitive (override the parameter file and the defaults)'
+    )
     group.add_argument('--stiffness', type=float, metavar='K', help='K of (8)')
     group.add_argument('--damping', type=float, metavar='D', help='D of (8); 0: critical')
     group.add_argument(
@@ -194,30 +198,30 @@ def add_learning_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--regression',
         choices=['rvm', 'ridge'],
-        help='sparse Bayesian or ridge; the table is the same (default: ridge)',
+        help='regression: sparse Bayesian (rvm) or ridge; the table is the same (default: ridge)',
     )
     parser.add_argument(
         '--basis',
         type=int,
         default=50,
         metavar='N',
-        help='candidate basis functions (default: %(default)s)',
+        help='number of candidate basis functions (default: %(default)s)',
     )
     add_low_pass(parser)
 
 
 def read_learning(options: argparse.Namespace) -> Learning:
     """
-    Turn what `add_learning_arguments` declared into parameters.
+    Convert the options of `add_learning_arguments` to parameters.
 
     Args:
         options: the parsed words.
 
     Returns:
-        The parameters of the primitive and how it is learnt.
+        The parameters of the primitive and of the learning.
 
     Raises:
-        DataError: a parameter out of its range, or a faulty file.
+        DataError: a parameter is out of range, or the file is faulty.
 
     """
     from dataclasses import replace
@@ -249,20 +253,22 @@ def run(options: argparse.Namespace) -> int:
         0.
 
     Raises:
-        UsageError: an unknown word in `--learn`, a senseless seed or number of processes.
+        UsageError: `--learn` has an unknown word, or the seed or number of processes is invalid.
         DataError: the data set cannot be evaluated.
 
     """
     check_running_options(options)
     if not options.min_width >= 0.0:
-        raise UsageError(f'--min-width {options.min_width}: give a width in metres, from 0')
+        raise UsageError(
+            f'--min-width is {options.min_width}; it must be a width in metres, not negative'
+        )
     if options.paper:
         _as_printed(options)
     listed = ','.join(LEARN) if options.learn is None else options.learn
     learn = tuple(dict.fromkeys(word.strip() for word in listed.split(',')))
     unknown = [word for word in learn if word not in LEARN]
     if unknown:
-        raise UsageError(f'--learn {unknown[0]!r}: known are {", ".join(LEARN)}')
+        raise UsageError(f'--learn: unknown word {unknown[0]!r}; choose from {", ".join(LEARN)}')
     from dataclasses import replace
     import json
 
@@ -355,7 +361,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _as_printed(options: argparse.Namespace) -> None:
-    """Fill what was not given with what the paper prints."""
+    """Set the options that were not given to the values of the paper."""
     for name, value in PRINTED.items():
         if getattr(options, name) is None:
             setattr(options, name, value)
@@ -364,10 +370,10 @@ def _as_printed(options: argparse.Namespace) -> None:
 @contextmanager
 def work_bar() -> Iterator[Callable[[str], Update]]:
     """
-    Show how far the work is, on the standard error, if it takes longer than a moment.
+    Show progress on standard error, if the work takes longer than a moment.
 
     Yields:
-        A function that takes what is being done, and gives one that takes how much of how much.
+        A function from the name of a work to a function that takes how much of it is done.
 
     """
     from handover_dmp.cli.progress import progress_bar

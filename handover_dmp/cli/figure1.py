@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`handover_dmp figure1`: Fig. 1 of the paper, one learnt curve, another goal, three μ."""
+"""`handover_dmp figure1`: draw Fig. 1 of the paper: one learnt curve, a new goal, three μ."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs='?',
         type=Path,
         metavar='TRIAL.csv',
-        help='trial whose P2 is learnt; a synthetic one if left out',
+        help='trial whose P2 is learnt (default: a synthetic one)',
     )
     parser.add_argument(
         '-o',
@@ -56,10 +56,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=0.3,
         metavar='PART',
-        help='how far the new goal lies beyond the learnt one, as a part of the way '
-        '(default: %(default)s)',
+        help='distance of the new goal beyond the learnt one, as a fraction of the learnt '
+        'distance (default: %(default)s)',
     )
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write the curves as JSON, too')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='also write the curves as JSON')
 
 
 def run(options: argparse.Namespace) -> int:
@@ -73,8 +73,8 @@ def run(options: argparse.Namespace) -> int:
         0.
 
     Raises:
-        DataError: a trial that cannot be used.
-        UsageError: a kind of picture that is not known, or a shift that is no number.
+        DataError: the trial cannot be used.
+        UsageError: the kind of picture is unknown, or the shift is not finite.
 
     """
     from math import isfinite
@@ -85,9 +85,11 @@ def run(options: argparse.Namespace) -> int:
     from handover_dmp.mocap import condition, read_trial, synthesize
 
     if options.output.suffix not in {'.png', '.svg', '.pdf'}:
-        raise UsageError(f'{options.output}: a picture is .png, .svg or .pdf')
+        raise UsageError(
+            f'{options.output}: the file name of a picture must end in .png, .svg or .pdf'
+        )
     if not isfinite(options.shift):
-        raise UsageError('--shift is no number')
+        raise UsageError('--shift must be a finite number')
     trial = condition(read_trial(options.trial) if options.trial else synthesize(trials=1)[0])
     motions = draw_figure1(
         trial.times, trial.demonstrator, options.output, mu=options.mu, shift=options.shift

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`handover_dmp import`: turn mocap files of other formats into trials."""
+"""`handover_dmp import`: convert motion capture files of other formats to trials."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ FORMATS = {
     'trc': 'TRC of OpenSim or Cortex',
     'bag': 'rosbag2 folder, MCAP or sqlite3, with topics of poses',
 }
-# In the name of a file, these may tell who gives, but not for sure.
+# In file names, these words hint at who gives, but are no proof.
 _MAY_TELL = 'giv|gave|tak|took|receiv'
 
 
@@ -62,19 +62,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             'formats:',
             *(f'  {name:<9}{what}' for name, what in FORMATS.items()),
             '',
-            'P1 is the partner who stays human, P2 the one whose place the robot takes.',
-            'Each SOURCE is one handover, or with --segment a recording of any number of them.',
+            'P1 is the partner who stays human, P2 the demonstrator whose role the robot takes.',
+            'Each SOURCE is one handover or, with --segment, a recording of any number of them.',
         ]
     )
     parser.add_argument('format', choices=FORMATS, metavar='FORMAT', help=', '.join(FORMATS))
-    parser.add_argument('sources', nargs='+', type=Path, metavar='SOURCE', help='what to read')
+    parser.add_argument('sources', nargs='+', type=Path, metavar='SOURCE', help='files to read')
     parser.add_argument(
         '-o', '--output', type=Path, required=True, metavar='DATASET', help='folder to write'
     )
     parser.add_argument(
         '--append',
         action='store_true',
-        help='to the data set that is there, which stays as it is, instead of a new one',
+        help='add to an existing data set, which stays as it is, in place of a new one',
     )
     for partner in ('p1', 'p2'):
         parser.add_argument(
@@ -87,55 +87,75 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--unit',
         metavar='UNIT',
-        help='m, cm, mm, in or ft, whatever the file tells; default: what it tells',
+        help='m, cm, mm, in or ft; overrides the file (default: as the file says)',
     )
     parser.add_argument(
         '--up',
         choices=('x', 'y', 'z', '-x', '-y', '-z'),
         metavar='AXIS',
-        help='axis that points up (x, y, z, -x, -y, -z), whatever the file tells; default: what '
-        'it tells, else the one along which the wrists rest at a height of people',
+        help='axis that points up (x, y, z, -x, -y, -z); overrides the file (default: as the file '
+        'says; if it says nothing, the axis along which the wrists rest at a plausible '
+        'height)',
     )
     add_low_pass(parser, default='none')
     parser.add_argument(
-        '--dry-run', action='store_true', help='show what would be written, and write nothing'
+        '--dry-run', action='store_true', help='show what would be written, but write nothing'
     )
-    default = 'default: what a bag tells, else <configuration>_<exchange>_<number> of the file'
+    default = (
+        'direction (default: as the bag says, else by the file name '
+        '<configuration>_<exchange>_<number>)'
+    )
     parser.add_argument('--configuration', metavar='NAME', help=default)
     parser.add_argument('--exchange', choices=('give', 'take'), help=default)
     bags = parser.add_argument_group('bags')
     bags.add_argument(
-        '--part', type=int, metavar='N', help='of a bag whose clock was set back; from 1'
+        '--part', type=int, metavar='N', help='part of a bag whose clock was set back, from 1'
     )
     bags.add_argument(
         '--clock',
         choices=('stamp', 'log'),
-        help='take the times from the stamps, or from when it was recorded; default: stamp',
+        help='time of the poses: their stamps, or the time of recording (default: stamp)',
     )
-    cutting = parser.add_argument_group('cutting up a long recording')
+    cutting = parser.add_argument_group('segmentation of long recordings')
     cutting.add_argument(
-        '--segment', action='store_true', help='find the handovers by distance and speed'
+        '--segment',
+        action='store_true',
+        help='cut the recording into handovers, by distance and speed',
     )
     cutting.add_argument(
         '--giver',
         choices=('first_mover', 'p2', 'p1', 'p2_then_p1', 'p1_then_p2'),
-        help='who gives: whose hand moves first, always the same one, or in turn; '
-        'default: as the index of sessions has it, else first_mover',
+        help='who gives: whoever moves first, always the same person, or both in turn (default: '
+        'as in the index of sessions, else first_mover)',
     )
     cutting.add_argument(
         '--way-back',
         action='store_true',
-        help="keep P2's way back from each exchange, in the folder way_back of the data set; "
-        '`learn` then puts it into the model',
+        help="keep P2's way back after each exchange, in the folder way_back of the data set; "
+        '`learn` then adds it to the model',
     )
-    cutting.add_argument('--near', type=float, metavar='M', help='wrists may exchange; m')
-    cutting.add_argument('--apart', type=float, metavar='M', help='wrists have parted; m')
-    cutting.add_argument('--moving', type=float, metavar='SPEED', help='slower is at rest; m/s')
-    cutting.add_argument('--reach', type=float, metavar='SPEED', help='a reach is faster; m/s')
     cutting.add_argument(
-        '--figure', type=Path, metavar='FILE', help='draw what was found (.png, .svg)'
+        '--near',
+        type=float,
+        metavar='M',
+        help='distance of the wrists within which they may exchange, m',
     )
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write what was found here')
+    cutting.add_argument(
+        '--apart', type=float, metavar='M', help='distance beyond which the wrists have parted, m'
+    )
+    cutting.add_argument(
+        '--moving', type=float, metavar='SPEED', help='speed below which a wrist is at rest, m/s'
+    )
+    cutting.add_argument(
+        '--reach', type=float, metavar='SPEED', help='speed that a reach must exceed, m/s'
+    )
+    cutting.add_argument(
+        '--figure',
+        type=Path,
+        metavar='FILE',
+        help='draw the handovers that were found (.png, .svg)',
+    )
+    parser.add_argument('--json', type=Path, metavar='FILE', help='also write the result as JSON')
 
 
 def run(options: argparse.Namespace) -> int:
@@ -149,8 +169,8 @@ def run(options: argparse.Namespace) -> int:
         0.
 
     Raises:
-        DataError: a source cannot be read, or no handover was found.
-        UsageError: options that do not go together.
+        DataError: a source cannot be read, or contains no handover.
+        UsageError: the options do not fit together.
 
     """
     from handover_dmp.cli.progress import track
@@ -234,9 +254,11 @@ def _check(options: argparse.Namespace) -> None:
     from handover_dmp.mocap.units import METRES, unit_of
 
     if options.figure and not (options.segment and len(_sources(options)) == 1):
-        raise UsageError('--figure shows how one SOURCE was cut up: it needs --segment')
+        raise UsageError(
+            '--figure shows how one SOURCE was segmented: it needs one SOURCE and --segment'
+        )
     if options.segment and options.exchange:
-        raise UsageError('--exchange is for whole files; with --segment use --giver')
+        raise UsageError('--exchange is for single handovers; with --segment use --giver')
     if not options.segment:
         for name in ('giver', 'near', 'apart', 'moving', 'reach'):
             if getattr(options, name) is not None:
@@ -245,15 +267,19 @@ def _check(options: argparse.Namespace) -> None:
             raise UsageError('--way-back needs --segment')
     both = set(options.p1 or []) & set(options.p2 or [])
     if both and options.format != 'bag':
-        raise UsageError(f'--p1 and --p2 both name {min(both)!r}; they are two people')
+        raise UsageError(f'--p1 and --p2 both name {min(both)!r}; they must be two people')
     if options.format == 'csv':
         if options.p1 or options.p2:
-            raise UsageError('--p1 and --p2: a CSV of both wrists has columns of these names')
+            raise UsageError(
+                '--p1 and --p2 are not for a CSV of both wrists: its columns have these names'
+            )
         if options.unit or options.up:
-            raise UsageError('--unit and --up: a CSV of both wrists is in metres, z up')
+            raise UsageError(
+                '--unit and --up are not for a CSV of both wrists: it is in metres, z up'
+            )
     if options.format == 'bag':
         if max(len(options.p1 or []), len(options.p2 or [])) > 1:
-            raise UsageError('a bag has one topic for each wrist: --p1 and --p2 once each')
+            raise UsageError('a bag has one topic for each wrist: give --p1 and --p2 once each')
     elif options.part is not None or options.clock:
         raise UsageError('--part and --clock are for bags')
     if options.unit and unit_of(options.unit) is None:
@@ -261,7 +287,7 @@ def _check(options: argparse.Namespace) -> None:
 
 
 def _sources(options: argparse.Namespace) -> list[Path]:
-    """Give the recordings of a folder in its place, and leave out the index beside them."""
+    """Replace each folder by the recordings in it, without their index."""
     if options.format != 'csv':
         return list(options.sources)
     from handover_dmp.mocap.session import session_files, SESSIONS_NAME
@@ -294,7 +320,9 @@ def _read(options: argparse.Namespace, source: Path) -> WristMotion:
     markers = [*(options.p1 or []), *(options.p2 or [])]
     recording: MarkerRecording = read(source, markers)
     if not (options.p1 and options.p2):
-        raise UsageError(f'--p1 and --p2 must name markers; {source} has {recording.known}')
+        raise UsageError(
+            f'--p1 and --p2 must name markers or bodies; {source} has {recording.known}'
+        )
     return recording.wrists(options.p1, options.p2, unit=options.unit, up=options.up)
 
 
@@ -343,15 +371,18 @@ def _told(options: argparse.Namespace, source: Path) -> tuple[str, str | None, i
 
 
 def _with_direction(options: argparse.Namespace, source: Path, one: Review) -> Review:
-    """Say of a recording that told nothing of its direction what was taken for it."""
+    """Warn about recordings that do not say their direction."""
     if options.exchange or _told(options, source)[1]:
         return one
-    line = 'nothing tells whether P2 gives or takes: taken for give; else --exchange take'
+    line = (
+        'the file does not say whether P2 gives or takes; give is assumed (otherwise: '
+        '--exchange take)'
+    )
     return replace(one, warnings=(line, *one.warnings))
 
 
 def _numbered(old: list[HandoverTrial], new: list[HandoverTrial]) -> list[HandoverTrial]:
-    """Keep the numbers of trials where they are free, else take the next ones."""
+    """Keep the numbers of trials if they are free, else use the next free ones."""
     taken = {(trial.configuration, trial.direction, trial.number) for trial in old}
     highest: Counter[tuple[str, str]] = Counter()
     for trial in old:

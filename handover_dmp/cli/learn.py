@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`handover_dmp learn`: a movement primitive from one recorded handover, or from several."""
+"""`handover_dmp learn`: learn a movement primitive from one recorded handover or several."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs='+',
         type=Path,
         metavar='TRIAL',
-        help='trial, CSV; of several, their time-normalised mean is learnt',
+        help='trial, CSV; from several trials, their time-normalised mean is learnt',
     )
     parser.add_argument(
         '--representative',
         action='store_true',
-        help='learn from the one of several trials that is nearest to their mean',
+        help='learn from the trial that is nearest to the mean of all trials',
     )
     parser.add_argument(
         '-o', '--output', type=Path, required=True, metavar='MODEL.json', help='model to write'
@@ -54,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--parameters',
         type=Path,
         metavar='FILE',
-        help='ROS parameter file with a dmp section, such as `tune` writes; options go before it',
+        help='ROS parameter file with a dmp section, as written by `tune`; options override it',
     )
     parser.add_argument('--stiffness', type=float, metavar='K', help='K of (8)')
     parser.add_argument('--damping', type=float, metavar='D', help='D of (8); 0: critical, 2√K')
@@ -75,7 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--regression',
         choices=['rvm', 'ridge'],
         default='rvm',
-        help='sparse Bayesian or ridge (default: %(default)s)',
+        help='regression: sparse Bayesian (rvm) or ridge (default: %(default)s)',
     )
     parser.add_argument(
         '--basis', type=int, metavar='N', help='number of basis functions (default: 100)'
@@ -86,10 +86,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='learn from all samples of all trials at once instead of from their mean',
     )
     parser.add_argument(
-        '--classical', action='store_true', help='learn the classical primitive (1) instead'
+        '--classical', action='store_true', help='learn the classical primitive (1)'
     )
     add_low_pass(parser)
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write the outcome as JSON, too')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='also write the outcome as JSON')
 
 
 def run(options: argparse.Namespace) -> int:
@@ -103,8 +103,8 @@ def run(options: argparse.Namespace) -> int:
         0.
 
     Raises:
-        DataError: a trial that cannot be learnt from, or a parameter out of range.
-        UsageError: a number of basis functions out of range.
+        DataError: a trial cannot be learnt from, or a parameter is out of range.
+        UsageError: the number of basis functions is out of range.
 
     """
     from handover_dmp.common.files import write_text
@@ -188,6 +188,6 @@ def _parameters(options: argparse.Namespace, tuned: Any) -> Any:
     given = {name: getattr(options, name) for name in names if getattr(options, name) is not None}
     if options.alpha is not None:
         if not (isfinite(options.alpha) and options.alpha > 0.0):
-            raise UsageError(f'--alpha {options.alpha} is not above 0')
+            raise UsageError(f'--alpha is {options.alpha}; it must be above 0')
         given['phase_at_end'] = exp(-options.alpha)
     return replace(tuned, **given)

@@ -21,11 +21,11 @@ import argparse
 
 def add_low_pass(parser: argparse.ArgumentParser, default: str = '6') -> None:
     """
-    Declare `--low-pass`; what is parsed is a cut-off in Hz, or None.
+    Declare `--low-pass`, which is parsed to a cutoff frequency in Hz, or None.
 
     Args:
         parser: parser of a verb.
-        default: cut-off, Hz, or `none`.
+        default: cutoff frequency, Hz, or `none`.
 
     """
     parser.add_argument(
@@ -33,8 +33,8 @@ def add_low_pass(parser: argparse.ArgumentParser, default: str = '6') -> None:
         type=_cutoff,
         default=default,
         metavar='HZ|none',
-        help='low-pass the recordings at this cut-off, without phase; none: they are smooth '
-        'already (default: %(default)s)',
+        help='cutoff frequency of the zero-phase low-pass filter of the recordings; none: no '
+        'filter (default: %(default)s)',
     )
 
 
@@ -46,5 +46,5 @@ def _cutoff(text: str) -> float | None:
     except ValueError:
         cutoff_hz = -1.0
     if not 0.0 < cutoff_hz < 1e5:
-        raise argparse.ArgumentTypeError(f'{text!r} is neither a number above 0 nor none')
+        raise argparse.ArgumentTypeError(f'{text!r} is neither a frequency above 0 Hz nor none')
     return cutoff_hz

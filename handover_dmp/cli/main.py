@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Find the verb, let it parse the rest, turn errors into one line and an exit code."""
+"""Dispatch the verbs of `handover_dmp`, and turn errors into one line and an exit code."""
 
 from __future__ import annotations
 
@@ -27,24 +27,24 @@ from handover_dmp.common.errors import HandoverError
 DESCRIPTION = 'Human-robot handover with a decoupled Dynamic Movement Primitive.'
 
 VERBS = {
-    'demo': 'run one handover on the whole ROS 2 graph, record it, check it, report on it',
-    'synthesize': 'write the synthetic data set',
-    'import': 'turn mocap files of other formats into trials',
-    'learn': 'learn a movement primitive from one trial, or from several',
+    'demo': 'run, record and check one handover on the whole ROS 2 graph, and write a report',
+    'synthesize': 'write a synthetic data set',
+    'import': 'convert motion capture files of other formats to trials',
+    'learn': 'learn a movement primitive from one trial or several',
     'rollout': 'run the movement primitive alone against a recorded hand',
     'simulate': 'run one handover in lockstep in this process, without ROS',
-    'evaluate': "the paper's Section III: Table I and its figures",
-    'why': 'tell which curves of an evaluation were rejected, when, and by how much',
-    'tune': 'find better parameters on some trials, report on the others',
-    'bag': 'write trials as bags; inspect and repair bags',
-    'calibrate': 'find where a tracker stands and how late it stamps, from one moved body',
-    'robot': 'look an arm over: joints, limits and their sources, wrist, reach, self-check',
-    'compare': 'put runs side by side, with their differences in pairs',
+    'evaluate': 'reproduce Section III of the paper: Table I and its figures',
+    'why': 'list the rejected curves of an evaluation, with time and size of the excess',
+    'tune': 'search for better parameters on some trials, and test them on the others',
+    'bag': 'convert trials to bags; inspect and repair bags',
+    'calibrate': 'find the pose and the delay of a tracker, from one moved body',
+    'robot': 'inspect an arm: joints, limits and their sources, wrist, reach, self-check',
+    'compare': 'compare runs side by side, with their paired differences',
     'plot': 'draw the figures of a recorded run',
-    'render': 'film a recorded run: a video and an animated image',
-    'view': 'look at a recorded run in the browser, with a slider over its time',
-    'figure1': 'draw Fig. 1 of the paper: one learnt curve, another goal, three μ',
-    'bench': 'measure speed and accuracy beside peers and floors',
+    'render': 'render a recorded run to a video and an animated image',
+    'view': 'show a recorded run in the browser, with a time slider',
+    'figure1': 'draw Fig. 1 of the paper: one learnt curve, a new goal, three μ',
+    'bench': 'measure speed and accuracy, and compare them with other libraries',
 }
 
 
@@ -56,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: the words after `handover_dmp`; those of the process if left out.
 
     Returns:
-        0 if it did what it says, 1 for bad data or a failed run, 2 for wrong usage.
+        0 for success, 1 for bad data or a failed run, 2 for wrong usage.
 
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
@@ -77,7 +77,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f'handover_dmp {options.verb}: {error}', file=sys.stderr)
         return error.exit_code
     except OSError as error:
-        # A folder that is a file, a full disk, no permission: for the user to mend.
+        # A file in place of a folder, a full disk, no permission: the user can fix these.
         named = f'{error.filename}: ' if error.filename else ''
         fault = error.strerror or error
         print(f'handover_dmp {options.verb}: {named}{fault}', file=sys.stderr)

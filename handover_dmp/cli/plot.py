@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`handover_dmp plot`: figures and report of a run from its bag alone, or a recorded session."""
+"""`handover_dmp plot`: figures and report of a run, or a figure of a recorded session."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_source_and_output(
         parser,
         'DIR',
-        'where report and figures go; default: the folder of the run, or <bag>_report',
+        'folder for report and figures (default: the folder of the run, or <bag>_report)',
     )
     parser.description = (
-        'Draw a recorded run and write its report. Of a CSV file of both wrists, such as '
-        '`synthesize --sessions` writes, it draws the whole session into DIR/session.png.'
+        'Draw a recorded run and write its report. For a CSV file of both wrists, as `synthesize '
+        '--sessions` writes, draw the whole session into DIR/session.png.'
     )
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write the numbers there, too')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='also write the numbers as JSON')
 
 
 def run(options: argparse.Namespace) -> int:
@@ -55,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
         0.
 
     Raises:
-        DataError: there is no such bag, or it is not that of a run.
+        DataError: the bag does not exist, or is not of a run.
 
     """
     import json

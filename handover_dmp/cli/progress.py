@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The bar that says how far a command has come."""
+"""Progress bars of the commands."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ Item = TypeVar('Item')
 
 def progress_bar(*, hidden: bool = False) -> Progress:
     """
-    Make the bar; it stands on standard error while it is entered, and only on a terminal.
+    Make a bar, which is shown on standard error while entered, and only on a terminal.
 
     Args:
-        hidden: whether to show none, as of what is done before a bar could be read.
+        hidden: whether to show no bar, for work that is done before one could read it.
 
     Returns:
         The bar.
@@ -50,14 +50,14 @@ def progress_bar(*, hidden: bool = False) -> Progress:
 
 def track(items: Sequence[Item], what: str) -> Iterator[Item]:
     """
-    Show how many of some things are done.
+    Show progress through a sequence.
 
     Args:
-        items: what to go through.
-        what: is done with them, a word.
+        items: items to go through.
+        what: name of the work, one word.
 
     Yields:
-        One after the other.
+        Each item.
 
     """
     with progress_bar() as bar:
@@ -65,7 +65,7 @@ def track(items: Sequence[Item], what: str) -> Iterator[Item]:
 
 
 class _Bar(Progress):
-    """A bar that leaves nothing behind where nobody saw it: rich 13 ends it with an empty line."""
+    """A bar that prints nothing if it was not shown: rich 13 ends it with an empty line."""
 
     def stop(self) -> None:
         if not self.disable:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the verbs that look at a recorded run share on the command line."""
+"""Options of all verbs that read a recorded run."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def add_source_and_output(
 
     Args:
         parser: parser of the verb.
-        metavar: of the output, e.g. `DIR`.
-        purpose: of the output, for `--help`.
+        metavar: metavar of the output, e.g. `DIR`.
+        purpose: help text of the output.
         optional: whether the run may be left out.
 
     """
@@ -38,9 +38,9 @@ def add_source_and_output(
         type=Path,
         nargs='?' if optional else None,
         metavar='RUN_OR_BAG',
-        help='folder of a run, folder of a bag (also one of rosbag2), or MCAP file',
+        help='folder of a run, folder of a bag (rosbag2 as well), or MCAP file',
     )
     parser.add_argument(
-        '--namespace', metavar='NAME', help='of the graph, where several are in the bag'
+        '--namespace', metavar='NAME', help='namespace of the graph, if the bag has several'
     )
     parser.add_argument('-o', '--output', type=Path, metavar=metavar, help=purpose)

@@ -15,7 +15,7 @@
 """
 `handover_dmp render`: a video and an animated image of a recorded run, from its bag alone.
 
-With `--figure postures`, in place of that, Fig. 2 of the paper.
+With `--figure postures`, it draws Fig. 2 of the paper instead.
 """
 
 from __future__ import annotations
@@ -44,52 +44,67 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_source_and_output(
         parser,
         'DIR_OR_FILE',
-        'where handover.mp4 and handover.webp go, or the one file to make, .mp4, .webp or .gif; '
-        'default: the folder of the run, or <bag>_film; with --figure, the picture',
+        'folder for handover.mp4 and handover.webp, or a single file to write, .mp4, .webp or '
+        '.gif (default: the folder of the run, or <bag>_film); with --figure, the picture',
         optional=True,
     )
     parser.add_argument(
         '--figure',
         choices=FIGURES,
-        help='draw that instead of a run: postures, Fig. 2 of the paper, the partner under the '
-        'car, at the engine bay and under the lift, each with the arm at the exchange',
+        help='draw a figure instead of a run. postures: Fig. 2 of the paper, with the partner '
+        'under the car, at the engine bay and under the lift, each with the arm at the '
+        'exchange',
     )
     parser.add_argument(
         '--beside',
         type=Path,
         metavar='RUN',
-        help='another run, filmed beside it, each of --size and under the name of its folder',
+        help='second run, shown beside the first; each has --size and the name of its folder',
     )
-    parser.add_argument('--video', type=Path, metavar='FILE', help='MP4, in place of that one')
     parser.add_argument(
-        '--image', type=Path, metavar='FILE', help='WebP or GIF, in place of that one'
+        '--video',
+        type=Path,
+        metavar='FILE',
+        help='MP4 file to write (default: handover.mp4 in that folder)',
     )
-    parser.add_argument('--no-video', action='store_true', help='the animated image alone')
-    parser.add_argument('--no-image', action='store_true', help='the video alone')
+    parser.add_argument(
+        '--image',
+        type=Path,
+        metavar='FILE',
+        help='WebP or GIF file to write (default: handover.webp in that folder)',
+    )
+    parser.add_argument('--no-video', action='store_true', help='write only the animated image')
+    parser.add_argument('--no-image', action='store_true', help='write only the video')
     parser.add_argument(
         '--size',
         default='960x720',
         metavar='WxH',
-        help='pixels (default: %(default)s)',
+        help='width and height of a picture, pixels (default: %(default)s)',
     )
     parser.add_argument(
         '--rate',
         type=float,
         default=30.0,
         metavar='HZ',
-        help='pictures a second; the animated image has half of them (default: %(default)s)',
+        help='frames per second of the video; the animated image has half as many (default: '
+        '%(default)s)',
     )
     parser.add_argument(
         '--speed',
         type=float,
         default=1.0,
-        help='of the film; 0.5 is half of real time (default: %(default)s)',
+        help='playback speed; 0.5 is half of real time (default: %(default)s)',
     )
     add_robot_arguments(parser, '')
     parser.add_argument(
-        '--jobs', type=int, metavar='N', help='processes; default: one a processor, at most 4'
+        '--jobs',
+        type=int,
+        metavar='N',
+        help='number of processes (default: one per processor, at most 4)',
     )
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write what was made there')
+    parser.add_argument(
+        '--json', type=Path, metavar='FILE', help='write a summary of the outputs as JSON'
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -103,8 +118,8 @@ def run(options: argparse.Namespace) -> int:
         0.
 
     Raises:
-        DataError: there is no such run, or it cannot be drawn.
-        UsageError: options that make no film.
+        DataError: the run does not exist or cannot be drawn.
+        UsageError: the options exclude each other.
 
     """
     import json
@@ -120,9 +135,9 @@ def run(options: argparse.Namespace) -> int:
     if options.figure is not None:
         return _draw_figure(options)
     if options.source is None:
-        raise UsageError('which run? Name it, or ask for a --figure')
+        raise UsageError('no run given: name one, or use --figure')
     if options.no_video and options.no_image:
-        raise UsageError('neither video nor image: nothing to do')
+        raise UsageError('--no-video and --no-image together leave nothing to do')
     width, height = _size(options.size)
     how = Film(width, height, options.rate, options.speed, chosen_arm(options), options.namespace)
     video, image = chosen_files(options)
@@ -163,10 +178,10 @@ def _draw_figure(options: argparse.Namespace) -> int:
     from handover_dmp.view.postures_figure import draw_postures
 
     if options.source is not None:
-        raise UsageError(f'--figure {options.figure} is not of a run: leave {options.source} out')
+        raise UsageError(f'--figure {options.figure} takes no run: leave {options.source} out')
     path = options.output or Path(f'{options.figure}.png')
     if path.suffix.lower() not in PICTURES:
-        raise UsageError(f'{path}: a picture is {", ".join(PICTURES)}')
+        raise UsageError(f'{path}: the name of a picture must end in {", ".join(PICTURES)}')
     choice = chosen_arm(options)
     arm = RobotModel.load(
         choice.robot or 'lwr4', wrist_frame=choice.wrist_frame, base_frame=choice.base_frame
@@ -181,16 +196,16 @@ def _draw_figure(options: argparse.Namespace) -> int:
 
 def chosen_files(options: argparse.Namespace) -> tuple[Path | None, Path | None]:
     """
-    Tell which video and which image are to be made.
+    Tell which video and which image to write.
 
     Args:
         options: what `add_arguments` declared.
 
     Returns:
-        Video and image; None for one that is not wanted.
+        Paths of video and image; None for one that is not wanted.
 
     Raises:
-        UsageError: one file is named and others are asked for.
+        UsageError: `-o` names a single file, and other options ask for more.
 
     """
     from handover_dmp.common.errors import UsageError
@@ -198,7 +213,9 @@ def chosen_files(options: argparse.Namespace) -> tuple[Path | None, Path | None]
     kind = '' if options.output is None else options.output.suffix.lower()
     if kind in (*VIDEOS, *IMAGES) and not options.output.is_dir():
         if options.video or options.image or options.no_video or options.no_image:
-            raise UsageError(f'-o {options.output} names the one file to make')
+            raise UsageError(
+                f'-o {options.output} names a single file: leave out the other options for files'
+            )
         return (options.output, None) if kind in VIDEOS else (None, options.output)
     folder = options.output or _folder(options.source)
     video = None if options.no_video else options.video or folder / 'handover.mp4'
@@ -211,12 +228,12 @@ def _size(text: str) -> tuple[int, int]:
 
     width, _, height = text.partition('x')
     if not (width.isdecimal() and height.isdecimal()):
-        raise UsageError(f'--size {text}: it has the form 960x720')
+        raise UsageError(f'--size is {text}; expected a size such as 960x720')
     return int(width), int(height)
 
 
 def _folder(source: Path) -> Path:
-    """Give the folder of a run; for a bag on its own, one beside it."""
+    """Return the folder of a run; for a single bag, a folder beside it."""
     if (source / 'bag').is_dir():
         return source
     return source.with_name(f'{source.stem}_film')

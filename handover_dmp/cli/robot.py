@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`handover_dmp robot`: what is to be known of an arm before it is moved, and a picture of it."""
+"""`handover_dmp robot`: facts to check about an arm before it is moved, and a picture of it."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '-o', '--output', type=Path, metavar='FILE.png', help='picture of the arm at home'
     )
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write the numbers there, too')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='also write the numbers as JSON')
 
 
 def run(options: argparse.Namespace) -> int:
     """
-    Look an arm over.
+    Inspect an arm.
 
     Args:
         options: what `add_arguments` declared.
@@ -53,7 +53,7 @@ def run(options: argparse.Namespace) -> int:
         0.
 
     Raises:
-        DataError: the arm cannot be used; says why.
+        DataError: the arm cannot be used.
 
     """
     import json

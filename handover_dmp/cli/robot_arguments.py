@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How an arm is chosen on the command line, the same with every verb."""
+"""Options of all verbs that choose an arm."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ def add_robot_arguments(parser: argparse.ArgumentParser, default: str) -> None:
 
     Args:
         parser: parser of the verb.
-        default: arm; empty for the one of a recording.
+        default: name of the default arm; empty: the arm of the recording.
 
     """
-    more = 'default: %(default)s' if default else 'default: the one of the recording'
+    more = 'default: %(default)s' if default else 'default: the arm of the recording'
     parser.add_argument('--robot', default=default, help=f'{WHICH} ({more})')
     add_frame_arguments(parser)
 
@@ -48,13 +48,16 @@ def add_frame_arguments(parser: argparse._ActionsContainer) -> None:
 
     """
     parser.add_argument(
-        '--wrist-frame', default='', metavar='LINK', help='link that follows the wrist'
+        '--wrist-frame',
+        default='',
+        metavar='LINK',
+        help='link that follows the wrist (default: found from the description)',
     )
     parser.add_argument(
         '--base-frame',
         default='',
         metavar='LINK',
-        help='link that the arm begins at; what moves it stands still (default: the root)',
+        help='first link of the arm; joints before it do not move (default: the root)',
     )
 
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`handover_dmp rollout`: the movement primitive alone against a recorded hand."""
+"""`handover_dmp rollout`: run the movement primitive alone against a recorded hand."""
 
 from __future__ import annotations
 
@@ -32,30 +32,38 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
     parser.add_argument('model', type=Path, metavar='MODEL.json', help='learnt movement')
     parser.add_argument(
-        'trial', type=Path, metavar='TRIAL.csv', help='its P1 is the hand, its P2(0) the start'
+        'trial', type=Path, metavar='TRIAL.csv', help='trial: P1 is the hand, P2(0) the start'
     )
     parser.add_argument(
-        '-o', '--output', type=Path, required=True, metavar='OUT.csv', help=f'columns {HEADER}'
+        '-o',
+        '--output',
+        type=Path,
+        required=True,
+        metavar='OUT.csv',
+        help=f'CSV file to write, with columns {HEADER}',
     )
     parser.add_argument(
-        '--rate', type=float, default=200.0, metavar='HZ', help='default: %(default)s'
+        '--rate',
+        type=float,
+        default=200.0,
+        metavar='HZ',
+        help='rate of the samples (default: %(default)s)',
     )
     parser.add_argument(
-        '--duration', type=float, metavar='S', help='another τ than that of the model'
+        '--duration', type=float, metavar='S', help='duration τ in place of that of the model'
     )
     parser.add_argument(
         '--partner-model',
         choices=['auto', 'off'],
         default='off',
-        help='auto: expect of the hand what the model knows of it, if it does (default: off, the '
-        'primitive alone)',
+        help='auto: use the partner model, if the learnt movement has one (default: off)',
     )
     parser.add_argument(
         '--deviation',
         action='store_true',
-        help='add the columns sx,sy,sz: standard deviation that the posterior implies, m',
+        help='add the columns sx,sy,sz: standard deviation by the posterior, m',
     )
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write the outcome as JSON, too')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='also write the outcome as JSON')
 
 
 def run(options: argparse.Namespace) -> int:
@@ -69,8 +77,8 @@ def run(options: argparse.Namespace) -> int:
         0.
 
     Raises:
-        DataError: a model or a trial that cannot be used.
-        UsageError: a rate out of range.
+        DataError: the model or the trial cannot be used.
+        UsageError: the rate is out of range.
 
     """
     from handover_dmp.common.errors import UsageError
@@ -83,11 +91,9 @@ def run(options: argparse.Namespace) -> int:
     from rich.console import Console
 
     if not 1.0 <= options.rate <= 100_000.0:
-        raise UsageError(f'--rate {options.rate:g} is not from 1 to 100,000 Hz')
+        raise UsageError(f'--rate is {options.rate:g} Hz; it must be from 1 to 100,000')
     if options.deviation and options.partner_model == 'auto':
-        raise UsageError(
-            '--deviation is that of the primitive alone; give it without --partner-model'
-        )
+        raise UsageError('--deviation cannot be combined with --partner-model auto')
     model = load_model(options.model)
     if options.duration is not None:
         model = model.with_duration(options.duration)

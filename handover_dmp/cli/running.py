@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-What `demo` and `simulate` share: options, progress, the report in the terminal.
+Options, progress and terminal report of `demo` and `simulate`.
 
 Both run one handover, or with `--session` a whole session.
 """
@@ -31,60 +31,70 @@ from handover_dmp.common.errors import UsageError
 Tell = Callable[[str, float], None]
 RunGraph = Callable[[Path, Any, dict[str, Any], Tell, list[Any]], None]
 TOOL = 'rod'
-"""What is carried where nobody says it."""
+"""Default object."""
 HEAVIEST_KG = 7.0
-"""What the arm can carry, kg."""
+"""Maximum mass that the arm can carry, kg."""
 
 
 def add_run_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options that both verbs have."""
-    parser.add_argument('-o', '--output', type=Path, help='folder of the run; default: in runs/')
+    """Add the options of both verbs."""
+    parser.add_argument(
+        '-o', '--output', type=Path, help='folder of the run (default: a new one in runs/)'
+    )
     add_robot_arguments(parser, 'lwr4')
     parser.add_argument(
         '--partner-model',
         choices=['auto', 'off'],
-        help='expect of the hand what the model knows of it, or not (default: as in config/)',
+        help='whether to use the partner model of the learnt movement (default: as in config/)',
     )
     parser.add_argument(
         '--object',
         default=TOOL,
         metavar='NAME',
-        help='what is carried: rod, cup, knife, box, or a .yaml file with one like those of '
+        help='object: rod, cup, knife, box, or a .yaml file with one like those of '
         'config/objects.yaml (default: %(default)s)',
     )
-    parser.add_argument('--seed', type=int, default=0, help='of the synthetic data')
-    parser.add_argument('--scale', type=float, default=1.0, help='factor on the recorded motion')
+    parser.add_argument(
+        '--seed', type=int, default=0, help='seed of the synthetic data (default: %(default)s)'
+    )
+    parser.add_argument(
+        '--scale',
+        type=float,
+        default=1.0,
+        help='scale factor of the recorded motion (default: %(default)s)',
+    )
     parser.add_argument(
         '--tracker',
         action='append',
         metavar='NAME',
-        help='how the hand is seen: mocap, depth_camera, webcam, or a .yaml file like theirs; '
-        'several times: by several at once; default: perfectly',
+        help='tracker that sees the hand: mocap, depth_camera, webcam, or a .yaml file like '
+        'theirs; may be repeated (default: a perfect tracker)',
     )
-    parser.add_argument('--json', type=Path, help='write the report there too')
+    parser.add_argument('--json', type=Path, help='also write the report as JSON')
     parser.add_argument(
         '--session',
         action='store_true',
-        help='a whole session: give, wait while it is used, take back, go home; the trial is then '
-        'a recorded session, see synthesize --sessions; leaves a film and a page, too',
+        help='run a whole session: give, wait while the object is used, take back, go home; the '
+        'trial is then a recorded session, see synthesize --sessions; also writes a film and '
+        'a page',
     )
     parser.add_argument(
         '--take-model',
         type=Path,
         metavar='MODEL.json',
-        help='learnt movement of the take of a session; default: learnt on the way',
+        help='learnt movement of the take of a session (default: learnt from the recording)',
     )
     parser.add_argument(
         '--mass',
         type=float,
         metavar='KG',
-        help='of the object of a session; 0: none; default: as in config/objects.yaml',
+        help='mass of the object of a session; 0: no object (default: as in config/objects.yaml)',
     )
     parser.add_argument(
         '--no-pick-up',
         action='store_true',
-        help='a session begins with the object in the gripper; default: the arm fetches it from '
-        'where the recorded person picked it up, where the recording tells that',
+        help='begin a session with the object in the gripper (default: the arm picks it up where '
+        'the recorded person did, if that was recorded)',
     )
 
 
@@ -96,17 +106,17 @@ def run_and_report(
     run_session: RunGraph,
 ) -> int:
     """
-    Set up a run, conduct it, report on it.
+    Set up a run, carry it out and report on it.
 
     Args:
         options: those of `add_run_arguments`.
-        trial: the handover, or the session, to replay; none: the example.
-        model: the learnt movement, of a session that of the give; none: learnt on the way.
-        run_graph: runs the handover and leaves its bag in the folder.
-        run_session: runs the session and leaves its bag in the folder.
+        trial: handover or session to replay; None: a synthetic one.
+        model: learnt movement (of a session, that of the give); None: learnt now.
+        run_graph: runs the handover and writes its bag into the folder.
+        run_session: runs the session and writes its bag into the folder.
 
     Returns:
-        0 if the object changed hands, in a session there and back, else 1.
+        0 if the object was handed over, in a session given and taken back, else 1.
 
     Raises:
         HandoverError: something is wrong with the request, the data or the run.
@@ -120,7 +130,7 @@ def run_and_report(
         ('--no-pick-up', options.no_pick_up or None),
     ):
         if value is not None:
-            raise UsageError(f'{word} is for a --session')
+            raise UsageError(f'{word} needs --session')
     from handover_dmp.cli.progress import progress_bar
     from handover_dmp.handover.object_profile import object_profile
     from handover_dmp.handover.scenario import make_scenario
@@ -128,7 +138,7 @@ def run_and_report(
     from handover_dmp.tracking.tracker_preset import read_trackers
 
     if not 0.01 <= options.scale <= 100.0:
-        raise UsageError(f'--scale {options.scale:g} is not between 0.01 and 100')
+        raise UsageError(f'--scale is {options.scale:g}; it must be from 0.01 to 100')
     trackers = read_trackers(options.tracker or (), options.seed)
     carried = object_profile(options.object)
     with progress_bar() as bar:
@@ -162,7 +172,7 @@ def run_and_report(
 def _run_session(
     options: argparse.Namespace, recording: Path | None, model: Path | None, run_graph: RunGraph
 ) -> int:
-    """Do the same for a session, and film it."""
+    """Run a session, report on it and film it."""
     from handover_dmp.cli.progress import progress_bar
     from handover_dmp.handover.object_profile import object_profile
     from handover_dmp.handover.session_scenario import make_session_scenario
@@ -178,9 +188,9 @@ def _run_session(
     profile = object_profile(options.object)
     mass_kg = profile.mass_kg if options.mass is None else options.mass
     if not 0.0 <= mass_kg <= HEAVIEST_KG:
-        raise UsageError(f'--mass {mass_kg:g} is not between 0 and {HEAVIEST_KG:g} kg')
+        raise UsageError(f'--mass is {mass_kg:g} kg; it must be from 0 to {HEAVIEST_KG:g}')
     if options.scale != 1.0:
-        raise UsageError('--scale is for one handover, not for a --session')
+        raise UsageError('--scale cannot be combined with --session')
     trackers = read_trackers(options.tracker or (), options.seed)
     with progress_bar() as bar:
         task = bar.add_task('placing the arm', total=1.0)
@@ -215,7 +225,7 @@ def _remark(bar: Any, robot: Any) -> None:
 
 
 def _show_session(report: dict[str, Any], folder: Path) -> int:
-    """Say how a session went, a column a leg."""
+    """Print the outcome of a session, with one column per leg."""
     from handover_dmp.view.session_film import FILM, PAGE
     from rich.console import Console
     from rich.table import Table
@@ -259,7 +269,7 @@ def _found(tree: dict[str, Any], keys: tuple[str, ...]) -> float | None:
 
 
 def _show(report: dict[str, Any], folder: Path) -> int:
-    """Say how it went, in a few lines."""
+    """Print the outcome of a handover."""
     from rich.console import Console
     from rich.table import Table
 
@@ -276,8 +286,8 @@ def _show(report: dict[str, Any], folder: Path) -> int:
     for name, value in (
         ('reach', _quantity(report['reach_duration_s'], 's')),
         ('gap when the exchange began', _quantity(report['exchange_gap_m'], 'mm', 1e3)),
-        ('gap at the least', _quantity(report['exchange_gap_least_m'], 'mm', 1e3)),
-        ('lag behind the moving hand', moving or 'the hand was still'),
+        ('smallest gap', _quantity(report['exchange_gap_least_m'], 'mm', 1e3)),
+        ('lag behind the moving hand', moving or 'the hand was at rest'),
         ('peak speed of the wrist', _quantity(report['wrist_peak_speed_m_s'], 'm/s')),
         ('distance to the person (RMS)', _quantity(report['to_human']['rms_m'], 'mm', 1e3)),
         *(

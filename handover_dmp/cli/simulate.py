@@ -31,12 +31,20 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
     parser.add_argument(
-        'model', type=Path, nargs='?', metavar='MODEL.json', help='default: learnt on the way'
+        'model',
+        type=Path,
+        nargs='?',
+        metavar='MODEL.json',
+        help='learnt movement (default: learnt from the trial)',
     )
     parser.add_argument(
-        'recorded', type=Path, nargs='?', metavar='TRIAL.csv', help='default: a synthetic one'
+        'recorded',
+        type=Path,
+        nargs='?',
+        metavar='TRIAL.csv',
+        help='trial to replay (default: a synthetic one)',
     )
-    parser.add_argument('--trial', type=Path, help='the same as TRIAL.csv')
+    parser.add_argument('--trial', type=Path, help='same as TRIAL.csv')
     add_run_arguments(parser)
 
 
@@ -50,7 +58,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _check_definitions() -> None:
-    """Find those of the messages of a run before it begins: without them, it leaves no bag."""
+    """Check that all message definitions are there before the run: no bag without them."""
     from handover_dmp.recording import message_definition
     from handover_dmp.topics import TOPICS
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`handover_dmp synthesize`: write the synthetic data set."""
+"""`handover_dmp synthesize`: write a synthetic data set."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ import json
 from pathlib import Path
 
 SHORT_TRIALS, SHORT_SESSIONS = 300, 50
-"""Fewer are done before a bar could be read."""
+"""Below these numbers, the work is done before one could read a progress bar."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,11 +33,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     """
     parser.description = (
-        'Write a synthetic data set: no person was recorded for it. Mechanic and assistant at an '
-        'engine bay, under a car and at a hydraulic lift, give and take, minimum-jerk reaches '
-        'with the spread of people, sensor noise. The same seed gives the same files everywhere. '
-        'With --sessions: whole recordings, in which the assistant picks up the tool, gives it, '
-        'and takes it back; their reaches are those of the data set of the same seed.'
+        'Write a synthetic data set; no person was recorded for it. Mechanic and assistant give '
+        'and take at an engine bay, under a car and at a hydraulic lift, in minimum-jerk reaches '
+        'with the spread of people and sensor noise. The same seed gives the same files '
+        'everywhere. With --sessions, write whole recordings, in which the assistant picks up the '
+        'tool, gives it and takes it back; their reaches are those of the data set of the same '
+        'seed.'
     )
     parser.add_argument(
         '-o', '--output', type=Path, required=True, metavar='DATASET', help='folder to write'
@@ -45,38 +46,43 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--sessions',
         action='store_true',
-        help='whole recordings, with index sessions.csv, for `import csv DATASET --segment`',
+        help='write whole recordings, with index sessions.csv, for `import csv DATASET --segment`',
     )
-    parser.add_argument('--seed', type=int, default=0, help='default: 0')
+    parser.add_argument(
+        '--seed', type=int, default=0, help='seed of the random numbers (default: 0)'
+    )
     parser.add_argument(
         '--trials',
         type=int,
         default=5,
         metavar='N',
-        help='for each configuration, and exchange or session; default: 5',
+        help='number of trials of each configuration and direction, or of sessions of each '
+        'configuration (default: 5)',
     )
     parser.add_argument(
         '--configuration',
         action='append',
         metavar='NAME',
-        help='only this one; may be given again; default: all three',
+        help='configuration to write; may be repeated (default: all three)',
     )
     parser.add_argument(
-        '--rate', type=float, default=200.0, metavar='HZ', help='of the sensor; default: 200'
+        '--rate', type=float, default=200.0, metavar='HZ', help='rate of the sensor (default: 200)'
     )
     parser.add_argument(
         '--noise',
         type=float,
         default=1e-4,
         metavar='M',
-        help='standard deviation on each axis; default: 0.0001',
+        help='standard deviation of the noise on each axis (default: 0.0001)',
     )
     parser.add_argument(
         '--orientation',
         action='store_true',
-        help='with columns for how the wrists are turned; the others stay the same',
+        help='add columns for the orientation of the wrists; the others stay the same',
     )
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write what was made here')
+    parser.add_argument(
+        '--json', type=Path, metavar='FILE', help='write a summary of the outputs as JSON'
+    )
 
 
 def run(options: argparse.Namespace) -> int:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`handover_dmp tune`: better parameters, and what they are worth on trials never seen."""
+"""`handover_dmp tune`: search for better parameters, and test them on unseen trials."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         required=True,
         metavar='PARAMS.yaml',
-        help='parameter file to write: for --params-file of the dmp node, and for --parameters',
+        help='parameter file to write, for --params-file of the dmp node and for --parameters',
     )
     add_learning_arguments(parser)
     parser.add_argument(
@@ -57,10 +57,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=int,
         default=192,
         metavar='N',
-        help='how many sets of parameters to try (default: %(default)s)',
+        help='number of parameter sets to try (default: %(default)s)',
     )
     add_running_arguments(parser)
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write what was found as JSON')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='also write the result as JSON')
 
 
 def run(options: argparse.Namespace) -> int:
@@ -74,13 +74,13 @@ def run(options: argparse.Namespace) -> int:
         0.
 
     Raises:
-        UsageError: fewer than one candidate, a senseless seed or number of processes.
+        UsageError: the number of candidates or processes, or the seed, is out of range.
         DataError: the data set cannot be used.
 
     """
     check_running_options(options)
     if options.candidates < 1:
-        raise UsageError(f'--candidates {options.candidates} is not above 0')
+        raise UsageError(f'--candidates is {options.candidates}; it must be above 0')
     from dataclasses import asdict
     import json
 
@@ -132,12 +132,12 @@ def _comment(tuning: Tuning, data_set: str) -> str:
 
 
 def _starts(tuning: Tuning) -> str:
-    """Say for which trials the choice holds."""
+    """Tell for which trials the choice holds."""
     if tuning.start_at_rest == tuning.trials:
-        return 'All trials start at rest; for trials cut where somebody moves already, tune anew.'
+        return 'All trials start at rest; for trials that start in motion, tune again.'
     return (
-        f'{tuning.trials - tuning.start_at_rest} of {tuning.trials} trials start while somebody '
-        'moves already; for trials that start at rest, tune anew.'
+        f'{tuning.trials - tuning.start_at_rest} of {tuning.trials} trials start in motion; '
+        'for trials that start at rest, tune again.'
     )
 
 
@@ -171,9 +171,7 @@ def _show(tuning: Tuning) -> Group:
             f'{_value(tuning.best, name):.3g}',
             f'{min(each):.3g} to {max(each):.3g}',
         )
-    unseen = table(
-        'On trials that the choice has not seen', 'learn', '', 'rms, mm', '≤1σ', '≤2σ', '≤3σ, %'
-    )
+    unseen = table('On unseen trials', 'learn', '', 'rms, mm', '≤1σ', '≤2σ', '≤3σ, %')
     for compared in tuning.comparisons:
         for name, worth in (('default', compared.default), ('tuned', compared.tuned)):
             unseen.add_row(compared.learn, name, *_cells(worth))

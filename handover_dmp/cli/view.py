@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`handover_dmp view`: a recorded run in the browser, with a slider over its time."""
+"""`handover_dmp view`: a recorded run in the browser, with a time slider."""
 
 from __future__ import annotations
 
@@ -36,19 +36,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_source_and_output(
         parser,
         'FILE.html',
-        'write the page there, for any browser to open, and be done',
+        'write the page to this file, for any browser, and exit',
     )
     parser.add_argument(
-        '--port', type=int, default=0, help='on 127.0.0.1; default: one that is free'
+        '--port', type=int, default=0, help='port on 127.0.0.1 (default: a free one)'
     )
-    parser.add_argument('--no-browser', action='store_true', help='only say the address')
+    parser.add_argument('--no-browser', action='store_true', help='only print the address')
     add_robot_arguments(parser, '')
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write the address there')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write the address as JSON')
 
 
 def run(options: argparse.Namespace) -> int:
     """
-    Make the page and offer it until Ctrl-C.
+    Make the page and serve it until Ctrl-C.
 
     Args:
         options: what `add_arguments` declared.
@@ -57,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
         0.
 
     Raises:
-        DataError: there is no such run, or it cannot be drawn.
+        DataError: the run does not exist or cannot be drawn.
         UsageError: MeshCat is not installed, or the port is taken.
 
     """
@@ -101,7 +101,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _event_of_the_end() -> Event:
-    """Make an event that Ctrl-C or SIGTERM sets, also where a shell has them ignored."""
+    """Return an event that Ctrl-C or SIGTERM sets, even if the shell ignores them."""
     ended = Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda _number, _frame: ended.set())

@@ -38,10 +38,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'results', type=Path, metavar='RESULTS', help=f'folder of `evaluate`, or its {TABLE}'
     )
     parser.add_argument(
-        '--learn', metavar='NAME', help='what was learnt from (default: all that was evaluated)'
+        '--learn',
+        metavar='NAME',
+        help='kind of demonstration that was learnt from (default: all that were evaluated)',
     )
     parser.add_argument(
-        '--json', type=Path, metavar='FILE', help='write every single rejected curve as JSON'
+        '--json', type=Path, metavar='FILE', help='write every rejected curve as JSON'
     )
 
 
@@ -56,14 +58,16 @@ def run(options: argparse.Namespace) -> int:
         0.
 
     Raises:
-        DataError: there is no table, or it does not tell of rejections.
-        UsageError: nothing was learnt that way.
+        DataError: there is no table, or it has no rejections.
+        UsageError: the evaluation has no such `--learn`.
 
     """
     rejections = _read(options.results)
     learns = list(dict.fromkeys(case['learn'] for case in rejections))
     if options.learn is not None and options.learn not in learns:
-        raise UsageError(f'--learn {options.learn!r}: {options.results} has {", ".join(learns)}')
+        raise UsageError(
+            f'--learn {options.learn!r}: not in {options.results}, which has {", ".join(learns)}'
+        )
     from handover_dmp.common.files import write_text
     from handover_dmp.evaluation.why import why_tables
     from rich.console import Console
@@ -83,11 +87,11 @@ def _read(results: Path) -> list[dict[str, Any]]:
     try:
         table = json.loads(file.read_text(encoding='utf-8'))
     except FileNotFoundError:
-        raise DataError(f'{file}: no such file; `evaluate` writes it') from None
+        raise DataError(f'{file}: no such file; run `evaluate` to write it') from None
     except (UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise DataError(f'{file}: not the table of `evaluate`: {error}') from None
+        raise DataError(f'{file}: not a table of `evaluate`: {error}') from None
     found = table.get('rejections') if isinstance(table, dict) else None
     if not found:
-        raise DataError(f'{file}: does not tell of rejections; run `evaluate` again')
+        raise DataError(f'{file}: has no rejections; run `evaluate` again')
     rejections: list[dict[str, Any]] = found
     return rejections

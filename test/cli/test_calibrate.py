@@ -159,7 +159,7 @@ def test_a_tracker_that_calls_its_frame_world_is_refused(
     output = tmp_path / 'tracker.yaml'
     words = ['calibrate', str(bag), '--tracker', '/tracked:wand', '-o', str(output)]
     assert main(words) == 1
-    assert "frame 'world', as the reference" in capsys.readouterr().err
+    assert "frame 'world', as is the reference" in capsys.readouterr().err
     assert not output.exists()
     assert main([*words, '--frame', 'camera']) == 0
     check(output, 'camera')
@@ -187,12 +187,12 @@ def test_what_is_not_determined_is_not_written(
     ('words', 'said'),
     [
         ([], 'a bag, two CSV files, or --move'),
-        (['arm.csv'], 'and the CSV file of the tracker'),
-        (['bag', 'camera.csv'], 'two CSV files'),
+        (['arm.csv'], 'the CSV file of the tracker is missing'),
+        (['bag', 'camera.csv'], 'must both be CSV files'),
         (['a', 'b', 'c'], 'a bag, two CSV files'),
-        (['a', '-o', 'tracker.json'], 'parameters are a .yaml'),
-        (['a', '--max-delay', '-1'], '--max-delay -1'),
-        (['a', '--move'], 'leave the others out'),
+        (['a', '-o', 'tracker.json'], 'must end in .yaml'),
+        (['a', '--max-delay', '-1'], '--max-delay is -1 s'),
+        (['a', '--move'], 'leave out the other sources'),
     ],
 )
 def test_wrong_usage_is_one_line(

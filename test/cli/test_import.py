@@ -169,7 +169,7 @@ def test_a_name_that_may_tell_the_direction_is_asked_for(name, tmp_path, trials,
 def test_a_name_that_tells_nothing_is_taken_for_give_and_said(tmp_path, trials, capsys):
     source = str(tsv(tmp_path / 'session.tsv', trials[:1]))
     assert main(['import', 'qualisys', source, '-o', str(tmp_path / 'set'), *MARKERS]) == 0
-    assert 'taken for give' in capsys.readouterr().out
+    assert 'give is assumed' in capsys.readouterr().out
     (trial,) = read_data_set(tmp_path / 'set')
     assert trial.direction == 'give'
 

@@ -188,9 +188,9 @@ def test_a_figure_needs_no_run_and_a_film_needs_one(
     assert main(['render', str(tmp_path), '--figure', 'postures']) == 2
     assert main(['render', '--figure', 'postures', '-o', str(tmp_path / 'x.mp4')]) == 2
     told = capsys.readouterr().err
-    assert 'which run?' in told
+    assert 'no run given' in told
     assert 'is not of a run' in told
-    assert 'a picture is .png' in told
+    assert 'the name of a picture must end in .png' in told
 
 
 @pytest.mark.slow

@@ -28,12 +28,12 @@ import pytest
 @pytest.mark.parametrize(
     ('words', 'told'),
     [
-        (['--mass', '1'], '--mass is for a --session'),
-        (['--take-model', 'x.json'], '--take-model is for a --session'),
-        (['--no-pick-up'], '--no-pick-up is for a --session'),
-        (['--session', '--mass', '70'], '--mass 70 is not between'),
-        (['--session', '--mass', 'nan'], '--mass nan is not between'),
-        (['--session', '--scale', '0.5'], '--scale is for one handover'),
+        (['--mass', '1'], '--mass needs --session'),
+        (['--take-model', 'x.json'], '--take-model needs --session'),
+        (['--no-pick-up'], '--no-pick-up needs --session'),
+        (['--session', '--mass', '70'], '--mass is 70 kg; it must be from 0 to'),
+        (['--session', '--mass', 'nan'], '--mass is nan kg; it must be from 0 to'),
+        (['--session', '--scale', '0.5'], '--scale cannot be combined'),
         (['--session', '--object', 'anvil'], "object 'anvil' is unknown"),
     ],
 )

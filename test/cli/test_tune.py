@@ -112,4 +112,4 @@ def test_trials_that_are_cut_in_motion_are_counted(data_set, tmp_path, capsys):
     write_data_set([*cut[:3], trials[3]], tmp_path / 'cut')
     out = str(tmp_path / 'p.yaml')
     assert main(['tune', str(tmp_path / 'cut'), '-o', out, '--candidates', '1']) == 0
-    assert '3 of 4 trials start while somebody moves already' in capsys.readouterr().out
+    assert '3 of 4 trials start in motion' in capsys.readouterr().out

@@ -129,9 +129,9 @@ def test_the_command_tells_what_the_table_holds(
 @pytest.mark.parametrize(
     ('content', 'said'),
     [
-        (None, 'no such file; `evaluate` writes it'),
-        ('{', 'not the table of `evaluate`'),
-        ('{"rows": []}', 'does not tell of rejections'),
+        (None, 'no such file; run `evaluate` to write it'),
+        ('{', 'not a table of `evaluate`'),
+        ('{"rows": []}', 'has no rejections'),
     ],
 )
 def test_what_is_no_result_is_said_in_one_line(

@@ -107,7 +107,7 @@ def test_what_cannot_be_compared_is_said_in_one_line(
     make_run(tmp_path / 'b' / 'second' / 'bag')
     (tmp_path / 'empty').mkdir()
     for words, code, said in (
-        (['a'], 2, 'give two runs or more'),
+        (['a'], 2, 'compare needs two or more runs'),
         (['a', 'b'], 1, 'no run has the same name'),
         (['a', 'empty'], 1, 'neither a run nor a folder of runs'),
     ):
