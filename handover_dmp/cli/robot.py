@@ -134,7 +134,7 @@ def _show(facts: dict[str, Any]) -> None:
         endless = joint['lower'] is None or joint['upper'] is None
         table.add_row(
             joint['name'],
-            'turns for ever'
+            'continuous'
             if endless
             else f'{joint["lower"]:.3g} … {joint["upper"]:.3g}{" m" * (joint["unit"] == "m")}',
             *(f'{joint[key]:.4g}' for key in ('velocity', 'acceleration', 'effort')),

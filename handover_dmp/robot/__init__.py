@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The arm: its model and limits, priority inverse kinematics, interpolation, simulation."""
+"""The arm: model, limits, priority inverse kinematics, interpolation."""

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-A motion that shows a tracker all that it can be calibrated with, and the commands that make it.
+A motion for the calibration of a tracker, and the joint commands that follow it.
 
-Every joint swings about a posture near the one it starts from, as a sum of two sines whose
-frequencies have no common period: the wrist comes by in all directions, turned about all axes, at
-ever-changing speeds, so that transform, delay and the place of the marker can all be told. It
-begins and ends at rest where the arm was.
+Every joint swings about a configuration near the start, as a sum of two sines without a common
+period. So the wrist moves in all directions, turns about all axes, and changes its speed all the
+time, which determines the transform, the delay and the position of the marker. The motion begins
+and ends at rest at the start.
 """
 
 from __future__ import annotations
@@ -33,28 +33,28 @@ from handover_dmp.robot.model import RobotModel
 import numpy as np
 
 SWING_RAD = 0.35
-"""Greatest amplitude of a joint."""
+"""Maximum amplitude of a joint."""
 SLOWEST_HZ = 0.05
-"""Of the first joint; the others are a little faster, each by another amount."""
+"""Frequency of the first joint; the others are slightly faster, each by another amount."""
 GOLDEN = 0.618033988749895
 RAMP_S = 3.0
-"""In which the motion swells, and dies away."""
+"""Time in which the amplitude rises at the start, and falls at the end."""
 SHARE = 0.5
-"""Of the limits of velocity and acceleration, which the plan keeps to."""
+"""Share of the velocity and acceleration limits that the plan may use."""
 BRAKING_SHARE = 0.25
 CLEARANCE_M = 0.03
-"""That the links keep from each other, where they have it at the start."""
+"""Clearance between links, if they have it at the start."""
 INSET_RAD = 0.05
 SAMPLE_S = 0.04
 TRIED = 8
-"""Sets of phases, of which the one is taken that moves the wrist farthest in every direction."""
+"""Number of phase sets; the one that moves the wrist farthest in every direction is used."""
 SHRINK = 0.8
 MIN_SWING = 0.2
-"""Of the amplitudes; with less, the motion tells too little."""
+"""Minimum scale of the amplitudes; smaller motions determine too little."""
 GAIN = 2.0
-"""1/s, on the error of the joint positions."""
+"""Gain on the error of the joint positions, 1/s."""
 ASTRAY_RAD = 0.2
-"""An arm that is so far from where it should be does not follow."""
+"""Position error of a joint beyond which the arm does not follow."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,8 +63,8 @@ class CalibrationMotion:
     Joint positions over time, from rest to rest.
 
     Attributes:
-        start: (n,) rad, at both ends.
-        centre: (n,) rad, that the joints swing about.
+        start: (n,) rad, positions at both ends.
+        centre: (n,) rad, centre of the oscillation.
         amplitudes: (n,) rad.
         frequencies_hz: (2, n).
         phases: (2, n) rad.
@@ -81,10 +81,10 @@ class CalibrationMotion:
 
     def at(self, time_s: float) -> tuple[Array, Array]:
         """
-        Tell where the joints are to be.
+        Return the desired joint positions and velocities.
 
         Args:
-            time_s: since the start, s.
+            time_s: time since the start, s.
 
         Returns:
             Positions, (n,) rad, and velocities, (n,) rad/s.
@@ -109,19 +109,19 @@ def plan_calibration_motion(
     model: RobotModel, start: Array, duration_s: float, wrist_speed: float
 ) -> CalibrationMotion:
     """
-    Plan a motion within half of the limits, as wide as the arm has room for.
+    Plan a motion within half of the limits, as large as the free space permits.
 
     Args:
         model: the arm.
-        start: (n,) rad, where it is, at rest.
-        duration_s: of the motion, s.
-        wrist_speed: that the wrist keeps to, m/s.
+        start: (n,) rad, the present positions, at rest.
+        duration_s: duration of the motion, s.
+        wrist_speed: maximum speed of the wrist, m/s.
 
     Returns:
         The motion.
 
     Raises:
-        UnreachableError: from this posture there is no room for one.
+        UnreachableError: there is not enough free space at this configuration.
 
     """
     collision = CollisionModel.of(model)
@@ -150,22 +150,22 @@ def plan_calibration_motion(
                 return slower
         share *= SHRINK
     raise UnreachableError(
-        f'{model.name}: no room to move about from here without its links coming near each other '
-        'or running into the end of a joint: bring it to an open posture first',
+        f'{model.name}: not enough free space here: links would come close to each other, or '
+        'joints to their limits; move the arm to an open configuration first',
         0.0,
     )
 
 
 def wrist_box(model: RobotModel, motion: CalibrationMotion) -> Array:
     """
-    Tell the space that the wrist needs.
+    Return the box in which the wrist moves.
 
     Args:
         model: the arm.
-        motion: of its joints.
+        motion: motion of its joints.
 
     Returns:
-        (2, 3) m, the least and the greatest coordinates.
+        (2, 3) m, the smallest and the largest coordinates.
 
     """
     places = [model.wrist_pose(motion.at(t)[0])[0] for t in _sampled(motion)]
@@ -177,7 +177,7 @@ def _sampled(motion: CalibrationMotion) -> Array:
 
 
 def _pace(model: RobotModel, motion: CalibrationMotion, wrist_speed: float) -> float:
-    """Tell by what factor the motion has to be slowed down; 1 if it need not."""
+    """Return the factor by which the motion must be slowed down; 1 if it need not."""
     times = _sampled(motion)
     states = [motion.at(t) for t in times]
     moving = np.array([velocity for _, velocity in states])
@@ -194,7 +194,7 @@ def _pace(model: RobotModel, motion: CalibrationMotion, wrist_speed: float) -> f
 
 
 def _least_spread(model: RobotModel, motion: CalibrationMotion) -> float:
-    """Tell how far the wrist moves in the direction in which it moves least, m."""
+    """Return the spread of the wrist in the direction of the smallest motion, m."""
     places = np.array([model.wrist_pose(motion.at(t)[0])[0] for t in _sampled(motion)[::3]])
     off = places - places.mean(axis=0)
     return float(np.linalg.svd(off, compute_uv=False)[-1] / np.sqrt(len(places)))
@@ -205,7 +205,7 @@ def _has_room(motion: CalibrationMotion, collision: CollisionModel, clearance: f
 
 
 class MotionFollower:
-    """Joint velocities that make an arm follow a motion, whatever it does within its limits."""
+    """Joint velocities, within the limits, that make an arm follow a motion."""
 
     def __init__(self, model: RobotModel, motion: CalibrationMotion) -> None:
         """
@@ -213,7 +213,7 @@ class MotionFollower:
 
         Args:
             model: the arm.
-            motion: to follow.
+            motion: the motion to follow.
 
         """
         self._box = VelocityBox(model.limits, BRAKING_SHARE)
@@ -222,28 +222,28 @@ class MotionFollower:
 
     @property
     def resting(self) -> bool:
-        """Whether the arm has been told to stand."""
+        """Whether the commanded velocities are zero."""
         return not self._velocity.any()
 
     def follow(self, time_s: float, positions: Array, dt: float) -> tuple[Array, str]:
         """
-        Go on.
+        Advance by one period.
 
         Args:
-            time_s: since the start of the motion, s.
-            positions: (n,) rad, as measured.
+            time_s: time since the start of the motion, s.
+            positions: (n,) rad, measured.
             dt: length of the period, s.
 
         Returns:
-            Joint velocities, (n,) rad/s, and what is wrong, or nothing.
+            Joint velocities, (n,) rad/s, and the fault, empty if there is none.
 
         """
         wanted, moving = self._motion.at(time_s)
         error = wanted - positions
         if np.abs(error).max() > ASTRAY_RAD:
             return self.brake(positions, dt), (
-                f'the arm is {np.abs(error).max():.2f} rad from where it should be: it does not '
-                'follow its commands'
+                f'the arm does not follow its commands: a joint is {np.abs(error).max():.2f} '
+                'rad off'
             )
         low, high = self._box.bounds(positions, self._velocity, dt)
         self._velocity = np.minimum(np.maximum(moving + GAIN * error, low), high)
@@ -251,10 +251,10 @@ class MotionFollower:
 
     def brake(self, positions: Array, dt: float) -> Array:
         """
-        Come to rest within the limits.
+        Brake within the limits.
 
         Args:
-            positions: (n,) rad, as measured last.
+            positions: (n,) rad, last measured.
             dt: length of the period, s.
 
         Returns:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A robot description as a tree, and the chain of joints in it that carries the wrist."""
+"""A robot description as a tree, and its chain of joints that carries the wrist."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ Element = ElementTree.Element
 
 MIN_JOINTS = 2
 MAX_NAMED = 12
-"""Links that an error names."""
+"""Maximum number of links that an error names."""
 KINDS = ('revolute', 'continuous', 'prismatic')
-"""Types of joints that an arm can have."""
+"""Joint types that an arm can have."""
 MACRO = re.compile(r'\$\{|\$\((arg|find|eval|env|optenv|dirname)\b')
-"""What stands in the attributes of a xacro that has not been expanded."""
+"""Occurs in the attributes of an unexpanded xacro."""
 VECTORS = ('xyz', 'rpy')
 LIMITS = ('lower', 'upper', 'velocity', 'effort', 'acceleration', 'jerk')
 SOFT_LIMITS = ('soft_lower_limit', 'soft_upper_limit')
@@ -50,19 +50,19 @@ NUMBERS = {
     'origin': VECTORS,
     'axis': VECTORS,
 }
-"""Elements of joints and links, and those of their attributes that are numbers."""
+"""Elements of joints and links, and their numeric attributes."""
 
 
 @dataclass(frozen=True)
 class KnownArm:
     """
-    What `config/robots.yaml` knows of the arm of a description.
+    The data of `config/robots.yaml` for the arm of a description.
 
     Attributes:
         entry: its entry there; None for an unknown arm.
-        limits: those of the entry, by joint.
-        home: name of the joint to where it is at home, rad.
-        remark: that an entry of its name is not one of this arm; else empty.
+        limits: limits of the entry, by joint.
+        home: joint name to home position, rad.
+        remark: a remark if the entry of that name does not fit; otherwise empty.
 
     """
 
@@ -77,14 +77,14 @@ def parse_description(text: str, origin: str) -> Element:
     Parse a URDF.
 
     Args:
-        text: of the URDF.
-        origin: where it comes from, for error messages.
+        text: text of the URDF.
+        origin: its origin, for error messages.
 
     Returns:
         Its root.
 
     Raises:
-        RobotDescriptionError: it is no URDF, or holds a number that is none.
+        RobotDescriptionError: it is not a URDF, or a numeric attribute is invalid.
 
     """
     try:
@@ -99,7 +99,7 @@ def parse_description(text: str, origin: str) -> Element:
     ]
     if any(element.tag.startswith('xacro:') for element in tree) or any(map(MACRO.search, values)):
         raise RobotDescriptionError(
-            f'{origin}: a xacro that is not expanded: let its name end in .xacro, or expand it: '
+            f'{origin}: an unexpanded xacro: rename it to end in .xacro, or expand it: '
             'xacro FILE > robot.urdf'
         )
     for part in parts:
@@ -108,7 +108,7 @@ def parse_description(text: str, origin: str) -> Element:
 
 
 def _check_numbers(part: Element, origin: str) -> None:
-    """Name the first number that is none; Pinocchio only says that something is wrong."""
+    """Name the first invalid number; Pinocchio only reports that there is one."""
     for element in part.iter():
         for key in NUMBERS.get(element.tag, ()):
             text, count = element.get(key), 3 if key in VECTORS else 1
@@ -121,7 +121,7 @@ def _check_numbers(part: Element, origin: str) -> None:
 
 
 def _count_numbers(text: str, key: str) -> int:
-    """Count the numbers of a text; 0 where it holds anything else."""
+    """Count the numbers in a text; 0 if it contains anything else."""
     try:
         numbers = [float(word) for word in text.split()]
     except ValueError:
@@ -133,15 +133,15 @@ def _count_numbers(text: str, key: str) -> int:
 
 def known_arm(tree: Element, origin: str, name: str = '') -> KnownArm:
     """
-    Find what `config/robots.yaml` knows of an arm.
+    Find the data of `config/robots.yaml` for an arm.
 
     Args:
         tree: root of its description.
         origin: of the description, for error messages.
-        name: there, if the arm was asked for by it; its numbers then hold alone.
+        name: its name there, if the arm was requested by it; then only its values count.
 
     Returns:
-        What is known; nothing where the entry of that `<robot name>` does not fit.
+        The data; empty if the entry of that `<robot name>` does not fit.
 
     """
     urdf_name = tree.get('name', '')
@@ -156,25 +156,25 @@ def known_arm(tree: Element, origin: str, name: str = '') -> KnownArm:
             home = dict(zip(joints, entry.home, strict=False))
             return KnownArm(entry, entry.known_limits(joints, rules=bool(name)), home)
     return KnownArm(
-        remark=f'its name is that of {entry.name} in config/robots.yaml, its links are not: '
-        'taken for an unknown arm'
+        remark=f'has the name of {entry.name} in config/robots.yaml, but other links: '
+        'treated as an unknown arm'
     )
 
 
 def described_limits(text: str, joint_names: Sequence[str], origin: str) -> EffectiveLimits:
     """
-    Find the limits of joints from a description alone, whoever moved them.
+    Find the limits of joints from a description alone, e.g. for any recorded arm.
 
     Args:
-        text: of the description.
-        joint_names: which joints.
-        origin: of the description, for error messages.
+        text: text of the description.
+        joint_names: the joints.
+        origin: origin of the description, for error messages.
 
     Returns:
-        The limits that hold for an arm with this description.
+        The limits of an arm with this description.
 
     Raises:
-        RobotDescriptionError: it is no URDF, or lacks a joint.
+        RobotDescriptionError: it is not a URDF, or lacks a joint.
 
     """
     tree = parse_description(text, origin)
@@ -189,12 +189,12 @@ def described_limits(text: str, joint_names: Sequence[str], origin: str) -> Effe
 
 def check_link(tree: Element, link: str | None, what: str, origin: str) -> None:
     """
-    Refuse a link that is not there.
+    Check that a link exists.
 
     Args:
         tree: root of the description.
-        link: its name; none is all right.
-        what: it is to be, `wrist` or `base`.
+        link: its name; None is accepted.
+        what: its role, `wrist` or `base`.
         origin: of the description, for error messages.
 
     Raises:
@@ -214,19 +214,19 @@ def chain_between(
     tree: Element, wrist_frame: str, base_frame: str | None, origin: str
 ) -> tuple[Element, ...]:
     """
-    Find the joints that carry the wrist, each of which the arm can move by itself.
+    Find the joints that carry the wrist, and check that they are independent.
 
     Args:
         tree: root of the description.
-        wrist_frame: link of the wrist.
-        base_frame: link that the arm begins at; None: the root.
+        wrist_frame: the wrist link.
+        base_frame: first link of the arm; None: the root.
         origin: of the description, for error messages.
 
     Returns:
         The joints, from the base on.
 
     Raises:
-        RobotDescriptionError: there is none, or one that cannot be moved by itself.
+        RobotDescriptionError: there is none, or one cannot be moved independently.
 
     """
     chain = moving_joints(tree, wrist_frame, origin, base_frame)
@@ -234,25 +234,25 @@ def chain_between(
         name, kind = joint.get('name'), joint.get('type')
         if kind not in KINDS:
             raise RobotDescriptionError(
-                f'{origin}: joint {name!r} is {kind}; only {", ".join(KINDS)} can carry the wrist '
-                f'{wrist_frame!r}; --base-frame (node parameter base_frame) begins the arm behind '
-                'it'
+                f'{origin}: joint {name!r} is of type {kind}; only {", ".join(KINDS)} joints can '
+                f'carry the wrist {wrist_frame!r}; to begin the arm behind it, set --base-frame '
+                '(node parameter base_frame)'
             )
         mimic = joint.find('mimic')
         if mimic is not None:
             raise RobotDescriptionError(
                 f'{origin}: joint {name!r} mimics {mimic.get("joint")!r}; the joints that carry '
-                f'the wrist {wrist_frame!r} must move one by one'
+                f'the wrist {wrist_frame!r} must be independent'
             )
         axis = joint.find('axis')
         if axis is not None and not any(map(float, axis.get('xyz', '1 0 0').split())):
-            raise RobotDescriptionError(f'{origin}: joint {name!r} has an axis of no direction')
+            raise RobotDescriptionError(f'{origin}: joint {name!r} has an axis of zero length')
     if len(chain) < MIN_JOINTS:
         where = f' from {base_frame!r}' if base_frame else ''
         names = ', '.join(repr(joint.get('name')) for joint in chain)
         moved = f'only joint {names} moves' if chain else 'no joint moves'
         raise RobotDescriptionError(
-            f'{origin}: {moved} {wrist_frame!r}{where}; an arm has {MIN_JOINTS} joints or more'
+            f'{origin}: {moved} {wrist_frame!r}{where}; an arm needs at least {MIN_JOINTS} joints'
         )
     return chain
 
@@ -261,19 +261,19 @@ def moving_joints(
     tree: Element, link: str, origin: str, base_frame: str | None = None
 ) -> tuple[Element, ...]:
     """
-    Find the joints that move a link, from the base on.
+    Find the joints that move a link, beginning at the base.
 
     Args:
         tree: root of the description, which has passed `check_tree`.
-        link: which link.
+        link: the link.
         origin: of the description, for error messages.
-        base_frame: link to begin at; None: the root.
+        base_frame: first link; None: the root.
 
     Returns:
-        Those that are not fixed.
+        The joints that are not fixed.
 
     Raises:
-        RobotDescriptionError: the link does not hang on `base_frame`.
+        RobotDescriptionError: `base_frame` does not carry the link.
 
     """
     carriers = _carriers(tree)
@@ -286,7 +286,7 @@ def moving_joints(
             chain.insert(0, joint)
     if base_frame is not None and above != base_frame:
         raise RobotDescriptionError(
-            f'{origin}: {link!r} does not hang on the base {base_frame!r}; say another '
+            f'{origin}: the base {base_frame!r} does not carry {link!r}; set another '
             '--base-frame (node parameter base_frame)'
         )
     return tuple(chain)
@@ -299,13 +299,13 @@ def _carriers(tree: Element) -> dict[str, Element]:
 
 def ends_of(joint: Element) -> tuple[str, str]:
     """
-    Tell between which links a joint is.
+    Return the links that a joint connects.
 
     Args:
-        joint: which.
+        joint: the joint.
 
     Returns:
-        The links that it hangs on and carries, empty where it names none.
+        Its parent and its child; empty if it names none.
 
     """
     parent, child = joint.find('parent'), joint.find('child')
@@ -317,10 +317,10 @@ def ends_of(joint: Element) -> tuple[str, str]:
 
 def hold_still(tree: Element, chain: Sequence[Element]) -> None:
     """
-    Fix the joints that are not of the chain at their neutral values.
+    Fix the joints outside the chain at their neutral values.
 
-    That is zero, or the limit that is nearest to it; of a joint that mimics another, what it then
-    shows.
+    The neutral value is zero, or the limit nearest to it; for a mimic joint it follows from the
+    mimicked joint.
 
     Args:
         tree: root of the description; changed in place.
@@ -346,7 +346,7 @@ def hold_still(tree: Element, chain: Sequence[Element]) -> None:
 
 
 def _neutral(joint: Element, held: Mapping[str, Element], passed: int) -> float:
-    """Return where a joint that is held stands, rad or m; one that mimics in a circle is at 0."""
+    """Return the position of a fixed joint, rad or m; 0 for a circle of mimic joints."""
     if joint.get('type') not in KINDS:
         return 0.0
     mimic = joint.find('mimic')
@@ -368,14 +368,14 @@ def _vector(element: Element | None, key: str, default: str) -> list[float]:
 
 def check_tree(tree: Element, origin: str) -> None:
     """
-    Refuse links and joints that do not form one tree.
+    Check that links and joints form one tree.
 
     Args:
         tree: root of the description.
         origin: of the description, for error messages.
 
     Raises:
-        RobotDescriptionError: says where they do not.
+        RobotDescriptionError: they do not; the error says where.
 
     """
     links = [link.get('name', '') for link in tree.findall('link')]
@@ -397,14 +397,14 @@ def check_tree(tree: Element, origin: str) -> None:
         parent, child = ends
         if child in carried:
             raise RobotDescriptionError(
-                f'{origin}: {child!r} hangs on both {carried[child]!r} and {parent!r}; '
+                f'{origin}: {child!r} has two parents, {carried[child]!r} and {parent!r}; '
                 'links and joints must form a tree'
             )
         carried[child] = parent
     roots = [link for link in links if link not in carried]
     if len(roots) > 1:
         raise RobotDescriptionError(
-            f'{origin}: nothing joins {", ".join(roots)}; links and joints must form one tree'
+            f'{origin}: no joint connects {", ".join(roots)}; links and joints must form one tree'
         )
     for start in links:
         link = start

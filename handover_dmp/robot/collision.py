@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The arm as capsules: how near they are to each other and to the partner's forearm."""
+"""The arm as capsules: distances between them and to the partner's forearm."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ import numpy as np
 import pinocchio as pin
 
 CLEAR_AT_HOME = 0.04
-"""Pairs nearer than this at home, m, are as good as neighbours: their capsules are too wide."""
+"""Pairs closer than this at home, m, count as neighbours: their capsules are too wide."""
 SAMPLED_CONFIGURATIONS = 60
 NEVER_NEAR = 0.06
-"""Pairs that no search brings nearer than this, m, need no watching."""
+"""Pairs that no search brings closer than this, m, are not monitored."""
 TOUCHING = 1e-6
-"""Distance, m, below which nearest points tell no direction."""
+"""Distance, m, below which the nearest points define no direction."""
 SEARCHES = 4
-"""How many of the sampled postures such a search starts from."""
+"""Number of sampled configurations from which such a search starts."""
 
 ClosingSpeed = Callable[[float], float]
-"""Gives the speed, m/s, with which bodies may close in at a distance, m."""
+"""The maximum closing speed, m/s, as a function of the distance, m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class LinkCapsule:
     A capsule that moves with a joint.
 
     Attributes:
-        name: of the link.
+        name: name of the link.
         joint: index of the joint in Pinocchio's model, 0 for the base.
         start: (3,), m, one end of its axis, in the joint's frame.
         end: (3,), m, the other end.
@@ -67,13 +67,13 @@ class LinkCapsule:
 @dataclass(frozen=True, eq=False)
 class NearPair:
     """
-    Two bodies that are near each other.
+    Two bodies that are close to each other.
 
     Attributes:
-        name: what they are.
-        distance: between their surfaces, m; negative when they overlap.
-        row: (n,), its rate of change is `row`·q̇ + `drift`, m per rad.
-        drift: the part of that rate that is not the arm's, m/s.
+        name: their names.
+        distance: distance between their surfaces, m; negative if they overlap.
+        row: (n,), m per rad; the rate of change of the distance is `row`·q̇ + `drift`.
+        drift: the part of that rate that does not depend on the arm, m/s.
 
     """
 
@@ -85,11 +85,10 @@ class NearPair:
 
 def link_capsules(model: RobotModel) -> tuple[LinkCapsule, ...]:
     """
-    Wrap every link in capsules.
+    Enclose every link in capsules.
 
-    A sphere or cylinder of the description becomes the capsule of its radius; boxes and meshes
-    are wrapped in the smaller capsule of those about their principal axes. What lies inside
-    another capsule of the same link is left out.
+    A sphere or cylinder becomes a capsule of its radius; boxes and meshes get the smallest of the
+    capsules about their principal axes. Capsules inside another one of the same link are dropped.
 
     Args:
         model: the arm.
@@ -98,7 +97,7 @@ def link_capsules(model: RobotModel) -> tuple[LinkCapsule, ...]:
         The capsules, from the base on.
 
     Raises:
-        RobotDescriptionError: the geometry cannot be read, a mesh is missing for example.
+        RobotDescriptionError: the geometry cannot be read, e.g. because a mesh is missing.
 
     """
     try:
@@ -139,7 +138,7 @@ class CollisionModel:
     @classmethod
     def of(cls, model: RobotModel) -> CollisionModel:
         """
-        Give the one of an arm; it is made once, since that takes longer than many periods.
+        Return the collision model of an arm, made once, since that takes longer than many periods.
 
         Args:
             model: the arm.
@@ -154,15 +153,15 @@ class CollisionModel:
 
     def __init__(self, model: RobotModel, *, forearm_radius: float = 0.06) -> None:
         """
-        Choose which capsules to watch.
+        Choose the pairs of capsules to monitor.
 
-        Neighbours along the chain are not watched, nor are pairs that nearly touch at home or
-        overlap in nearly every posture: no motion can keep those apart. Nor are pairs that
-        never come near each other, as a search from many postures finds.
+        Three kinds of pairs are not monitored: neighbours along the chain; pairs that nearly
+        touch at home or overlap in nearly every configuration, since no motion separates them;
+        and pairs that never come close in a search from many configurations.
 
         Args:
             model: the arm.
-            forearm_radius: of the partner's forearm, m.
+            forearm_radius: radius of the partner's forearm, m.
 
         """
         self._model = model.pinocchio_model
@@ -192,19 +191,19 @@ class CollisionModel:
         self._levers = np.array([self._pair_levers(i, j) for i, j in self.pairs])
         self._moving = [self._moved_apart(i, j) for i, j in self.pairs]
         self._forearm_radius = forearm_radius
-        # the last links must come to the hand, so only those before the last three joints matter
+        # the last links must approach the hand, so only links before the last three joints count
         arm = range(1, max(model.dof - 2, 2))
         self._arm_capsules = [i for i, item in enumerate(self.capsules) if item.joint in arm]
 
     def near_pairs(self, jacobian: Array, allowed: ClosingSpeed, fastest: Array) -> list[NearPair]:
         """
-        Find links that could come near each other too fast.
+        Find the pairs of links that could close in too fast.
 
         Args:
             jacobian: (6, n), Pinocchio's `computeJointJacobians`, which has left the placements
                 of the joints in the model's data.
-            allowed: the speed with which two links may close in, at their distance.
-            fastest: (n,), what the joints can do in the next period, rad/s.
+            allowed: the maximum closing speed of two links at their distance.
+            fastest: (n,), maximum joint speeds in the next period, rad/s.
 
         Returns:
             Every pair that could close in faster than allowed; the others need no bound.
@@ -227,19 +226,19 @@ class CollisionModel:
         return near
 
     def _all_distances(self, data: Any) -> Array:
-        """Compute the distance of every pair, m, at the placements that stand in the data."""
+        """Compute the distance of every pair, m, at the placements in the data."""
         pairs = range(len(self._geometry.collisionPairs))
         return np.array([pin.computeDistance(self._geometry, data, k).min_distance for k in pairs])
 
     def min_distance(self, joint_positions: Array) -> float:
         """
-        Compute how near the arm is to itself.
+        Compute the smallest distance between links.
 
         Args:
             joint_positions: (n,), rad.
 
         Returns:
-            The least distance of all watched pairs, m; infinite if there are none.
+            The smallest distance of all monitored pairs, m; infinite if there are none.
 
         """
         pin.forwardKinematics(self._model, self._data, joint_positions)
@@ -255,17 +254,17 @@ class CollisionModel:
         within: float = np.inf,
     ) -> list[NearPair]:
         """
-        Find links near the partner's forearm, but for those that bring the object to the hand.
+        Find links near the partner's forearm, except for those that carry the object to the hand.
 
         Args:
             jacobian: (6, n), see `near_pairs`.
             hand: (3,), m, one end of the forearm, in `world`.
             elbow: (3,), m, its other end.
             velocity: (3,), m/s, of the forearm.
-            within: m.
+            within: distance, m.
 
         Returns:
-            The pairs nearer than that.
+            The pairs closer than that.
 
         """
         forearm, placement = _placed_capsule(hand, elbow, self._forearm_radius)
@@ -287,15 +286,15 @@ class CollisionModel:
         return near
 
     def _moved_by(self, capsule: LinkCapsule) -> Array:
-        """Tell which joints move a capsule, (n,), 1 or 0."""
+        """Return which joints move a capsule, (n,), 1 or 0."""
         return (np.arange(self._dof) < capsule.joint).astype(float)
 
     def _moved_apart(self, i: int, j: int) -> Array:
-        """Tell which joints move the second capsule of a pair but not the first, (n,), 1 or 0."""
+        """Return which joints move only the second capsule of a pair, (n,), 1 or 0."""
         return self._moved_by(self.capsules[j]) - self._moved_by(self.capsules[i])
 
     def _pair_levers(self, i: int, j: int) -> Array:
-        """Bound what each joint can change of a pair's distance, (n,), m per rad."""
+        """Bound the effect of each joint on a pair's distance, (n,), m per rad."""
         near, far = self.capsules[i], self.capsules[j]
         levers = np.zeros(self._dof)
         joint, beyond = far.joint, far.radius
@@ -312,7 +311,7 @@ class CollisionModel:
         first = self._model.jointPlacements[near.joint + 1]
         axis = first.rotation @ self._axes[near.joint]
         if all(_across(end - first.translation, axis) < 1e-9 for end in (near.start, near.end)):
-            levers[near.joint] = 0.0  # turns about the capsule's own axis
+            levers[near.joint] = 0.0  # rotates the capsule about its own axis
         return levers
 
     def _avoidable(
@@ -338,7 +337,7 @@ class CollisionModel:
         return [pair for pair, keep in zip(watched, rare, strict=True) if keep]
 
     def _nearest(self, data: Any, k: int, configuration: Array, low: Array, high: Array) -> float:
-        """Search downhill for the least distance of a pair."""
+        """Search for a local minimum of a pair's distance."""
         pair = self._geometry.collisionPairs[k]
         moving = self._moved_apart(pair.first, pair.second)
         minimum, stride = np.inf, 0.3
@@ -360,7 +359,7 @@ class CollisionModel:
 
 
 def _capsule(shape: Any, scale: Array) -> tuple[Array, Array, float]:
-    """Wrap a shape; gives the ends of the axis in the shape's own frame, and the radius."""
+    """Enclose a shape; return the ends of the axis in its own frame, and the radius."""
     along = np.array([0.0, 0.0, 1.0])
     if isinstance(shape, coal.Sphere):
         return np.zeros(3), np.zeros(3), float(shape.radius)
@@ -372,12 +371,12 @@ def _capsule(shape: Any, scale: Array) -> tuple[Array, Array, float]:
         return _wrapped(corners)
     points = np.array(shape.vertices()) if hasattr(shape, 'vertices') else None
     if points is None or not len(points):
-        raise RobotDescriptionError(f'no capsule can be made of a {type(shape).__name__}')
+        raise RobotDescriptionError(f'shape {type(shape).__name__} is not supported for collision')
     return _wrapped(points)
 
 
 def _wrapped(points: Array) -> tuple[Array, Array, float]:
-    """Wrap points in the smallest of the three capsules about their principal axes."""
+    """Enclose points in the smallest of the three capsules about their principal axes."""
     centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
     axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2]
     best: tuple[float, Array, Array, float] | None = None
@@ -416,13 +415,13 @@ def _placed_capsule(start: Array, end: Array, radius: float) -> tuple[Any, Any]:
 
 def _rate(result: Any, jacobian: Array, moving: Array) -> tuple[Array, tuple[float, float, float]]:
     """
-    Differentiate a distance by the joints.
+    Differentiate a distance with respect to the joints.
 
-    What moves both bodies alike does not change it, so only those joints count that move the
-    second one alone.
+    Joints that move both bodies alike do not change it, so only those count that move the
+    second body alone.
 
     Args:
-        result: of coal.
+        result: distance result of coal.
         jacobian: (6, n), Pinocchio's `computeJointJacobians`.
         moving: (n,), 1 for the joints that move the second body but not the first, otherwise 0.
 
@@ -435,14 +434,14 @@ def _rate(result: Any, jacobian: Array, moving: Array) -> tuple[Array, tuple[flo
     if distance > TOUCHING:
         u, v, w = result.getNearestPoint1().tolist()
         a, b, c = (x - u) / distance, (y - v) / distance, (z - w) / distance
-    else:  # of bodies that touch or overlap only coal knows the direction
+    else:  # if the bodies touch or overlap, only coal provides the direction
         a, b, c = result.normal.tolist()
     turning = np.array([a, b, c, y * c - z * b, z * a - x * c, x * b - y * a])
     return turning.dot(jacobian) * moving, (a, b, c)
 
 
 def _across(vector: Array, axis: Array) -> float:
-    """Give the length of what a vector has across a unit vector."""
+    """Return the length of a vector's component perpendicular to a unit vector."""
     return float(np.linalg.norm(vector - (vector @ axis) * axis))
 
 

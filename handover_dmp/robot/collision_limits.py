@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The limits that keep the links of the arm apart, and off the partner's forearm."""
+"""Limits that keep the links of the arm apart, and away from the partner's forearm."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ import numpy as np
 
 @dataclass(eq=False)
 class _Clearance:
-    """What keeps links off something: they close in no faster than they can brake."""
+    """Common part: bodies close in no faster than they can brake."""
 
     model: RobotModel
     collision_distance: float = setting(
@@ -65,7 +65,7 @@ class SelfCollisionLimit(_Clearance):
         self._bodies = CollisionModel.of(self.model)
 
     def half_spaces(self, period: IkInput) -> list[HalfSpace]:
-        """Bound every pair of links that could be too fast, see `tasks.Limit`."""
+        """Bound every pair of links that could close in too fast, see `tasks.Limit`."""
         sides = zip(period.lower, period.upper, strict=True)
         fastest = np.array([high if high > -low else -low for low, high in sides])
         near = self._bodies.near_pairs(period.joint_jacobian, self._closing_speed, fastest)
@@ -75,7 +75,7 @@ class SelfCollisionLimit(_Clearance):
 @dataclass(eq=False)
 class ForearmLimit(_Clearance):
     """
-    Keep the links off the partner's forearm, where its elbow is known.
+    Keep the links away from the partner's forearm, if its elbow is known.
 
     Attributes:
         model: the arm.
@@ -107,11 +107,11 @@ class ForearmLimit(_Clearance):
 
 def closing_speed(kept: float, deceleration: float) -> ClosingSpeed:
     """
-    Say how fast bodies may close in, so that braking keeps them apart.
+    Return the maximum closing speed from which braking keeps bodies apart.
 
     Args:
-        kept: the distance that is always kept, m.
-        deceleration: with which they slow on their way to each other, m/s².
+        kept: minimum distance, m.
+        deceleration: deceleration towards each other, m/s².
 
     Returns:
         The speed, m/s, as a function of their distance, m.

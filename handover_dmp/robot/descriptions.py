@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which file describes an arm, and what `config/robots.yaml` says about it beyond that file."""
+"""The description files of arms, and their additional data in `config/robots.yaml`."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ class ArmEntry:
     One entry of `config/robots.yaml`.
 
     Attributes:
-        name: what the arm is called here.
+        name: name of the arm here.
         urdf_name: the name in the `<robot>` element of its URDF.
-        urdf: where the URDF lies, see `urdf_file`.
-        wrist_frame: the link whose frame follows the wrist.
+        urdf: location of the URDF, see `urdf_file`.
+        wrist_frame: the wrist link.
         limits: `velocity` (rad/s), `effort` (Nm), `acceleration` (rad/s²) and `jerk` (rad/s³)
             along the chain, as far as the entry has them.
-        home: the configuration to come back to, rad; empty where the entry has none.
+        home: home configuration, rad; empty if the entry has none.
 
     """
 
@@ -57,13 +57,13 @@ class ArmEntry:
 
     def fits(self, joint_names: Sequence[str]) -> bool:
         """
-        Tell whether the entry can be that of a chain.
+        Return whether the entry fits a chain.
 
         Args:
-            joint_names: of the chain that ends in `wrist_frame`.
+            joint_names: joints of the chain that ends in `wrist_frame`.
 
         Returns:
-            Whether each of its lists has one number a joint.
+            Whether each of its lists has one number per joint.
 
         """
         rows = [*self.limits.values(), *([self.home] if self.home else [])]
@@ -71,11 +71,11 @@ class ArmEntry:
 
     def known_limits(self, joint_names: Sequence[str], *, rules: bool) -> KnownLimits:
         """
-        Give the limits of the entry to the joints that they are of.
+        Assign the limits of the entry to the joints.
 
         Args:
-            joint_names: of the chain that ends in `wrist_frame`.
-            rules: whether they count alone.
+            joint_names: joints of the chain that ends in `wrist_frame`.
+            rules: whether only these count.
 
         Returns:
             The limits by joint.
@@ -103,7 +103,7 @@ def known_arms() -> dict[str, ArmEntry]:
     Read `config/robots.yaml`.
 
     Returns:
-        The arms by their names here.
+        The arms by name.
 
     """
     return _table()[0]
@@ -111,7 +111,7 @@ def known_arms() -> dict[str, ArmEntry]:
 
 def default_limits() -> DefaultLimits:
     """
-    Read what `config/robots.yaml` says of joints that nobody knows.
+    Read the defaults of `config/robots.yaml` for unknown joints.
 
     Returns:
         The defaults.
@@ -122,13 +122,13 @@ def default_limits() -> DefaultLimits:
 
 def entry_for_urdf(urdf_name: str) -> ArmEntry | None:
     """
-    Find what is known about the arm of a URDF.
+    Find the entry for the arm of a URDF.
 
     Args:
         urdf_name: the name in its `<robot>` element.
 
     Returns:
-        The entry of that arm, if there is one.
+        The entry; None if there is none.
 
     """
     entries = known_arms().values()
@@ -138,12 +138,12 @@ def entry_for_urdf(urdf_name: str) -> ArmEntry | None:
 @dataclass(frozen=True)
 class ArmChoice:
     """
-    Which arm a user means; what is empty is left to the description, or to the recording.
+    The arm selected by a user; empty fields are taken from the description or the recording.
 
     Attributes:
         robot: see `read_description`.
-        wrist_frame: the link that follows the wrist.
-        base_frame: the link that the chain begins at.
+        wrist_frame: the wrist link.
+        base_frame: first link of the chain.
 
     """
 
@@ -155,13 +155,13 @@ class ArmChoice:
 @dataclass(frozen=True)
 class Description:
     """
-    A robot description, wherever it comes from.
+    A robot description and its origin.
 
     Attributes:
         asked_for: the name of `config/robots.yaml`, the file (with the arguments of a xacro) or
             the topic.
-        name: in `config/robots.yaml`, if the arm was asked for by it; else empty.
-        path: of the file, beside which its meshes may lie; of a topic, the topic.
+        name: name in `config/robots.yaml`, if the arm was requested by it; otherwise empty.
+        path: path of the file, beside which its meshes may lie, or the topic.
         text: the URDF.
 
     """
@@ -177,8 +177,8 @@ def read_description(robot: str | Path) -> Description:
     Read the description of an arm.
 
     Args:
-        robot: a name of `config/robots.yaml`, or the path of a URDF or of a xacro, after which
-            its arguments may stand (`arm.urdf.xacro name:=value`).
+        robot: a name of `config/robots.yaml`, or the path of a URDF or xacro, optionally followed
+            by arguments of the xacro (`arm.urdf.xacro name:=value`).
 
     Returns:
         Its description.
@@ -205,27 +205,27 @@ def expanded(path: Path, arguments: Sequence[str] = ()) -> str:
     Expand a xacro.
 
     Args:
-        path: of the file.
-        arguments: for it, each `name:=value`.
+        path: path of the file.
+        arguments: arguments, each `name:=value`.
 
     Returns:
         The URDF.
 
     Raises:
-        RobotDescriptionError: it cannot be expanded; says why.
+        RobotDescriptionError: it cannot be expanded; the error says why.
 
     """
     wrong = [word for word in arguments if ':=' not in word]
     if wrong:
         raise RobotDescriptionError(f'{path}: {wrong[0]!r} is not an argument name:=value')
-    # these take a fifth of a second, which only a xacro is worth
+    # imported here: this takes 0.2 s and is needed for a xacro only
     from unittest.mock import patch
 
     import xacro
     from xacro import substitution_args
 
     def find(package: str) -> str:
-        """Find a package as its meshes are found; xacro itself knows installed ones alone."""
+        """Find a package like its meshes; xacro itself finds only installed ones."""
         found = find_package(package, path.parent)
         if found is None:
             raise ValueError(f'package {package!r} not found ({LOOKED_IN})')
@@ -239,14 +239,14 @@ def expanded(path: Path, arguments: Sequence[str] = ()) -> str:
             patch.dict(substitution_args._eval_dict, find=find),
         ):
             text = xacro.process_file(str(path), mappings=mappings).toxml()
-    # it evaluates expressions, which may raise anything
+    # xacro evaluates expressions, which may raise anything
     except Exception as error:
         raise RobotDescriptionError(f'{path}: xacro cannot expand it: {_fault(error)}') from error
     return str(text)
 
 
 def _fault(error: Exception) -> str:
-    """Say in one line why a xacro cannot be expanded; its errors wrap each other."""
+    """Return in one line why a xacro cannot be expanded; its errors are nested."""
     from xacro.substitution_args import ArgException
 
     cause, places = error, []
@@ -254,7 +254,7 @@ def _fault(error: Exception) -> str:
         places.append(str(getattr(cause, 'suffix', None) or ''))
         cause = inner
     if isinstance(cause, ArgException):
-        return f'its argument {cause} is missing: say {cause}:=value after the file'
+        return f'its argument {cause} is missing: add {cause}:=value after the file'
     return ' '.join(' '.join([str(cause) or type(cause).__name__, *places]).split())
 
 
@@ -276,8 +276,7 @@ def urdf_file(robot: str | Path) -> Path:
         The path of the file.
 
     Raises:
-        RobotDescriptionError: there is no such arm or file, or the package that holds it is not
-            installed.
+        RobotDescriptionError: there is no such arm or file, or its package is not installed.
 
     """
     entry = known_arms().get(str(robot))
@@ -325,7 +324,7 @@ def example_robot_data_folder() -> Path:
     """
     found = find_spec('pinocchio')
     prefixes = [*Path(found.origin).parents] if found and found.origin else []
-    # it may come by pip where Pinocchio comes with the ROS 2 of the system
+    # it may be installed by pip although Pinocchio comes with the system's ROS 2
     prefixes += [Path(folder, 'cmeel.prefix') for folder in sys.path]
     for prefix in prefixes:
         folder = prefix / 'share' / 'example-robot-data'
@@ -338,7 +337,7 @@ def example_robot_data_folder() -> Path:
 
 def _existing(path: Path, name: str) -> Path:
     if not path.is_file():
-        raise RobotDescriptionError(f'{path}: the URDF of {name} is not there')
+        raise RobotDescriptionError(f'{path}: the URDF of {name} does not exist')
     return path
 
 

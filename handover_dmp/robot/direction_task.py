@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The first task: the direction in which the wrist moves."""
+"""The first task: the direction of the wrist's motion."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ import numpy as np
 @dataclass(eq=False)
 class DirectionTask:
     """
-    Move the wrist along what it is asked for, at s times the speed: J q̇ = s·v.
+    Move the wrist in the desired direction, at s times the desired speed: J q̇ = s·v.
 
-    v is the velocity of the target and a feedback for the wrist's distance to it. Near the end
-    of the arm's reach its outward part is cut, see `singularity.limit_outward_speed`.
+    v is the velocity of the target plus feedback of the position error. Near the end of the arm's
+    reach its outward part is limited, see `singularity.limit_outward_speed`.
 
     Attributes:
         model: the arm.
@@ -88,7 +88,7 @@ class DirectionTask:
         self._joint_columns, self._scale_column = self._rows[:, :-1], self._rows[:, -1]
 
     def rows(self, period: IkInput) -> tuple[Array, None]:
-        """Give (J, −v), see `tasks.Task`; v is kept as `period.wrist_velocity`."""
+        """Return (J, −v), see `tasks.Task`; v is stored as `period.wrist_velocity`."""
         velocity = self._towards(period)
         if period.singular_value < self.singularity_activation:
             direction = smallest_singular_direction(period.linear)
@@ -109,7 +109,7 @@ class DirectionTask:
         return self._rows, None
 
     def _towards(self, period: IkInput) -> Array:
-        """Give v: the target's own, and one towards it, proportional or less if it is far away."""
+        """Return v: the target's velocity plus the correction, which is bounded far away."""
         target = period.target
         error = target.position - period.position
         distance = math.hypot(*error.tolist())

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Which limits hold for the joints of an arm, and where each of them comes from.
+The effective limits of the joints of an arm, and their sources.
 
-The description's word counts: the table of `config/robots.yaml` makes a limit of it smaller, never
-greater, unless the arm was asked for by its name there. What cannot be a limit (0, a thousand and
-more, nothing at all) is a placeholder; the table's value takes its place, or a cautious default.
+The description takes precedence: the table of `config/robots.yaml` may lower a limit, but not
+raise it, unless the arm was requested by its name there. A value that cannot be a limit (0, 1000
+or more, none) is a placeholder; the value of the table or a cautious default replaces it.
 """
 
 from __future__ import annotations
@@ -34,28 +34,28 @@ import numpy as np
 Element = ElementTree.Element
 
 PLACEHOLDER = 1e3
-"""From here on a number limits nothing: rad, m, rad/s, m/s (an effort may be that large)."""
+"""Values from here on are placeholders: rad, m, rad/s, m/s (an effort may be that large)."""
 MIN_RANGE = 1e-3
-"""Range, rad or m, below which a joint cannot be said to move."""
+"""Range, rad or m, below which a joint counts as fixed."""
 FILE = 'description'
 SOFT = 'safety_controller'
 DEFAULT = 'default'
-ENDLESS = 'turns for ever'
+ENDLESS = 'continuous'
 QUANTITIES = ('velocity', 'effort', 'acceleration', 'jerk')
 
 
 @dataclass(frozen=True)
 class DefaultLimits:
     """
-    What holds where neither the description nor the table says anything.
+    Defaults for values that neither the description nor the table provides.
 
     Attributes:
-        position_rad: either way, of a revolute joint.
+        position_rad: limit of a revolute joint to either side, rad.
         velocity: rad/s.
         prismatic_velocity: m/s.
         acceleration: rad/s² or m/s².
         effort: Nm or N.
-        jerk_time_s: from rest to full acceleration.
+        jerk_time_s: time from zero to full acceleration, s.
 
     """
 
@@ -70,12 +70,12 @@ class DefaultLimits:
 @dataclass(frozen=True)
 class KnownLimits:
     """
-    What the table says about the joints of an arm.
+    The values of the table for the joints of an arm.
 
     Attributes:
-        name: of the arm, there.
-        rules: whether it counts alone, since the arm was asked for by that name.
-        joints: name of the joint to quantity to value.
+        name: name of the arm there.
+        rules: whether only the table counts, because the arm was requested by that name.
+        joints: joint name to quantity to value.
 
     """
 
@@ -87,13 +87,13 @@ class KnownLimits:
 @dataclass(frozen=True)
 class EffectiveLimits:
     """
-    The limits that hold, and why.
+    The effective limits, and their sources.
 
     Attributes:
-        limits: of the joints, in order.
-        sources: `position`, `velocity`, `effort`, `acceleration` and `jerk` to where that limit of
-            each joint comes from.
-        remarks: what the description says that cannot be a limit, and what holds in its place.
+        limits: limits of the joints, in order.
+        sources: `position`, `velocity`, `effort`, `acceleration` and `jerk` to the source of that
+            limit for each joint.
+        remarks: placeholders in the description, and what replaces them.
 
     """
 
@@ -106,19 +106,19 @@ def effective_limits(
     joints: Sequence[Element], known: KnownLimits, defaults: DefaultLimits, origin: str
 ) -> EffectiveLimits:
     """
-    Find the limits that hold.
+    Find the effective limits.
 
     Args:
         joints: `<joint>` elements of a description.
-        known: what the table says about them.
-        defaults: what holds where nobody says anything.
-        origin: of the description, for error messages.
+        known: their values in the table.
+        defaults: values for everything else.
+        origin: origin of the description, for error messages.
 
     Returns:
-        The limits, where they come from, and what a user should know.
+        The limits, their sources, and remarks.
 
     Raises:
-        RobotDescriptionError: limits that leave a joint no room, or a prismatic joint without.
+        RobotDescriptionError: a joint cannot move, or a prismatic joint has no position limits.
 
     """
     placeholders: dict[str, list[str]] = {}
@@ -149,14 +149,14 @@ def source_summary(
     sources: Mapping[str, Sequence[str]], joint_names: Sequence[str]
 ) -> dict[str, str]:
     """
-    Say in a few words where limits come from.
+    Describe the sources of limits.
 
     Args:
-        sources: of `EffectiveLimits`.
+        sources: `sources` of `EffectiveLimits`.
         joint_names: in the same order.
 
     Returns:
-        Quantity to its source, or to its sources with the joints that each is of.
+        Quantity to its source, or to its sources with the joints of each.
 
     """
     found = {}
@@ -196,10 +196,10 @@ def _choose(
     if given is not None and 0.0 < given < (inf if quantity == 'effort' else PLACEHOLDER):
         return (given, FILE) if told is None or given <= told else (told, table)
     value, source = (default, DEFAULT) if told is None else (told, table)
-    # a URDF need say nothing of accelerations; of the other two it must
+    # a URDF has no accelerations; the other two are mandatory
     if quantity in ('velocity', 'effort') or given is not None:
         was = 'missing' if given is None else f'{given:g}'
-        what = f'{quantity} limit {was} is a placeholder, {value:.4g} ({source}) in its place'
+        what = f'{quantity} limit {was} is a placeholder, replaced by {value:.4g} ({source})'
         placeholders.setdefault(f'{what}: joint', []).append(name)
     return value, source
 
@@ -216,7 +216,7 @@ def _range(
     soft = joint.find('safety_controller')
     given = {} if soft is None else soft.attrib
     soft_lower, soft_upper = (given.get(f'soft_{side}_limit') for side in ('lower', 'upper'))
-    # some say 0 to both when they mean the controller's gains alone
+    # some files set both to 0 because they only need the controller's gains
     if any(float(end or 0.0) for end in (soft_lower, soft_upper)):
         within = lower, upper
         lower = lower if soft_lower is None else max(lower, float(soft_lower))
@@ -224,7 +224,7 @@ def _range(
         source = source if (lower, upper) == within else SOFT
     if not upper - lower >= MIN_RANGE:
         raise RobotDescriptionError(
-            f'{origin}: joint {name!r} has no room to move: its lower position limit is '
+            f'{origin}: joint {name!r} cannot move: its lower position limit is '
             f'{lower:g}, its upper one {upper:g}'
         )
     return lower, upper, source
@@ -244,10 +244,10 @@ def _hard_range(
     if joint.get('type') == 'prismatic':
         raise RobotDescriptionError(
             f'{origin}: joint {joint.get("name")!r} has no position limits ({was}); '
-            'say with <limit lower= upper=> how far it may move'
+            'set them with <limit lower= upper=>'
         )
     value = defaults.position_rad
-    what = f'position limits {was} are placeholders, {value:.4g} rad (default) in their place'
+    what = f'position limits {was} are placeholders, replaced by ±{value:.4g} rad (default)'
     placeholders.setdefault(f'{what}: joint', []).append(str(joint.get('name')))
     if lower_says or upper_says:
         source = f'{FILE}, {DEFAULT}'

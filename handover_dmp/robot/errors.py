@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What can be wrong with an arm or with what is asked of it."""
+"""Errors of arms and of their tasks."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from handover_dmp.common.errors import DataError
 
 
 class RobotDescriptionError(DataError):
-    """A robot description that cannot be used; names the file and what it lacks."""
+    """A robot description cannot be used; the message names the file and the fault."""
 
 
 class UnreachableError(DataError):
@@ -28,8 +28,8 @@ class UnreachableError(DataError):
     A wrist pose, or a path, that the arm cannot reach.
 
     Attributes:
-        missing_m: how far the nearest point in reach is from the one asked for, m; infinite for a
-            path that the arm could not follow if it were smaller, either.
+        missing_m: distance from the requested point to the nearest reachable one, m; infinite for
+            a path that the arm could not follow even if it were smaller.
 
     """
 

@@ -25,15 +25,15 @@ from handover_dmp.robot.tasks import HalfSpace, Rows
 import numpy as np
 
 UNBOUNDED = 1e30
-"""What daqp takes for infinity."""
+"""Infinity for daqp."""
 SOFTNESS = 1e-7
-"""Inverse weight of a missed task in daqp; smaller is nearer to strict priorities."""
+"""Inverse weight of a task error in daqp; smaller is closer to strict priorities."""
 IDLE_ROW = 1e-5
-"""Rows whose entries are all smaller than this are taken for zero."""
+"""Rows whose entries are all smaller than this count as zero."""
 SPEED_LEVEL = 1
-"""Place of s among the levels of the tasks: behind the first, the wrist's direction."""
+"""Index of s among the levels of the tasks: after the first one, the wrist's direction."""
 TOUCHING = 1e-7
-"""A bound this near counts as active, rad/s."""
+"""A bound at most this far away counts as active, rad/s."""
 
 Box = tuple[list[float], list[float]]
 """Lower and upper bounds of the joint velocities, rad/s."""
@@ -44,8 +44,8 @@ class Hierarchy:
     A hierarchical problem of one size: least squares on each level within those above.
 
     Its variables are (q̇, s). Its rows are the half-spaces, then those of the tasks level by
-    level, then one for each joint, for what the joints prefer. The arrays are filled anew for
-    every solution, and what never changes is filled in once.
+    level, then one per joint for the preferences. Constant entries are filled in once, the
+    others for every solution.
     """
 
     def __init__(
@@ -56,13 +56,13 @@ class Hierarchy:
         slowest: float = 1.0,
     ) -> None:
         """
-        Make room.
+        Allocate the arrays.
 
         Args:
             dof: number of joints.
-            half_spaces: their number.
-            levels: rows of each task, for their shapes; None for a task that asks for nothing.
-            slowest: how small s may become for the levels behind the first; 1: not at all.
+            half_spaces: number of half-spaces.
+            levels: rows of each task, for their shapes; None for an inactive task.
+            slowest: minimum of s for the levels after the first; 1: s is not reduced.
 
         """
         first = dof + 1
@@ -76,13 +76,13 @@ class Hierarchy:
         sizes = [sum(count for count, _ in level) for level in shapes]
         rows = half_spaces + sum(sizes) + dof
         self.matrix = np.zeros((rows, first))
-        self.bounds = np.zeros((2, first + rows))  # of the variables, then of the rows
+        self.bounds = np.zeros((2, first + rows))  # bounds of the variables, then of the rows
         self.lower, self.upper = self.bounds
         self.sense = np.zeros(first + rows, dtype=np.intc)
         self.upper[dof] = 1.0
         self.upper[first: first + half_spaces] = UNBOUNDED  # fmt: skip
         self.matrix[-dof:, :dof] = np.eye(dof)
-        # views of their parts
+        # views of the parts
         self._box = self.bounds[:, :dof]
         self._wanted = self.lower[first:]
         self._preferred = self.bounds[:, -dof:]
@@ -102,7 +102,7 @@ class Hierarchy:
                     self.parts.append((start, end))
                     self._blocks.append((self.matrix[start:end, :width], values))
         ends = np.cumsum([first + half_spaces, *filter(None, sizes), dof])
-        # a cost of |x|² only decides what all levels leave open
+        # a cost of |x|² only decides what all levels leave undetermined
         self._solver = daqp.Model()
         self._solver.setup(
             np.eye(first),
@@ -113,7 +113,7 @@ class Hierarchy:
             self.sense,
             ends.astype(np.intc),
         )
-        # without weights of its own each row would count in proportion to 1/|row|
+        # without explicit weights each row would count in proportion to 1/|row|
         softness = np.full(first + rows, SOFTNESS)
         self._solver.soft_weights(softness, softness)
 
@@ -124,10 +124,10 @@ class Hierarchy:
         Fill the arrays.
 
         Args:
-            box: of the joint velocities.
-            half_spaces: as many as there is room for.
-            tasks: rows of each task, of the shapes that there is room for.
-            preferred: joint velocities, n, rad/s.
+            box: bounds of the joint velocities.
+            half_spaces: the half-spaces, in the allocated number.
+            tasks: rows of each task, in the allocated shapes.
+            preferred: preferred joint velocities, n, rad/s.
 
         """
         self._box[:] = box
@@ -138,7 +138,7 @@ class Hierarchy:
         self._preferred[:] = preferred
         if half_spaces:
             self._half_spaces[:] = [one.row for one in half_spaces]
-            # braking as hard as possible is always allowed: level 1 always has a solution
+            # braking as hard as possible is always feasible: level 1 always has a solution
             braking = [min(max(low, 0.0), high) for low, high in zip(*box, strict=True)]
             self._half_space_bounds[:] = np.minimum(
                 [one.bound for one in half_spaces], self._half_spaces.dot(braking) - TOUCHING
@@ -146,16 +146,16 @@ class Hierarchy:
 
     def solve(self) -> tuple[Array, bool]:
         """
-        Solve it, always from a cold start: without state.
+        Solve the problem from a cold start, so that no state is kept.
 
         Returns:
-            (q̇, s), (n + 1,), rad/s, and whether they solve it; zeros where nothing does.
+            (q̇, s), (n + 1,), rad/s, and whether they are a solution; zeros if there is none.
 
         """
         solution, solved = self._solution()
         if solved:
             return solution, True
-        # a task that no joint can serve, as with an arm stretched straight, is called infeasible
+        # daqp reports a task as infeasible if no joint affects it, as with a fully stretched arm
         first = self.matrix.shape[1]
         idle = first + np.flatnonzero(np.abs(self.matrix).max(axis=1) < IDLE_ROW)
         asked = self.bounds.copy()
@@ -167,20 +167,20 @@ class Hierarchy:
 
     def missing(self, solution: Array) -> list[float]:
         """
-        Compute what is missing in each row.
+        Compute the residual of each row.
 
         Args:
             solution: (q̇, s), (n + 1,), rad/s.
 
         Returns:
-            Row by row, what it comes to less what it should; see `parts`.
+            The actual minus the desired value of each row; see `parts`.
 
         """
         missing: list[float] = (self.matrix.dot(solution) - self._wanted).tolist()
         return missing
 
     def _solution(self) -> tuple[Array, bool]:
-        # the lower bounds are read again along with the upper ones
+        # lower and upper bounds are read together
         changed = self._solver.update(A=self.matrix, bupper=self.upper, sense=self.sense)
         if changed < 0:
             return np.zeros(self.matrix.shape[1]), False

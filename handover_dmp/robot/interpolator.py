@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""From a velocity command every few milliseconds to one every millisecond, with limited jerk."""
+"""Jerk-limited interpolation of velocity commands, from several milliseconds to one."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from ruckig import ControlInterface, InputParameter, Result, Ruckig, Synchroniza
 
 class JointInterpolator:
     """
-    Leads the joint velocities to the last command within the acceleration and jerk limits.
+    Moves the joint velocities to the last command within the acceleration and jerk limits.
 
-    Plans (with ruckig, velocity interface, each joint as fast as it can) only when the command
-    changes, from the velocity and acceleration of that moment, and samples the plan otherwise.
-    Neither velocity nor acceleration ever jumps: a command of zero, as after the last one was
+    A new plan (with ruckig, velocity interface, time-optimal for each joint) is made only when the
+    command changes, from the present velocity and acceleration; otherwise the plan is sampled.
+    Neither velocity nor acceleration ever jumps. A command of zero, as after the commands are
     lost, brakes every joint at its acceleration limit.
     """
 
@@ -39,7 +39,7 @@ class JointInterpolator:
         Take the limits; the arm is at rest.
 
         Args:
-            limits: of the joints; their accelerations and jerks are kept.
+            limits: limits of the joints; accelerations and jerks are respected.
 
         """
         dof = len(limits.velocity)
@@ -56,7 +56,7 @@ class JointInterpolator:
 
     def reset(self, velocity: Array) -> None:
         """
-        Start anew at a velocity, without acceleration.
+        Restart at a velocity, without acceleration.
 
         Args:
             velocity: (n,), rad/s.
@@ -69,21 +69,21 @@ class JointInterpolator:
 
     @property
     def velocity(self) -> Array:
-        """Return the joint velocities that `step` gave last, (n,), rad/s."""
+        """Return the joint velocities of the last step, (n,), rad/s."""
         return np.array(self._velocity)
 
     @property
     def acceleration(self) -> Array:
-        """Return the joint accelerations at that moment, (n,), rad/s²."""
+        """Return the joint accelerations at that time, (n,), rad/s²."""
         return np.array(self._acceleration)
 
     def step(self, target_velocity: Array, dt: float) -> Array:
         """
-        Go on towards a command.
+        Move towards a command.
 
         Args:
-            target_velocity: (n,), rad/s; what is beyond the velocity limits is cut off.
-            dt: how far to go on, s.
+            target_velocity: (n,), rad/s; clipped to the velocity limits.
+            dt: time step, s.
 
         Returns:
             The joint velocities after `dt`, (n,), rad/s.
@@ -96,15 +96,15 @@ class JointInterpolator:
 
     def steps(self, target_velocity: Array, dt: float, count: int) -> list[list[float]]:
         """
-        Go on towards a command in several steps.
+        Move towards a command in several steps.
 
         Args:
-            target_velocity: (n,), rad/s; what is beyond the velocity limits is cut off.
+            target_velocity: (n,), rad/s; clipped to the velocity limits.
             dt: length of a step, s.
-            count: how many.
+            count: number of steps.
 
         Returns:
-            The joint velocities after each, rad/s, as plain floats.
+            The joint velocities after each step, rad/s, as plain floats.
 
         Raises:
             ValueError: the command is not finite, or is not one number a joint.
@@ -125,7 +125,7 @@ class JointInterpolator:
         if target_velocity.shape != (len(self._velocity),) or not all(
             map(isfinite, target_velocity.tolist())
         ):
-            raise ValueError(f'{target_velocity} is no joint velocity')
+            raise ValueError(f'joint velocities {target_velocity}: need a finite number per joint')
         limit = self._velocity_limit
         request = self._input
         request.current_velocity = self._velocity

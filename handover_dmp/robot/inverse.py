@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Postures for poses: inverse kinematics without time, and the size of the space in reach."""
+"""Inverse kinematics of single poses, and the size of the reachable space."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ POLISHING_STEPS = 20
 
 
 class Arm(Protocol):
-    """What inverse kinematics needs of an arm; `model.RobotModel` has all of it."""
+    """The part of an arm that inverse kinematics needs; `model.RobotModel` provides it."""
 
     @property
     def name(self) -> str:
-        """Of the robot."""
+        """Name of the robot."""
         ...
 
     @property
@@ -45,17 +45,17 @@ class Arm(Protocol):
 
     @property
     def limits(self) -> JointLimits:
-        """Of the joints."""
+        """Limits of the joints."""
         ...
 
     @property
     def home(self) -> Array:
-        """Joint positions to come back to, (n,), rad."""
+        """Home configuration, (n,), rad."""
         ...
 
     @property
     def shoulder(self) -> Array:
-        """Centre of the space in reach, (3,), m."""
+        """Centre of the reachable space, (3,), m."""
         ...
 
     @property
@@ -64,11 +64,11 @@ class Arm(Protocol):
         ...
 
     def wrist_pose(self, joint_positions: Array) -> tuple[Array, Array]:
-        """Give position, (3,), m, and rotation, (3, 3), of the wrist in `world`."""
+        """Return position, (3,), m, and rotation, (3, 3), of the wrist in `world`."""
         ...
 
     def wrist_jacobian(self, joint_positions: Array) -> Array:
-        """Give how the wrist moves with the joints, (6, n), linear above angular."""
+        """Return the Jacobian of the wrist, (6, n), linear above angular."""
         ...
 
 
@@ -76,23 +76,23 @@ def inverse_kinematics(
     model: Arm, position: Array, rotation: Array | None, q0: Array | None
 ) -> Array:
     """
-    Find a posture with the wrist at a pose, within the limits and not far from another one.
+    Solve the inverse kinematics for a pose, within the limits and close to a configuration.
 
-    Each attempt minimises the squared pose error plus a little of the squared distance to the
-    posture asked for (bounded least squares), then leaves that distance aside and removes what
-    pose error is left (Newton's method). Attempts after the first start at seeded random postures.
+    Each attempt minimises the squared pose error plus a small weight on the squared distance to
+    `q0` (bounded least squares), and then removes the remaining pose error by Newton's method.
+    Attempts after the first start at seeded random configurations.
 
     Args:
         model: the arm.
         position: (3,), m, in `world`.
         rotation: (3, 3), of the wrist in `world`; None for any.
-        q0: (n,), rad, the posture to stay near to; None for `model.home`.
+        q0: (n,), rad, the configuration to stay close to; None for `model.home`.
 
     Returns:
         Joint positions, (n,), rad.
 
     Raises:
-        UnreachableError: no attempt got within 1e-6 m and 1e-6 rad.
+        UnreachableError: no attempt came within 1e-6 m and 1e-6 rad.
 
     """
     near = np.array(model.home if q0 is None else q0, dtype=float)
@@ -112,24 +112,25 @@ def inverse_kinematics(
             return q
     if closest < TOLERANCE:
         raise UnreachableError(
-            f'{model.name} can bring its wrist to {_metres(goal)} but not with that rotation', 0.0
+            f'{model.name} can reach {_metres(goal)}, but not with that rotation of its wrist',
+            0.0,
         )
     raise UnreachableError(
-        f'{model.name} cannot bring its wrist to {_metres(goal)}: {closest:.3f} m are missing',
+        f'{model.name} cannot reach {_metres(goal)} with its wrist: it is {closest:.3f} m too far',
         closest,
     )
 
 
 def shoulder(model: Arm) -> Array:
     """
-    Find the centre of the space in reach.
+    Find the centre of the reachable space.
 
     Args:
         model: the arm.
 
     Returns:
-        The point of the first joint's axis that is nearest to the second's, (3,), m; the first
-        joint's origin where the two are parallel or there is only one.
+        The point on the first joint's axis nearest to the second axis, (3,), m; the origin of the
+        first joint if the two are parallel or there is only one.
 
     """
     pinocchio_model = model.pinocchio_model
@@ -150,7 +151,7 @@ def shoulder(model: Arm) -> Array:
 
 def greatest_reach(model: Arm) -> float:
     """
-    Find how far from the shoulder the wrist gets.
+    Find the maximum distance of the wrist from the shoulder.
 
     Args:
         model: the arm.
@@ -159,7 +160,7 @@ def greatest_reach(model: Arm) -> float:
         The distance, m, the best of several local maxima within the position limits.
 
     """
-    # imported here, since it takes half a second, and the nodes load a model without it
+    # imported here: it takes half a second, and the nodes load a model without it
     from scipy.optimize import minimize
 
     centre = model.shoulder
@@ -181,7 +182,7 @@ def greatest_reach(model: Arm) -> float:
 
 
 def _pose_error(model: Arm, q: Array, goal: Array, rotation: Array | None) -> Array:
-    """Give what is missing to the pose, (3,) or (6,), m and rad, along the axes of `world`."""
+    """Return the pose error, (3,) or (6,), m and rad, in the axes of `world`."""
     position, current = model.wrist_pose(q)
     if rotation is None:
         return goal - position

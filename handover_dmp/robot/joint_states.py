@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The joints of the arm out of the joint states of a driver, or what is wrong with these."""
+"""Extraction of the arm's joints from the joint states of a driver, with their faults."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 SHOWN = 3
-"""So many names of joints are told when they are the wrong ones."""
+"""Maximum number of joint names in a message."""
 
 
 class JointStateReader:
-    """Finds the joints of an arm in joint states that may be in any order and hold others too."""
+    """Finds the joints of an arm in joint states of any order, which may contain other joints."""
 
     def __init__(self, joint_names: Sequence[str], prefix: str = '') -> None:
         """
         Take the names.
 
         Args:
-            joint_names: of the arm, in the model's order.
-            prefix: what the driver puts before them.
+            joint_names: joints of the arm, in the model's order.
+            prefix: prefix of the driver's joint names.
 
         """
         self._wanted = tuple(joint_names)
@@ -46,7 +46,7 @@ class JointStateReader:
 
     def concerns(self, names: Sequence[str]) -> bool:
         """
-        Tell whether joint states are of this arm at all, and not of a gripper or another arm.
+        Return whether joint states are of this arm, and not of a gripper or another arm.
 
         Args:
             names: of the joints.
@@ -61,16 +61,16 @@ class JointStateReader:
         self, names: Sequence[str], positions: ArrayLike, velocities: ArrayLike
     ) -> tuple[Array, Array | None] | str:
         """
-        Pick the arm's joints.
+        Extract the arm's joints.
 
         Args:
             names: of the joints.
-            positions: rad, one a name.
-            velocities: rad/s, one a name or none at all; drivers that measure none say NaN.
+            positions: rad, one per name.
+            velocities: rad/s, one per name or none at all; NaN if they are not measured.
 
         Returns:
-            Positions, (n,), rad, and velocities, (n,), rad/s, or None where there are none, in
-            the model's order; or else what is wrong.
+            Positions, (n,), rad, and velocities, (n,), rad/s, or None if there are none, in the
+            model's order; otherwise the fault.
 
         """
         measured, moving = np.asarray(positions, float), np.asarray(velocities, float)
@@ -96,7 +96,7 @@ class JointStateReader:
             index = {name: i for i, name in enumerate(names)}
             self._order = (tuple(names), [index[name] for name in self._names])
         if len(positions) != len(names):
-            return f'joint states have {len(names)} names but {len(positions)} positions'
+            return f'joint states have {len(names)} names, but {len(positions)} positions'
         if len(velocities) not in (0, len(names)):
             return (
                 f'joint states: velocity has {len(velocities)} values, position {len(positions)}'
@@ -104,7 +104,7 @@ class JointStateReader:
         return '' if all_finite(positions[self._order[1]]) else 'joint positions are not finite'
 
     def _strangers(self, names: Sequence[str]) -> str:
-        """Say which names came and which were expected, and what would make them the same."""
+        """Describe the received and expected names, and how to make them match."""
         fault = f'joint states name {_shown(names)}; expected {_shown(self._names)}'
         first = self._wanted[0]
         for prefix in [name.removesuffix(first) for name in names if name.endswith(first)]:
@@ -119,13 +119,13 @@ def _shown(names: Sequence[str]) -> str:
 
 def all_finite(values: Array) -> bool:
     """
-    Tell whether every number of an array is finite.
+    Return whether every number of an array is finite.
 
     Args:
-        values: a handful; for so few several times as fast as `numpy.isfinite`.
+        values: a few numbers; for these it is several times as fast as `numpy.isfinite`.
 
     Returns:
-        Whether they are.
+        Whether all are finite.
 
     """
     return all(map(isfinite, values.ravel().tolist()))

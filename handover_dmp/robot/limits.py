@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The limits of the joints, and the velocities that keep all of them for ever."""
+"""The limits of the joints, and the velocities that respect them at all future times."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ import numpy as np
 @dataclass(frozen=True, eq=False)
 class JointLimits:
     """
-    What the joints can do.
+    Limits of the joints.
 
     Attributes:
-        lower: (n,), rad; -inf for a joint that turns for ever.
-        upper: (n,), rad; inf for a joint that turns for ever.
-        velocity: (n,), rad/s, either way.
-        acceleration: (n,), rad/s², either way.
-        effort: (n,), Nm, either way.
-        jerk: (n,), rad/s³, either way.
+        lower: (n,), rad; -inf for a continuous joint.
+        upper: (n,), rad; inf for a continuous joint.
+        velocity: (n,), rad/s, in both directions.
+        acceleration: (n,), rad/s², in both directions.
+        effort: (n,), Nm, in both directions.
+        jerk: (n,), rad/s³, in both directions.
 
     """
 
@@ -47,14 +47,14 @@ class JointLimits:
 
     def inside(self, joint_positions: Array, tolerance: float = 0.0) -> bool:
         """
-        Say whether a posture is within the position limits.
+        Return whether a configuration is within the position limits.
 
         Args:
             joint_positions: (n,), rad.
-            tolerance: rad allowed beyond them.
+            tolerance: allowed excess, rad.
 
         Returns:
-            Whether every joint is.
+            Whether every joint is within its limits.
 
         """
         return bool(
@@ -64,7 +64,7 @@ class JointLimits:
 
     @property
     def one_turn(self) -> tuple[Array, Array]:
-        """Return the ranges within ±π, (n,) each; of one that lies beyond, 2π of it."""
+        """Return the ranges within ±π, (n,) each; 2π of a range that lies beyond."""
         lower, upper, turn = self.lower, self.upper, 2.0 * np.pi
         return (
             np.where(upper <= -np.pi, np.maximum(lower, upper - turn), np.maximum(lower, -np.pi)),
@@ -74,19 +74,19 @@ class JointLimits:
 
 class VelocityBox:
     """
-    Joint velocities for the next period that break no limit now and force none to be broken later.
+    Joint velocities for the next period that respect all limits, now and at all later times.
 
-    Towards a position limit at distance d a joint may move at
+    Towards a position limit at distance d, the velocity of a joint is bounded by
 
         v ≤ −βa·dt + √((βa·dt)² + 2βa·d),
 
-    from where braking at βa, one period after another, ends at the limit and not behind it: after
-    a period at that bound, d' = d − v·dt, the bound has fallen by at most βa·dt. So with β ≤ 1 the
-    intersection with v_previous ± a·dt is never empty, and once inside means inside for ever.
-    β < 1 keeps acceleration in hand for whatever moves the arm a little off the ideal.
+    from which braking at βa, period by period, ends at the limit: after a period at that bound,
+    d' = d − v·dt, the bound has fallen by at most βa·dt. So with β ≤ 1 the intersection with
+    v_previous ± a·dt is never empty, and a joint that is inside stays inside. β < 1 reserves
+    acceleration for disturbances.
 
-    From outside (started beyond a position limit, or faster than allowed) the acceleration limit
-    comes first: the joint brakes, and then returns, as fast as it may. A joint beyond its position
+    If a joint starts outside (beyond a position limit, or too fast), the acceleration limit comes
+    first: the joint brakes, and then returns, as fast as permitted. A joint beyond its position
     limit returns at the speed that the same formula gives for its distance.
     """
 
@@ -95,7 +95,7 @@ class VelocityBox:
         Take the limits.
 
         Args:
-            limits: of the joints.
+            limits: limits of the joints.
             braking_share: β, above 0 and at most 1.
 
         Raises:
@@ -116,11 +116,11 @@ class VelocityBox:
 
         Args:
             joint_positions: (n,), rad.
-            previous_velocity: (n,), rad/s, of the period that ends now.
+            previous_velocity: (n,), rad/s, velocity of the period that ends now.
             dt: length of the next period, s.
 
         Returns:
-            Lower and upper bounds, (n,) each, rad/s; the lower never above the upper.
+            Lower and upper bounds, (n,) each, rad/s; the lower is never above the upper.
 
         """
         lows, highs = self.sides(joint_positions.tolist(), previous_velocity.tolist(), dt)
@@ -130,15 +130,15 @@ class VelocityBox:
         self, joint_positions: list[float], previous_velocity: list[float], dt: float
     ) -> tuple[list[float], list[float]]:
         """
-        Compute the box in plain floats, which for a handful of joints is twice as fast.
+        Compute the box in plain floats, which is twice as fast for a few joints.
 
         Args:
             joint_positions: n, rad.
-            previous_velocity: n, rad/s, of the period that ends now.
+            previous_velocity: n, rad/s, velocity of the period that ends now.
             dt: length of the next period, s.
 
         Returns:
-            Lower and upper bounds, n each, rad/s; the lower never above the upper.
+            Lower and upper bounds, n each, rad/s; the lower is never above the upper.
 
         """
         if dt != self._period:
@@ -148,7 +148,7 @@ class VelocityBox:
         for position, previous, joint in state:
             lower, upper, after, before, fastest, step, square, twice, change = joint
             low, high = -fastest, fastest
-            if not after <= position <= before:  # near enough to a position limit
+            if not after <= position <= before:  # close enough to a position limit
                 room = upper - position
                 if room >= 0.0:
                     high = sqrt(square + twice * room) - step
@@ -172,7 +172,7 @@ class VelocityBox:
 
     def brake(self, joint_positions: Array, previous_velocity: Array, dt: float) -> Array:
         """
-        Compute the velocities of the box that are nearest to standstill.
+        Compute the velocities in the box that are closest to zero.
 
         Args:
             joint_positions: (n,), rad.
@@ -187,9 +187,9 @@ class VelocityBox:
         return np.minimum(np.maximum(lower, 0.0), upper)
 
     def _prepare(self, dt: float) -> None:
-        """Compute what depends on the period alone."""
+        """Compute the terms that depend only on the period."""
         limits, step = self._limits, self._braking * dt
-        # from the top speed on, braking takes this much room, rad
+        # braking distance from the maximum speed, rad
         room = ((limits.velocity + step) ** 2 - step**2) / (2.0 * self._braking)
         self._period = dt
         columns = (

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The frames of an arm's links, as `/tf_static` and `/tf` have them."""
+"""The frames of an arm's links, for `/tf_static` and `/tf`."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ import pinocchio as pin
 
 class LinkTransform(NamedTuple):
     """
-    Where one frame lies in another.
+    Pose of one frame in another.
 
     Attributes:
-        parent: frame.
-        child: frame.
+        parent: parent frame.
+        child: child frame.
         position: x, y, z in m, of the child's origin in the parent.
         quaternion: x, y, z, w, from the child's axes to the parent's.
 
@@ -47,10 +47,10 @@ class LinkTransform(NamedTuple):
 
 class LinkFrames:
     """
-    Where each link is in the one that carries it.
+    Pose of each link in its parent link.
 
-    Links are called as in the published description: with another root where the arm's is called
-    as the frame that it stands in.
+    Link names are those of the published description: the root is renamed if it has the name of
+    the frame of the base placement.
     """
 
     def __init__(self, model: RobotModel, frame: str, prefix: str = '') -> None:
@@ -58,9 +58,9 @@ class LinkFrames:
         Take the arm.
 
         Args:
-            model: the arm, in its place.
-            frame: that it stands in.
-            prefix: before the name of every link, as of one arm of several.
+            model: the arm, placed.
+            frame: frame of the base placement.
+            prefix: prefix of every link name, e.g. for one of several arms.
 
         """
         self._model = model
@@ -82,17 +82,17 @@ class LinkFrames:
             else:
                 fixed.append(_transform(*names, self._between(*ids)))
         self.fixed: tuple[LinkTransform, ...] = tuple(fixed)
-        """The arm in its frame, and the links that do not move in the one before."""
+        """The arm in its frame, and the fixed links in their parents."""
 
     def moving(self, joint_positions: Array) -> list[LinkTransform]:
         """
-        Tell where the links are that move.
+        Return the transforms of the moving links.
 
         Args:
             joint_positions: (n,), rad.
 
         Returns:
-            One for each joint of the arm, from the base on.
+            One transform per joint of the arm, beginning at the base.
 
         """
         model, data = self._model.pinocchio_model, self._model.pinocchio_data

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where the packages and meshes of a robot description lie: `package://`, relative, `file://`."""
+"""Search for packages and meshes of a robot description: `package://`, relative, `file://`."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ from xml.etree import ElementTree
 
 LOOKED_IN = 'looked in AMENT_PREFIX_PATH, ROS_PACKAGE_PATH and beside the file'
 LFS_POINTER = b'version https://git-lfs'
-"""Begins a file that Git LFS has not fetched yet."""
+"""First bytes of a file that Git LFS has not fetched yet."""
 
 
 def find_package(name: str, folder: Path | None) -> Path | None:
     """
-    Find the folder of a ROS package, in the same places as its meshes.
+    Find the folder of a ROS package, in the same folders as its meshes.
 
     Args:
-        name: of the package.
-        folder: of the description; None where it came without a file.
+        name: name of the package.
+        folder: folder of the description; None if it did not come from a file.
 
     Returns:
         The absolute path; None if there is no such package.
@@ -49,13 +49,13 @@ def find_mesh(name: str, folder: Path | None) -> Path | None:
     """
     Find the file of a mesh.
 
-    `package://NAME/REST` is looked for in the prefixes of `AMENT_PREFIX_PATH`, in the folders of
-    `ROS_PACKAGE_PATH`, and beside the description: in its folder and in those above it, which
-    hold the package or are it. A relative path counts from the same folders.
+    `package://NAME/REST` is searched in the prefixes of `AMENT_PREFIX_PATH`, in the folders of
+    `ROS_PACKAGE_PATH`, and in the folder of the description and those above it, which may contain
+    the package or be the package. Relative paths are resolved from the same folders.
 
     Args:
-        name: as the description has it.
-        folder: of the description; None where it came without a file.
+        name: name in the description.
+        folder: folder of the description; None if it did not come from a file.
 
     Returns:
         The absolute path; None if there is no such file.
@@ -116,7 +116,7 @@ def _listed(variable: str) -> Iterator[Path]:
 
 
 def _package_name(folder: Path) -> str:
-    """Return what the `package.xml` of a folder calls it; the folder may be named otherwise."""
+    """Return the package name in the `package.xml` of a folder; the folder name may differ."""
     try:
         return (ElementTree.parse(folder / 'package.xml').findtext('name') or '').strip()
     except (OSError, ElementTree.ParseError):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Whether the file of a mesh holds one: it may be cut off, or of a format that nobody reads."""
+"""Checks of mesh files, which may be truncated or of an unsupported format."""
 
 from __future__ import annotations
 
@@ -28,30 +28,30 @@ import pinocchio as pin
 LOADER = coal.CachedMeshLoader()
 """Reads every mesh once, however often an arm is loaded."""
 DRAWN = ('.dae', '.obj', '.stl')
-"""Formats that pictures can be made of."""
+"""Formats that can be drawn."""
 ENDS = 512
-"""Bytes at either end of a file that are looked at."""
+"""Number of bytes at either end of a file that are checked."""
 STL_HEAD, STL_FACET = 84, 50
-"""Bytes of a binary STL file before its facets, and of each."""
+"""Bytes of a binary STL file before its facets, and per facet."""
 
 
 def why_not_collided(path: Path, scale: Sequence[float]) -> str:
     """
-    Say why nothing can collide with a mesh.
+    Return why a mesh cannot be used for collision.
 
     Args:
-        path: its file.
+        path: file of the mesh.
         scale: three factors.
 
     Returns:
-        The reason; empty where the mesh can be read.
+        The reason; empty if the mesh can be read.
 
     """
     place = ' '.join(map(repr, map(float, scale)))
     shape = f'<mesh filename="{escape(str(path))}" scale="{place}"/>'
     link = f'<link name="l"><collision><geometry>{shape}</geometry></collision></link>'
     try:
-        # the loader keeps what Pinocchio has it read, and that alone
+        # the loader caches only what Pinocchio makes it read
         with silenced():
             _read_collisions(f'<robot name="r">{link}</robot>')
     except (ValueError, RuntimeError) as error:
@@ -70,20 +70,20 @@ def _read_collisions(urdf: str) -> None:
 
 def why_not_drawn(path: Path) -> str:
     """
-    Say why a mesh cannot be seen in a picture.
+    Return why a mesh cannot be drawn.
 
-    It is not read for that, which takes long; what is cut off or something else is found.
+    The mesh is not loaded, which would be slow; truncated files and other formats are detected.
 
     Args:
-        path: its file.
+        path: file of the mesh.
 
     Returns:
-        The reason; empty where it is likely to be drawn.
+        The reason; empty if it can probably be drawn.
 
     """
     kind = path.suffix.lower()
     if kind not in DRAWN:
-        return f'not one of {", ".join(DRAWN)}'
+        return f'format is not one of {", ".join(DRAWN)}'
     data = path.read_bytes()
     head, tail = data[:ENDS].lower(), data[-ENDS:].lower()
     if kind == '.dae':
@@ -94,4 +94,4 @@ def why_not_drawn(path: Path) -> str:
         facets = int.from_bytes(data[:STL_HEAD][-4:], 'little')
         binary = facets > 0 and STL_HEAD + STL_FACET * facets <= len(data)
         whole = binary or (b'facet' in head and b'end' in tail)
-    return '' if whole else f'no whole {kind} file'
+    return '' if whole else f'incomplete {kind} file'

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The arm as a chain of joints from its base to its wrist, placed in the room."""
+"""The arm as a chain of joints from its base to its wrist, with its base placement."""
 
 from __future__ import annotations
 
@@ -55,23 +55,23 @@ import numpy as np
 import pinocchio as pin
 
 TURNS_FOR_EVER = 1e9
-"""Position limit, rad, that stands for none while a description is parsed."""
+"""Position limit, rad, that stands for no limit while a description is parsed."""
 SAMPLED = 30
-"""Configurations in which is looked for the effort that an arm needs."""
+"""Number of configurations sampled for the effort that an arm needs."""
 HOME_INSET = 0.02
-"""Share of its range that a joint at home keeps from either end."""
+"""Distance of a joint at home from either limit, as a share of its range."""
 
 
 @dataclass(frozen=True)
 class BasePlacement:
     """
-    Where the arm stands.
+    Placement of the base.
 
     Attributes:
-        position: (3,), m, of its root link in `world`.
-        yaw: rad, about the vertical, after the two others.
-        roll: rad, about the x of `world`, first; pi hangs the arm from a ceiling.
-        pitch: rad, about the y of `world`, second; pi / 2 mounts it on a wall.
+        position: (3,), m, position of the root link in `world`.
+        yaw: rad, about the vertical; applied last.
+        roll: rad, about the x axis of `world`; applied first; pi: hanging from a ceiling.
+        pitch: rad, about the y axis of `world`; applied second; pi / 2: mounted on a wall.
 
     """
 
@@ -81,12 +81,12 @@ class BasePlacement:
     pitch: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse what is no place."""
+        """Check the numbers."""
         angles = (self.roll, self.pitch, self.yaw)
         if len(self.position) != 3 or not np.all(np.isfinite((*self.position, *angles))):
             raise UsageError(
-                f'a base stands at three finite numbers and three angles, not at {self.position} '
-                f'and {angles}'
+                f'a base placement needs a position of three finite numbers and three finite '
+                f'angles, not {self.position} and {angles}'
             )
 
     @property
@@ -105,28 +105,28 @@ class BasePlacement:
 @dataclass(frozen=True, eq=False)
 class RobotModel:
     """
-    An arm: one chain of joints of one degree of freedom each, and where it stands.
+    An arm: a chain of joints with one degree of freedom each, and its base placement.
 
-    Joints that do not move the wrist (fingers of a gripper) are locked. Made by `load`.
+    Joints that do not move the wrist (fingers of a gripper) are locked. Use `load` to make one.
 
     Attributes:
-        name: of the robot, as in its URDF.
-        description: the URDF and where it comes from.
-        joint_names: along the chain.
-        limits: of those joints.
-        limit_sources: `position`, `velocity`, … to where that limit of each joint comes from.
-        home: (n,), rad, the posture to come back to.
-        wrist_frame: the link that follows the wrist.
-        base_frame: the link that the chain begins at; empty for the root.
-        tool: (3,), m, the point that follows the wrist, in the frame of that link.
-        base: where it stands.
+        name: name of the robot in its URDF.
+        description: the URDF and its origin.
+        joint_names: names along the chain.
+        limits: limits of those joints.
+        limit_sources: `position`, `velocity`, … to the source of that limit for each joint.
+        home: (n,), rad, the configuration to which the arm returns.
+        wrist_frame: the wrist link.
+        base_frame: first link of the chain; empty for the root.
+        tool: (3,), m, the controlled point, in the frame of the wrist link.
+        base: base placement.
         pinocchio_model: the chain, its root at `base`, so that all of its poses are in `world`.
         pinocchio_data: scratch space of Pinocchio; one model serves one thread.
         wrist_frame_id: index of the controlled frame in `pinocchio_model`.
-        chain_text: what every engine reads: the URDF in plain form, the chain alone movable, the
-            meshes by the paths of their files.
-        meshes: those that the URDF names.
-        remarks: what had to be changed or assumed that a user should know, limits first.
+        chain_text: the URDF for all engines: in plain form, only the chain movable, meshes by
+            the paths of their files.
+        meshes: meshes of the URDF.
+        remarks: changes and assumptions that a user should know, limits first.
 
     """
 
@@ -162,20 +162,20 @@ class RobotModel:
 
         Args:
             robot: a name of `config/robots.yaml` (`lwr4`, `iiwa14`, `panda`, `ur5`), the path of a
-                URDF or xacro, see `read_description`, or what was read already.
-            base: where its root link stands; at the origin if left out.
-            wrist_frame: the link that follows the wrist; if left out or empty, the one that
-                `config/robots.yaml` names, or else see `choose_wrist`.
-            base_frame: the link that the chain begins at; the joints above it stand still. The
-                root if left out or empty.
-            tool: a point in that link's frame that follows the wrist in its stead, m.
+                URDF or xacro, see `read_description`, or a description.
+            base: base placement; at the origin if left out.
+            wrist_frame: the wrist link; by default that of `config/robots.yaml`, otherwise see
+                `choose_wrist`.
+            base_frame: first link of the chain; the joints above it are locked. The root if left
+                out or empty.
+            tool: the controlled point in the frame of the wrist link, m; its origin by default.
 
         Returns:
             The arm.
 
         Raises:
-            RobotDescriptionError: the URDF cannot be read, does not tell which link is the wrist,
-                or has joints that cannot be moved one by one.
+            RobotDescriptionError: the URDF cannot be read, its wrist link is ambiguous, or joints
+                of the chain cannot be moved independently.
 
         """
         description = robot if isinstance(robot, Description) else read_description(robot)
@@ -231,7 +231,7 @@ class RobotModel:
         )
 
     def __repr__(self) -> str:
-        """Say which arm it is, and where it stands."""
+        """Return a short description."""
         x, y, z = self.base.position
         return (
             f'RobotModel({self.name}, {self.dof} joints to {self.wrist_frame}, '
@@ -250,7 +250,7 @@ class RobotModel:
 
     @property
     def limit_origins(self) -> dict[str, str]:
-        """Say where the limits come from, for people: quantity to words."""
+        """Describe the sources of the limits: quantity to words."""
         return source_summary(self.limit_sources, self.joint_names)
 
     @property
@@ -260,7 +260,7 @@ class RobotModel:
 
     def slides(self, joint: int) -> bool:
         """
-        Tell whether a joint slides, so that its numbers are of metres and not of radians.
+        Return whether a joint is prismatic, with metres instead of radians.
 
         Args:
             joint: its index along the chain.
@@ -274,13 +274,13 @@ class RobotModel:
 
     def placed(self, base: BasePlacement) -> RobotModel:
         """
-        Put the arm elsewhere.
+        Return the arm with another base placement.
 
         Args:
-            base: where.
+            base: the placement.
 
         Returns:
-            The same arm, standing there.
+            The same arm at that placement.
 
         """
         moved = RobotModel.load(
@@ -290,12 +290,12 @@ class RobotModel:
             base_frame=self.base_frame,
             tool=self.tool,
         )
-        # that the wrist was chosen, and why, is still to be said
+        # keep the remark on the choice of the wrist link
         return replace(moved, remarks=self.remarks)
 
     def wrist_pose(self, joint_positions: Array) -> tuple[Array, Array]:
         """
-        Compute where the wrist is.
+        Compute the pose of the wrist.
 
         Args:
             joint_positions: (n,), rad.
@@ -311,13 +311,13 @@ class RobotModel:
 
     def wrist_jacobian(self, joint_positions: Array) -> Array:
         """
-        Compute how the wrist moves with the joints.
+        Compute the Jacobian of the wrist.
 
         Args:
             joint_positions: (n,), rad.
 
         Returns:
-            (6, n), linear velocity above angular velocity, along the axes of `world`.
+            (6, n), linear velocity above angular velocity, in the axes of `world`.
 
         """
         jacobian: Array = pin.computeFrameJacobian(
@@ -336,37 +336,37 @@ class RobotModel:
         q0: Array | None = None,
     ) -> Array:
         """
-        Find a posture with the wrist at a pose, within the limits and not far from another one.
+        Solve the inverse kinematics for a pose, within the limits and close to a configuration.
 
         Args:
             position: (3,), m, in `world`.
             rotation: (3, 3), of the wrist in `world`; any if left out.
-            q0: (n,), rad, the posture to stay near to; `home` if left out.
+            q0: (n,), rad, the configuration to stay close to; `home` if left out.
 
         Returns:
             Joint positions, (n,), rad; exact to 1e-6 m and 1e-6 rad.
 
         Raises:
-            UnreachableError: there is none.
+            UnreachableError: there is no solution.
 
         """
         return inverse.inverse_kinematics(self, position, rotation, q0)
 
     @cached_property
     def shoulder(self) -> Array:
-        """Return the point of the first joint's axis that is nearest to the second's, (3,), m."""
+        """Return the point on the first joint's axis nearest to the second axis, (3,), m."""
         return inverse.shoulder(self)
 
     @cached_property
     def reach_m(self) -> float:
-        """How far from `shoulder` the wrist gets at most, m."""
+        """Maximum distance of the wrist from `shoulder`, m."""
         return inverse.greatest_reach(self)
 
 
 def _chain_urdf(
     tree: ElementTree.Element, chain: tuple[ElementTree.Element, ...], limits: JointLimits
 ) -> str:
-    """Write the URDF anew with the joints of the chain alone movable, each within limits."""
+    """Rewrite the URDF with only the joints of the chain movable, each within limits."""
     hold_still(tree, chain)
     for joint in tree.findall('joint'):
         for part in ('limit', 'mimic', 'safety_controller', 'calibration', 'dynamics'):
@@ -394,7 +394,7 @@ def _pinocchio_model(chain_text: str, base: BasePlacement, path: Path) -> Any:
         with silenced():
             model = pin.buildModelFromXML(chain_text)
     except (ValueError, RuntimeError) as error:
-        raise RobotDescriptionError(f'{path}: {error} (check_urdf tells why)') from error
+        raise RobotDescriptionError(f'{path}: {error} (run check_urdf for details)') from error
     root = pin.SE3(base.rotation, np.array(base.position, dtype=float))
     for joint in range(1, model.njoints):
         if model.parents[joint] == 0:
@@ -416,10 +416,10 @@ def _with_strong_motors(
     found: EffectiveLimits, model: Any, joint_names: Sequence[str]
 ) -> tuple[JointLimits, str]:
     """
-    Give joints of which nobody knows the effort one that can hold and accelerate the arm.
+    Set unknown effort limits to values that can hold and accelerate the arm.
 
     Returns:
-        The limits, and which of the efforts that are known cannot hold it; empty if all can.
+        The limits, and a remark on known efforts that cannot hold the arm; empty if all can.
 
     """
     limits = found.limits
@@ -436,16 +436,16 @@ def _with_strong_motors(
     effort.flags.writeable = False
     weak = np.flatnonzero(held > effort).tolist()
     told = ', '.join(f'{joint_names[i]} {effort[i]:.3g} of {held[i]:.3g} Nm' for i in weak)
-    said = f'effort limits that cannot hold the arm, which may sag in the simulation: {told}'
+    said = f'effort limits too low to hold the arm, which may sag in the simulation: {told}'
     return replace(limits, effort=effort), said if weak else ''
 
 
 def _home(known: Sequence[float | None], limits: JointLimits, model: Any, wrist_id: int) -> Array:
-    """Take the configuration that is known, or the one of many that moves the wrist best."""
+    """Return the known configuration, or the sampled one in which the wrist moves best."""
     home = np.array([np.nan if q is None else q for q in known])
     low, high = limits.one_turn
     inset = HOME_INSET * (high - low)
-    # NaN, of a joint of which no home is known, is inside nothing
+    # NaN marks an unknown home, and is never within the limits
     if not (np.all(home >= low + inset) and np.all(home <= high - inset)):
         middle, half = (low + high) / 2.0, (high - low) / 2.0
         samples = np.random.default_rng(0).uniform(-0.6, 0.6, (300, len(low)))

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The third task: where the wrist is turned to, in full or with one axis."""
+"""The third task: the orientation of the wrist, in full or of one axis."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ import pinocchio as pin
 UP = np.array([0.0, 0.0, 1.0])
 ORIENTATIONS = ('none', 'full', 'level', 'upright', 'point')
 NEAR_HAND_M = 0.1
-"""Nearer to the hand its direction swings wildly; the wrist turns no faster than it deserves."""
+"""Closer to the hand, its direction changes fast; the angular speed is limited there."""
 
 
 @dataclass(eq=False)
@@ -74,13 +74,13 @@ class OrientationTask:
     def __post_init__(self) -> None:
         if self.orientation not in ORIENTATIONS:
             raise UsageError(
-                f'orientation {self.orientation!r} is none of {", ".join(ORIENTATIONS)}'
+                f'orientation is {self.orientation!r}, not one of {", ".join(ORIENTATIONS)}'
             )
         _, home = self.model.wrist_pose(self.model.home)
         self._level_axis = home.T @ UP
 
     def rows(self, period: IkInput) -> tuple[Array, Array] | None:
-        """Give the rows of the wrist's rotation, see `tasks.Task`."""
+        """Return the rows of the wrist's rotation, see `tasks.Task`."""
         if self.orientation == 'none':
             return None
         gain, fastest, target = self.orientation_gain, self.orientation_speed, period.target
@@ -110,14 +110,14 @@ class OrientationTask:
 
     def off(self, rotation: Array, target: Array | None) -> float:
         """
-        Tell how far a wrist is from the target's rotation, as far as that is followed.
+        Return the orientation error of a wrist, as far as the task controls it.
 
         Args:
-            rotation: (3, 3), of the wrist in `world`.
-            target: (3, 3), the target's; None if any will do.
+            rotation: (3, 3), rotation of the wrist in `world`.
+            target: (3, 3), rotation of the target; None if any will do.
 
         Returns:
-            Norm of the difference of the matrices, or of what is up in them; about the angle, rad.
+            Norm of the difference of the matrices, or of their upright axes; about the angle, rad.
 
         """
         if target is None or self.orientation not in ('full', 'upright'):
@@ -135,11 +135,11 @@ def full_orientation(
     Turn the wrist to a rotation.
 
     Args:
-        rotation: (3, 3), of the wrist in `world`.
-        target: (3, 3), the one wanted.
-        angular_velocity: (3,), of the target, rad/s, in `world`.
+        rotation: (3, 3), rotation of the wrist in `world`.
+        target: (3, 3), the desired rotation.
+        angular_velocity: (3,), angular velocity of the target, rad/s, in `world`.
         gain: rad/s per rad.
-        fastest: what the gain may ask for, rad/s.
+        fastest: maximum angular speed of the correction, rad/s.
 
     Returns:
         The wrist's angular velocity, (3,), rad/s, in `world`.
@@ -151,17 +151,17 @@ def full_orientation(
 
 def axis_alignment(axis: Array, target: Array, gain: float, fastest: float) -> tuple[Array, Array]:
     """
-    Turn one axis of the wrist to a direction, free about that axis.
+    Turn one axis of the wrist to a direction, with free rotation about that axis.
 
     Args:
         axis: (3,), the axis in `world`, of unit length.
-        target: (3,), the direction wanted in `world`, of unit length.
+        target: (3,), the desired direction in `world`, of unit length.
         gain: rad/s per rad.
-        fastest: what the gain may ask for, rad/s.
+        fastest: maximum angular speed of the correction, rad/s.
 
     Returns:
-        Two directions square to the axis, (2, 3), and the wrist's angular velocity about each,
-        (2,), rad/s.
+        Two directions perpendicular to the axis, (2, 3), and the wrist's angular velocity about
+        each, (2,), rad/s.
 
     """
     crossed = _cross(axis, target)
@@ -177,7 +177,7 @@ def axis_alignment(axis: Array, target: Array, gain: float, fastest: float) -> t
 
 def orthogonal_directions(axis: Array) -> tuple[Array, Array]:
     """
-    Find two directions square to an axis and to each other.
+    Find two directions perpendicular to an axis and to each other.
 
     Args:
         axis: (3,), of unit length.
@@ -199,7 +199,7 @@ def _at_most(vector: Array, length: float) -> Array:
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """Do what `numpy.cross` does for two vectors, ten times as fast."""
+    """Compute `numpy.cross` of two vectors, ten times as fast."""
     return np.array(
         [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
     )

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the arm knows of the person who hands over with it."""
+"""The partner's arm, as known to the robot."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ import numpy as np
 @dataclass(frozen=True, eq=False)
 class Partner:
     """
-    The partner's arm, as far as it is known.
+    Known state of the partner's arm.
 
     Attributes:
         position: (3,), m, of the hand, in `world`.
@@ -41,14 +41,14 @@ class Partner:
     @classmethod
     def of(cls, hand: object) -> Partner | None:
         """
-        Take what is known of the hand in any of its forms.
+        Convert any form of the hand.
 
         Args:
             hand: a `Partner`; anything with a `position` and perhaps a `velocity` and an `elbow`;
                 a position, (3,), m; or None.
 
         Returns:
-            The partner; None if there is none. A velocity that is not known is taken to be zero.
+            The partner; None if there is none. An unknown velocity is zero.
 
         """
         if hand is None or isinstance(hand, Partner):

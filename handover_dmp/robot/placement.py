@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where to put the arm so that the way of the wrist lies well inside its reach."""
+"""Search for a base placement with the path of the wrist well inside the reach."""
 
 from __future__ import annotations
 
@@ -31,55 +31,55 @@ from handover_dmp.robot.orientation_task import orthogonal_directions
 import numpy as np
 
 SAMPLES = 16
-"""Points of the way that are looked at, equally spaced along it, or more:"""
+"""Minimum number of equally spaced points of the path that are checked."""
 SPACING_M = 0.08
-"""How far these are apart at the most, or the ends of a way there and back would be missed."""
+"""Maximum spacing of these, m; a larger one would miss the turning points of a path."""
 TRIED = 24
-"""Placements that are tried with the joints, of those that suit the distances best."""
+"""Number of placements, best by distance, that are checked with the joints."""
 REFINEMENTS = 2
-"""How often the neighbourhood of the best one is searched, at half the spacing each time."""
+"""Number of searches around the best one, each with half the spacing."""
 
 BEHIND = np.array([-0.2, 0.0, 0.15, 0.3, 0.45, 0.6, 0.75])
-"""Shoulder behind the middle of the way, in units of reach."""
+"""Distance of the shoulder behind the middle of the path, in units of reach."""
 ASIDE = np.array([-0.45, -0.3, -0.15, 0.0, 0.15, 0.3, 0.45])
-"""Shoulder to the left of it, in units of reach."""
+"""Distance of the shoulder to the left of it, in units of reach."""
 ABOVE = np.array([-0.3, -0.15, 0.0, 0.15, 0.3])
-"""Shoulder above it, in units of reach."""
+"""Height of the shoulder above it, in units of reach."""
 
 EASY_SPEED = 1.5
-"""A wrist speed that is fast for a handover, m/s."""
+"""A high wrist speed for a handover, m/s."""
 MIN_SPEED_WEIGHT = 0.3
-"""The arm can move at this share at least of what it must be able to where the way is fastest."""
+"""Minimum weight of the speed on slow parts of the path, relative to its fastest part."""
 EASY_MARGIN = 0.4
-"""A good distance of a joint from its limits, rad."""
+"""A comfortable distance of a joint from its limits, rad."""
 EASY_MANIPULABILITY = 0.25
-"""A good smallest singular value, m."""
+"""A comfortable smallest singular value, m."""
 TILT_LEVER_M = 0.3
-"""What a tilt, in rad, counts as beside a distance."""
+"""Lever that converts a tilt, rad, to a distance, m."""
 LEFT_BONUS = 0.01
-"""Decides between mirror images: people reach with the right hand, so the body is to its left."""
+"""Tie-breaker for mirror images: people reach with the right hand, the body is to its left."""
 BEHIND_START = 0.15
-"""How far behind the start of the way the base stands at least, if it can, m."""
+"""Minimum distance of the base behind the start of the path, if possible, m."""
 ANCHORS = 6
-"""Configurations that are put at the middle of the way where distances alone lead to nothing."""
+"""Number of configurations put at the middle of the path if distances alone do not suffice."""
 ANCHOR_SAMPLES = 300
 APART = 0.2
-"""Of the reach, between the wrists of two of them."""
+"""Minimum distance between the wrists of two of them, as a share of the reach."""
 YAWS = 8
-"""Directions that each of them is turned to."""
+"""Number of yaw angles tried for each of them."""
 HELD_CLEAR_M = 0.005
-"""What links keep from each other beyond the distance that the inverse kinematics keeps."""
-NO_WAY = 'cannot follow this way from any place:'
-FLAT_REASON = 'it hardly moves its wrist out of a surface'
+"""Extra clearance between links, beyond that of the inverse kinematics."""
+NO_WAY = 'cannot follow this path from any base placement:'
+FLAT_REASON = 'its wrist can hardly leave a surface'
 PLANE = 1e-3
-"""Of the reach, what is as good as in a plane."""
+"""Deviation from a plane, as a share of the reach, below which a path is planar."""
 FLAT = 0.15
-"""Of the reach; an arm whose smallest singular value is never more is as good as flat."""
+"""Smallest singular value, as a share of the reach, below which an arm counts as flat."""
 
 
 @dataclass(frozen=True)
 class _WristPath:
-    """The way, seen from where the arm may stand."""
+    """The path of the wrist, and what the search needs to know of it."""
 
     points: Array
     speed_weight: Array
@@ -89,7 +89,7 @@ class _WristPath:
 
 class _Wrist:
     """
-    What of the wrist is to be moved: its position, and what is up in it, if that is to stay up.
+    The controlled part of the wrist: its position and, optionally, its upright axis.
 
     Attributes:
         model: the arm.
@@ -97,7 +97,7 @@ class _Wrist:
     """
 
     def __init__(self, model: RobotModel, start: Array | None) -> None:
-        """Take the arm, and the posture, (n,), rad, whose wrist stays upright; None for free."""
+        """Take the arm, and the configuration, (n,), rad, that is upright; None: free."""
         self.model = model
         self._vertical: Array = model.base.rotation[:, 2]
         self._across = np.array(orthogonal_directions(self._vertical)) * TILT_LEVER_M
@@ -106,14 +106,14 @@ class _Wrist:
             self._up = model.wrist_pose(start)[1].T @ self._vertical
 
     def jacobian(self, posture: Array) -> Array:
-        """Give how it moves with the joints, (3, n) or (5, n), m per rad."""
+        """Return its Jacobian, (3, n) or (5, n), m per rad."""
         jacobian = self.model.wrist_jacobian(posture)
         if self._up is None:
             return jacobian[:3]
         return np.vstack([jacobian[:3], self._across @ jacobian[3:]])
 
     def error(self, posture: Array, point: Array) -> Array:
-        """Give what is missing to a point, (3,) or (5,), m."""
+        """Return the error to a point, (3,) or (5,), m."""
         place, rotation = self.model.wrist_pose(posture)
         if self._up is None:
             return point - place
@@ -129,31 +129,30 @@ def choose_base_placement(
     upright: bool = False,
 ) -> BasePlacement:
     """
-    Find where the arm stands best for a way of its wrist.
+    Find the best base placement for a path of the wrist.
 
-    Placements about the middle of the way, behind its start as the partner sees it, are ranked by
-    how well the distances from the shoulder suit the arm; the best of them are tried with the
-    joints, following the way point by point, and the one is taken whose worst point is best in
-    wrist speed that the joints allow, distance from the position limits and distance from
-    singular postures; one in which links come too near each other is none. Where all of those
-    fail, as they do for an arm that hangs from the side of a body, configurations in which the
-    wrist moves well are put at the middle of the way. The height is free: the arm stands on a
-    pedestal. No chance is involved.
+    Placements around the middle of the path, behind its start as seen by the partner, are ranked
+    by the distances from the shoulder. The best of them are checked with the joints, which follow
+    the path point by point. The chosen placement has the best worst point, in wrist speed,
+    distance from the position limits and distance from singularities; placements in which links
+    come too close to each other are discarded. If all fail, as with an arm at the side of a body,
+    configurations in which the wrist moves well are put at the middle of the path. The height is
+    free: the arm stands on a pedestal. The search is deterministic.
 
     Args:
-        path: (n, 3), m, the way of the wrist in `world`; samples at equal times, if it matters to
-            the placement where on the way the wrist is fast.
-        model: the arm; where it stands now does not matter.
-        partner: (3,), m, the partner's hand or body, towards which the arm looks; the end of the
-            way if left out.
-        upright: whether what is up in the wrist at the start is to stay up, where there is a
-            place from which it can.
+        path: (n, 3), m, the path of the wrist in `world`, sampled at equal times if its speed is
+            to be considered.
+        model: the arm; its present placement does not matter.
+        partner: (3,), m, the partner's hand or body, towards which the arm faces; by default the
+            end of the path.
+        upright: whether the axis of the wrist that is vertical at the start shall stay vertical,
+            if a placement permits it.
 
     Returns:
         Position of the root link and yaw.
 
     Raises:
-        UnreachableError: the way cannot be followed from any placement.
+        UnreachableError: the path cannot be followed from any placement.
 
     """
     wrist_path = _wrist_path(np.asarray(path, dtype=float), partner)
@@ -194,7 +193,7 @@ def _chosen(wrist_path: _WristPath, model: RobotModel, *, upright: bool = False)
     if best.missing_m > 0.0:
         length = float(np.linalg.norm(np.diff(wrist_path.points, axis=0), axis=1).sum())
         raise UnreachableError(
-            f'{model.name} {NO_WAY.replace("way", f"way of {length:.2f} m")} '
+            f'{model.name} {NO_WAY.replace("path", f"path of {length:.2f} m")} '
             + _why_not(best, sideways < FLAT * reach),
             best.missing_m,
         )
@@ -204,13 +203,13 @@ def _chosen(wrist_path: _WristPath, model: RobotModel, *, upright: bool = False)
 @dataclass(frozen=True, eq=False)
 class _Trial:
     """
-    How well a placement does.
+    Result for a placement.
 
     Attributes:
-        score: the greater the better.
+        score: larger is better.
         base: the placement.
-        missing_m: 0 if the whole way can be followed.
-        blocked: whether it can be reached, but not with the links apart.
+        missing_m: maximum distance to an unreachable point, m; 0 if the path can be followed.
+        blocked: whether the path is within reach, but not without collision of the links.
 
     """
 
@@ -230,7 +229,7 @@ def _search(
     placed: Callable[[Array], BasePlacement],
     upright: bool,
 ) -> _Trial:
-    """Try placements, then the neighbourhood of the best: along the first three numbers of it."""
+    """Try placements, then the neighbourhood of the best, in its first three coordinates."""
     best, at = _Trial(-np.inf, BasePlacement(), np.inf), np.zeros(4)
     for start in starts:
         trial = _tried(model, wrist_path, placed(start), upright)
@@ -251,10 +250,10 @@ def _search(
 
 def _anchored(model: RobotModel, wrist_path: _WristPath, middle: Array) -> Iterator[Array]:
     """
-    Put configurations in which the wrist moves well at the middle of the way.
+    Put configurations in which the wrist moves well at the middle of the path.
 
     Yields:
-        Position of the root link and yaw, (4,), of those from which the way can be followed.
+        Position of the root link and yaw, (4,), of those from which the path can be followed.
 
     """
     low, high = model.limits.one_turn
@@ -278,7 +277,7 @@ def _anchored(model: RobotModel, wrist_path: _WristPath, middle: Array) -> Itera
 
 
 def _followed_from(model: RobotModel, configuration: Array, points: Array) -> bool:
-    """Tell whether the way can be followed to both of its ends from a configuration amid it."""
+    """Return whether the path can be followed to both ends from a configuration at its middle."""
     half, wrist = len(points) // 2, _Wrist(model, None)
     for part in (points[half::-1], points[half:]):
         posture = configuration
@@ -295,14 +294,14 @@ def _smallest_singular_value(model: RobotModel, configuration: Array) -> float:
 
 
 def _sideways(model: RobotModel) -> float:
-    """Return the greatest smallest singular value of many configurations, m per rad."""
+    """Return the largest smallest singular value over many configurations, m per rad."""
     low, high = model.limits.one_turn
     samples = np.random.default_rng(0).uniform(low, high, (ANCHOR_SAMPLES, model.dof))
     return max(_smallest_singular_value(model, q) for q in samples)
 
 
 def _depth(wrist_path: _WristPath) -> float:
-    """Return how far a way leaves the plane that it is nearest to, m."""
+    """Return the deviation of a path from its best plane, m."""
     about_middle = wrist_path.points - wrist_path.points.mean(axis=0)
     normal = np.linalg.svd(about_middle)[2][-1]
     return float(np.abs(about_middle @ normal).max())
@@ -310,8 +309,8 @@ def _depth(wrist_path: _WristPath) -> float:
 
 def _why_not(best: _Trial, flat: bool) -> str:
     if best.blocked:
-        return 'its links come too near each other'
-    return FLAT_REASON if flat else f'{best.missing_m:.3f} m are missing to its farthest point'
+        return 'its links come too close to each other'
+    return FLAT_REASON if flat else f'one point is {best.missing_m:.3f} m out of reach'
 
 
 def _wrist_path(path: Array, partner: Array | None) -> _WristPath:
@@ -344,7 +343,7 @@ def _shoulder(wrist_path: _WristPath, middle: Array, offset: Array) -> Array:
 
 
 def _distance_cost(wrist_path: _WristPath, shoulder: Array, reach: float) -> float:
-    """Say how badly the distances of the way from a shoulder suit an arm: cheap, and rough."""
+    """Rate the distances of the path from a shoulder; a cheap, rough cost."""
     distances = np.linalg.norm(wrist_path.points - shoulder, axis=1) / reach
     far = float(np.maximum(distances - 0.85, 0.0).max())
     near = float(np.maximum(0.45 - distances, 0.0).max())
@@ -372,7 +371,7 @@ def _behind_start(wrist_path: _WristPath, shoulder: Array) -> float:
 def _placement(
     model: RobotModel, wrist_path: _WristPath, middle: Array, offset: Array
 ) -> BasePlacement:
-    """Put the shoulder there, and turn the arm so that its home posture looks at the way."""
+    """Put the shoulder there, with the home configuration facing the path."""
     shoulder = _shoulder(wrist_path, middle, offset)
     own = model.base.rotation.T @ (model.shoulder - np.array(model.base.position))
     wrist, _ = model.wrist_pose(model.home)
@@ -388,7 +387,7 @@ def _placement(
 
 
 def _seen_from(model: RobotModel, wrist_path: _WristPath, base: BasePlacement) -> Array:
-    """Return the way as the arm would see it from a placement: it stays, and the way moves."""
+    """Return the path relative to the present placement: the arm stays, and the path moves."""
     points = (wrist_path.points - np.array(base.position)) @ base.rotation
     return np.asarray(points @ model.base.rotation.T + np.array(model.base.position))
 
@@ -396,7 +395,7 @@ def _seen_from(model: RobotModel, wrist_path: _WristPath, base: BasePlacement) -
 def _tried(
     model: RobotModel, wrist_path: _WristPath, base: BasePlacement, upright: bool
 ) -> _Trial:
-    """Follow the way with the joints from one placement."""
+    """Follow the path with the joints from one placement."""
     points = _seen_from(model, wrist_path, base)
     farthest = float(np.linalg.norm(points - model.shoulder, axis=1).max()) - model.reach_m
     if farthest > 0.0:
@@ -426,7 +425,7 @@ def _tried(
 
 
 def _moved(wrist: _Wrist, posture: Array, point: Array) -> tuple[Array, float]:
-    """Move the wrist to a point nearby, the free joints a little towards home."""
+    """Move the wrist to a nearby point, and the free joints slightly towards home."""
     limits = wrist.model.limits
     error = wrist.error(posture, point)
     for attempt in range(6):
@@ -444,7 +443,7 @@ def _moved(wrist: _Wrist, posture: Array, point: Array) -> tuple[Array, float]:
 
 
 def _ease(wrist: _Wrist, posture: Array, direction: Array, speed_weight: float) -> float:
-    """Say how well the arm moves on from a posture, 1 being easy."""
+    """Rate how well the arm moves on from a configuration; 1 is easy."""
     limits = wrist.model.limits
     margin = float(np.minimum(limits.upper - posture, posture - limits.lower).min())
     left, values, right = np.linalg.svd(wrist.jacobian(posture), full_matrices=False)

@@ -13,13 +13,12 @@
 # limitations under the License.
 
 """
-One description that every engine reads alike.
+A plain description that every engine interprets alike.
 
-Pinocchio and PyBullet differ in what they make of a URDF: PyBullet gives links without inertia
-1 kg, and sets inertia that is not physical to zero; Pinocchio leaves the inertia and all shapes
-of a link out where it does not know one of them, without a word; both give up on a mesh that is
-missing or broken. What both are to read holds nothing that they read differently, and says what
-had to be changed.
+Pinocchio and PyBullet interpret some URDFs differently. PyBullet gives links without inertia
+1 kg, and sets unphysical inertia to zero. Pinocchio silently drops the inertia and all shapes of a
+link if it does not support one of them. Both fail on a mesh that is missing or broken. The plain
+description contains nothing that they interpret differently, and the changes are reported.
 """
 
 from __future__ import annotations
@@ -48,32 +47,32 @@ SIZES = {
     'sphere': 'radius',
     'capsule': 'radius length',
 }
-"""The shapes of a URDF beside the mesh, and what each must say of itself."""
-MISSING = 'a mesh that is not there'
-UNREADABLE = 'a mesh that cannot be read'
+"""The shapes of a URDF other than meshes, and the attributes that each must have."""
+MISSING = 'a missing mesh'
+UNREADABLE = 'an unreadable mesh'
 MOMENTS = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
 ROUNDING = 1e-6
-"""What is off by less, relative to the inertia, is not worth a word."""
+"""Smaller changes, relative to the inertia, are not reported."""
 ROOM = 1e-9
-"""How far inside what is physical a repaired inertia lies, relative to it."""
+"""Margin of a repaired inertia to the bound of physical ones, relative to it."""
 ASSUMED_MASS_KG = 1.0
-"""Of a moving link that the engines cannot move without one."""
+"""Mass assumed for a moving link if the engines cannot move it without one."""
 ASSUMED_INERTIA_KG_M2 = 1e-3
-"""Of the same about every axis: a ball of 50 mm radius."""
+"""Inertia of the same about every axis: a ball of 50 mm radius."""
 IMMOVABLE_KG_M2 = 1e-8
-"""Smallest eigenvalue of a mass matrix below which a motion moves as good as nothing."""
+"""Smallest eigenvalue of a mass matrix below which a motion moves almost no mass."""
 SAMPLED = 6
 
 
 @dataclass(frozen=True)
 class Meshes:
     """
-    The meshes that a description names.
+    The meshes of a description.
 
     Attributes:
         found: the files.
-        missing: names, as the description has them, of those that are not there.
-        unreadable: names of those that are there and cannot be read.
+        missing: names in the description of meshes that do not exist.
+        unreadable: names of meshes that exist and cannot be read.
 
     """
 
@@ -84,14 +83,14 @@ class Meshes:
 
 def parse_xml(text: str) -> Element:
     """
-    Parse a URDF as the parsers of ROS do, which know nothing of namespaces.
+    Parse a URDF like the parsers of ROS, which ignore namespaces.
 
     Args:
-        text: of the file; prefixes such as `<sensor:camera>` need not be declared, and its
+        text: text of the file; prefixes such as `<sensor:camera>` need not be declared, and
             `<?xml … ?>` need not be at the very start.
 
     Returns:
-        Its root; prefixes are a part of the names.
+        Its root; prefixes are part of the names.
 
     Raises:
         ElementTree.ParseError: it is not XML.
@@ -115,19 +114,19 @@ def make_plain(
     robot: Element, folder: Path | None, chain: Sequence[Element]
 ) -> tuple[Meshes, list[str]]:
     """
-    Leave in a description what every engine reads alike.
+    Reduce a description to what every engine interprets alike.
 
     Args:
         robot: its root; changed in place.
-        folder: where it lies; None where it came without a file.
+        folder: its folder; None if it did not come from a file.
         chain: the joints that move the wrist.
 
     Returns:
-        Its meshes, and what had to be changed that a user should know. What is wrong with the
-        inertia of a link that does not move with the chain changes nothing.
+        Its meshes, and remarks about changes. Faults in the inertia of links that do not move
+        with the chain are not reported, since they have no effect.
 
     """
-    # Pinocchio's parser refuses every version but 1.0
+    # Pinocchio's parser accepts version 1.0 only
     robot.attrib = {key: value for key, value in robot.attrib.items() if key == 'name'}
     for material in robot.iter('material'):
         for texture in material.findall('texture'):
@@ -161,18 +160,18 @@ def make_plain(
     missing = tuple(name for name, path in found.items() if path is None)
     solid = [link for link in robot.findall('link') if link.find('collision') is not None]
     left = len(moved.intersection(link.get('name', '') for link in solid))
-    instead = f'drawn as capsules; {left} of {len(moved)} moving links are kept off the rest'
+    instead = f'drawn as capsules; collision checks for {left} of {len(moved)} moving links'
     for name, why in list(unreadable.items())[:1]:
         remarks.insert(
             0,
             f'{_listed(broken)}: {len(unreadable)} of {len(found)} meshes cannot be read, '
-            f'{found[name]} for one ({why}): {instead}',
+            f'e.g. {found[name]} ({why}): {instead}',
         )
     if missing:
         remarks.insert(
             0,
-            f'{_listed(lost)}: {len(missing)} of {len(found)} meshes not found, {missing[0]} for '
-            f'one ({LOOKED_IN}): {instead}',
+            f'{_listed(lost)}: {len(missing)} of {len(found)} meshes not found, '
+            f'e.g. {missing[0]} ({LOOKED_IN}): {instead}',
         )
     read = tuple(path for name, path in found.items() if path and name not in unreadable)
     return Meshes(read, missing, tuple(unreadable)), remarks
@@ -187,7 +186,7 @@ def moved_links(robot: Element, chain: Sequence[Element]) -> set[str]:
         chain: the joints, those of `robot`.
 
     Returns:
-        Names of the links, those that are fixed to a moving one among them.
+        Names of the links, including those fixed to a moving one.
 
     """
     children: dict[str, list[str]] = {}
@@ -214,7 +213,7 @@ def _listed(names: Sequence[str]) -> str:
 def _plain_shape(
     part: Element, folder: Path | None, found: dict[str, Path | None], unreadable: dict[str, str]
 ) -> str:
-    """Put the geometry of a part plainly; return what is wrong with it if that cannot be."""
+    """Reduce the geometry of a part; return the fault if that is impossible."""
     geometry = part.find('geometry')
     shape = geometry[0] if geometry is not None and len(geometry) else None
     if shape is None or geometry is None:
@@ -240,7 +239,7 @@ def _plain_shape(
         shape.set('scale', _written(scale))
         return ''
     if shape.tag not in SIZES:
-        return f'a shape <{shape.tag}> that the engines do not know, left out'
+        return f'a shape <{shape.tag}> that the engines do not support, left out'
     sizes = [_numbers(shape.get(key, '')) for key in SIZES[shape.tag].split()]
     wanted = 3 if shape.tag == 'box' else 1
     if not all(len(size) == wanted and min(size) >= 0.0 for size in sizes):
@@ -267,7 +266,7 @@ def add_capsule(
     link: Element, tag: str, start: Array, end: Array, radius: float
 ) -> tuple[Element, ...]:
     """
-    Add a capsule to a link, as a cylinder and two balls: a URDF knows no capsule.
+    Add a capsule to a link, as a cylinder and two balls: URDF has no capsules.
 
     Args:
         link: the link; changed in place.
@@ -300,20 +299,20 @@ def add_capsule(
 
 
 def _plain_inertial(link: Element) -> str:
-    """Give a link an inertia that every engine takes as it is, zero where it has none."""
+    """Give a link an inertia that every engine accepts unchanged; zero if it has none."""
     inertials = link.findall('inertial')
     for inertial in inertials:
         link.remove(inertial)
     mass, centre, moments, fault = _inertia_of(inertials[0] if inertials else None)
     repaired = _physical(moments)
     if np.abs(repaired - moments).max() > ROUNDING * np.abs(moments).max():
-        fault = 'inertia that no body can have, replaced by the nearest that one can'
+        fault = 'physically impossible inertia, replaced by the nearest possible one'
     _write_inertial(link, mass, centre, repaired)
     return fault
 
 
 def _inertia_of(inertial: Element | None) -> tuple[float, str, Array, str]:
-    """Read mass, place and inertia of a link, and say what is wrong with them."""
+    """Read mass, centre and inertia of a link, and describe faults in them."""
     nothing = 0.0, '0 0 0', np.zeros((3, 3))
     if inertial is None:
         return *nothing, ''
@@ -323,7 +322,7 @@ def _inertia_of(inertial: Element | None) -> tuple[float, str, Array, str]:
     told = {} if inertia is None else inertia.attrib
     values = [_numbers(told.get(key, '0')) for key in MOMENTS]
     if len(kg) != 1 or not all(len(value) == 1 for value in values):
-        return *nothing, 'an <inertial> that is not in numbers, left out'
+        return *nothing, 'an <inertial> with values that are not numbers, left out'
     if kg[0] < 0.0:
         return *nothing, f'a mass of {kg[0]:g} kg, left out'
     xx, xy, xz, yy, yz, zz = moments_given = [value[0] for value in values]
@@ -336,9 +335,9 @@ def _inertia_of(inertial: Element | None) -> tuple[float, str, Array, str]:
 
 def _physical(moments: Array) -> Array:
     """
-    Return the nearest inertia that a body can have.
+    Return the nearest physically possible inertia.
 
-    A distribution of mass has second moments ½tr(I)·1 − I that are nowhere negative.
+    The second moments of a mass distribution, ½tr(I)·1 − I, are positive semidefinite.
     """
     spread, axes = np.linalg.eigh(0.5 * np.trace(moments) * np.eye(3) - moments)
     minimum = ROOM * np.abs(spread).max()
@@ -358,15 +357,15 @@ def _write_inertial(link: Element, mass: float, centre: str, moments: Array) -> 
 
 def immovable_joints(model: Any, limits: JointLimits) -> list[int]:
     """
-    Find the joints that an engine could not move, since they carry nothing that has inertia.
+    Find the joints that an engine could not move because they carry no inertia.
 
     Args:
-        model: of Pinocchio, of a chain.
-        limits: of its joints.
+        model: Pinocchio's model of a chain.
+        limits: limits of its joints.
 
     Returns:
-        Their indices; with `ASSUMED_MASS_KG` on each the mass matrix is regular at all of a
-        handful of configurations.
+        Their indices; with `ASSUMED_MASS_KG` on each, the mass matrix is regular in all of a
+        few configurations.
 
     """
     model, found = pin.Model(model), []
@@ -388,14 +387,14 @@ def immovable_joints(model: Any, limits: JointLimits) -> list[int]:
 
 def assume_inertia(robot: Element, links: Sequence[str]) -> str:
     """
-    Give links of a plain description an inertia that nobody has measured.
+    Give links of a plain description an assumed inertia.
 
     Args:
         robot: its root; changed in place.
         links: their names.
 
     Returns:
-        What a user should know.
+        A remark for the user.
 
     """
     for link in robot.findall('link'):
@@ -405,8 +404,8 @@ def assume_inertia(robot: Element, links: Sequence[str]) -> str:
             more = ASSUMED_INERTIA_KG_M2 * np.eye(3)
             _write_inertial(link, mass or ASSUMED_MASS_KG, centre, moments + more)
     return (
-        f'{_listed(links)}: nothing that moves has inertia there, {ASSUMED_MASS_KG:g} kg assumed; '
-        'the motion does not depend on it, the torques of the simulation do'
+        f'{_listed(links)}: no moving part has inertia, {ASSUMED_MASS_KG:g} kg assumed; '
+        'the motion does not depend on it, but the simulated torques do'
     )
 
 
@@ -416,7 +415,7 @@ def _pose(xyz: str, rpy: str) -> Any:
 
 
 def _numbers(text: str) -> list[float]:
-    """Read numbers; none where one of them is none."""
+    """Read numbers; an empty list if one of them is invalid."""
     try:
         numbers = [float(word) for word in text.split()]
     except ValueError:

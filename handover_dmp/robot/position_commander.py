@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-From joint velocity commands to joint positions, for an arm whose driver takes positions alone.
+Conversion of joint velocity commands to positions, for an arm whose driver takes positions only.
 
 The positions are the integral of the velocities after checks, watchdog and jerk-limited
-interpolation; they begin where the arm is measured, and never run far ahead of it. No ROS in here.
+interpolation. They begin at the measured position, and their lead over it is limited. Free of ROS.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ from numpy.typing import ArrayLike
 
 BOUNDS_EVERY_S = 0.005
 STEPS = 5
-"""In between, each of at most 1 ms."""
+"""Number of interpolation steps per period, each of at most 1 ms."""
 
 
 @dataclass(frozen=True)
 class PositionCommanderOptions:
-    """When the arm stops by itself."""
+    """Conditions under which the arm stops by itself."""
 
     joint_state_timeout_s: float = setting(
         'velocity_to_position',
@@ -70,11 +70,11 @@ class PositionCommanderOptions:
 
 class PositionCommand(NamedTuple):
     """
-    The answer of one period.
+    Result of one period.
 
     Attributes:
-        positions: (n,), rad, in the model's order; None if there is nothing to be commanded.
-        reason: why not, or why the arm brakes; empty while all is well.
+        positions: (n,), rad, in the model's order; None for no command.
+        reason: why there is none, or why the arm brakes; empty in normal operation.
 
     """
 
@@ -83,7 +83,7 @@ class PositionCommand(NamedTuple):
 
 
 class PositionCommander:
-    """Integrates joint velocities, as long as it is safe."""
+    """Integrates joint velocities while it is safe."""
 
     def __init__(
         self,
@@ -94,13 +94,13 @@ class PositionCommander:
         joint_prefix: str = '',
     ) -> None:
         """
-        Take the arm; nothing is commanded before its joint states and a command have come.
+        Take the arm; there is no command before its joint states and a velocity command arrive.
 
         Args:
             model: the arm.
-            arm_options: when it stops for want of commands.
-            options: when it stops for other reasons.
-            joint_prefix: what the driver puts before the names of the joints.
+            arm_options: conditions for a stop without commands.
+            options: other conditions for a stop.
+            joint_prefix: prefix of the driver's joint names.
 
         """
         self.model = model
@@ -115,7 +115,7 @@ class PositionCommander:
 
     @property
     def report(self) -> ArmReport:
-        """Tell what became of the commands since the last reset."""
+        """Report on the commands since the last reset."""
         return self._driver.report
 
     def set_joint_state(
@@ -126,13 +126,13 @@ class PositionCommander:
         arrival_s: float,
     ) -> bool:
         """
-        Take measured joint states, in any order, among those of other joints.
+        Process measured joint states, in any order, possibly with other joints.
 
         Args:
             names: of the joints.
-            positions: rad, one a name.
-            velocities: rad/s, one a name or none at all.
-            arrival_s: when they came, s.
+            positions: rad, one per name.
+            velocities: rad/s, one per name or none at all.
+            arrival_s: time of arrival, s.
 
         Returns:
             Whether they were used.
@@ -150,14 +150,14 @@ class PositionCommander:
 
     def command(self, velocities: Sequence[float] | Array, arrival_s: float) -> CommandOutcome:
         """
-        Take a joint velocity command.
+        Process a joint velocity command.
 
         Args:
             velocities: (n,), rad/s, in the model's order.
-            arrival_s: when it came, s.
+            arrival_s: time of arrival, s.
 
         Returns:
-            What became of it.
+            The outcome.
 
         """
         if not self._engaged and self._measured is not None and not self._fault(arrival_s):
@@ -166,29 +166,29 @@ class PositionCommander:
         return self._driver.command(velocities, arrival_s)
 
     def resume(self) -> None:
-        """Obey commands again, from the next one on."""
+        """Follow commands again, from the next one on."""
         self._driver.resume()
 
     def stop(self, reason: str) -> None:
         """
-        Brake within the limits and stay so until `resume`.
+        Brake within the limits and stay stopped until `resume`.
 
         Args:
-            reason: why.
+            reason: the reason.
 
         """
         self._driver.stop(reason)
 
     def update(self, now_s: float, dt: float) -> PositionCommand:
         """
-        Answer one period.
+        Advance by one period.
 
         Args:
             now_s: the time, s, on the clock of the arrivals.
-            dt: since the last answer, s.
+            dt: time since the last call, s.
 
         Returns:
-            Joint positions, or the reason for none.
+            Joint positions, or the reason why there are none.
 
         """
         fault = self._fault(now_s)
@@ -201,19 +201,19 @@ class PositionCommander:
             self._driver.stop(ahead)
         self._go_on(dt)
         at_rest = not self._driver.moving
-        # a position controller keeps its last command; whoever moves the arm meanwhile is left in
-        # peace, and the next motion begins where the arm is then
+        # a position controller keeps its last command; the arm may be moved meanwhile, and the
+        # next motion begins at its measured position
         self._engaged = not at_rest or self._driver.deadline_s < float('inf')
         return PositionCommand(self._driver.reference, fault or self.report.reason)
 
     def _go_on(self, dt: float) -> None:
-        """Integrate in steps so short, and look at the end stops so often, as their bounds ask."""
+        """Integrate in steps short enough for the bounds at the position limits."""
         bounds = max(1, ceil(dt / BOUNDS_EVERY_S - 1e-9))
         for _ in range(bounds):
             self._driver.steps(dt / bounds / STEPS, STEPS)
 
     def _fault(self, now_s: float) -> str:
-        """Say what is wrong with the joint states, if anything."""
+        """Return the fault of the joint states; empty if there is none."""
         age_s = now_s - self._joint_arrival_s
         if not self._joint_fault and age_s > self.options.joint_state_timeout_s:
             return f'joint states are {age_s:.3f} s old'

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the joints do that the tasks leave free: go home, off their limits, off the partner."""
+"""Preferences of free joints: towards home, away from limits, away from the partner."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ from handover_dmp.robot.tasks import IkInput
 import numpy as np
 
 MAX_SPEED_SHARE = 0.5
-"""Share of a joint's velocity limit that may be asked for."""
+"""Maximum preferred velocity, as a share of a joint's velocity limit."""
 LIMIT_GAIN = 20.0
-"""How many times as hard as towards home a joint is pushed away from a near limit."""
+"""Gain away from a near limit, relative to that towards home."""
 
 
 @dataclass(eq=False)
 class Posture:
     """
-    Move the joints towards the home configuration, and harder away from a limit that is near.
+    Move the joints towards the home configuration, and with more gain away from a near limit.
 
     Attributes:
         model: the arm.
@@ -69,10 +69,10 @@ class Posture:
         self._joints = [tuple(map(float, joint)) for joint in zip(*columns, strict=True)]
 
     def velocity(self, period: IkInput) -> list[float]:
-        """Give the joint velocities, see `tasks.Preference`."""
+        """Return the joint velocities, see `tasks.Preference`."""
         gain, push = self.posture_gain, LIMIT_GAIN * self.posture_gain
         wanted = []
-        # plain floats and no min(), max(): for a handful of joints twice as fast as arrays
+        # plain floats without min() and max(): twice as fast as arrays for a few joints
         for position, (home, low, high, fastest) in zip(period.joints, self._joints, strict=True):
             speed = gain * (home - position)
             if position < low:
@@ -87,7 +87,7 @@ class Posture:
 @dataclass(eq=False)
 class ElbowClearance:
     """
-    Move the elbow away from the partner, if it is near.
+    Move the elbow away from the partner, if the partner is near.
 
     Attributes:
         model: the arm.
@@ -115,7 +115,7 @@ class ElbowClearance:
         self._fastest = MAX_SPEED_SHARE * self.model.limits.velocity
 
     def velocity(self, period: IkInput) -> list[float] | None:
-        """Give the joint velocities, see `tasks.Preference`."""
+        """Return the joint velocities, see `tasks.Preference`."""
         if period.partner is None:
             return None
         elbow = self.model.pinocchio_data.oMi[self._elbow].translation
@@ -138,7 +138,7 @@ class ElbowClearance:
 
 
 def _elbow(model: RobotModel) -> int:
-    """Find the joint that stands out most from the line from shoulder to wrist, at home."""
+    """Find the joint farthest from the line from shoulder to wrist, at home."""
     wrist, _ = model.wrist_pose(model.home)
     line = wrist - model.shoulder
     line /= max(float(np.linalg.norm(line)), 1e-9)

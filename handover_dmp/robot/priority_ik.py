@@ -13,20 +13,19 @@
 # limitations under the License.
 
 """
-Joint velocities for a wrist command, by strict priorities that no lower task can disturb.
+Joint velocities for a wrist command, with strict priorities: no task disturbs a higher one.
 
-Over the joint velocities q̇ and the speed scale s, in this order:
+The variables are the joint velocities q̇ and the speed scale s. The levels, in this order:
 
 1. limits: the box of `limits.VelocityBox`, 0 ≤ s ≤ 1, and the half-spaces of separation and
    collision (`separation`, `collision_limits`);
 2. the wrist's direction: J_p q̇ = s·v (`direction_task`);
-3. its speed: s = 1, or only s ≥ `orientation_slows_to` where that is less;
-4. orientation: full, one axis, or none (`orientation_task`), and in the latter case then s = 1;
+3. its speed: s = 1, or only s ≥ `orientation_slows_to` if that is below 1;
+4. orientation: full, one axis, or none (`orientation_task`); if level 3 was relaxed, then s = 1;
 5. posture: towards home, away from the position limits and with the elbow away from the partner
    (`posture`).
 
-Each level is solved in the least-squares sense without giving up anything of those above it
-(`hierarchy`).
+Each level is solved in the least-squares sense without affecting those above it (`hierarchy`).
 """
 
 from __future__ import annotations
@@ -46,18 +45,17 @@ from handover_dmp.robot.tasks import HalfSpace, IkInput, Rows, WristTarget
 
 class IkSolution(NamedTuple):
     """
-    The answer for one period.
+    Result of one period.
 
     Attributes:
         joint_velocity: (n,), rad/s.
-        speed_scale: s, from 0 to 1: how much of the speed asked for is possible.
-        active_limits: what holds the arm back, e.g. `joint_3 velocity`, `joint_4 position`,
+        speed_scale: s, from 0 to 1: share of the commanded speed that is possible.
+        active_limits: the limits that slow the arm, e.g. `joint_3 velocity`, `joint_4 position`,
             `stretch`, `approach`, `lwr4_link_1 to lwr4_wrist`.
-        residuals: what is missing in each level: `limits` (always 0 unless the arm started
-            outside of its limits), `position` m/s, `speed` (1 − s), `orientation` rad/s,
-            `posture` rad/s.
-        smallest_singular_value: of the Jacobian of the wrist's position, m.
-        solved: whether the solver found it; otherwise the arm brakes.
+        residuals: residual of each level: `limits` (0 unless the arm started outside its limits),
+            `position` m/s, `speed` (1 − s), `orientation` rad/s, `posture` rad/s.
+        smallest_singular_value: that of the Jacobian of the wrist's position, m.
+        solved: whether the solver found a solution; otherwise the arm brakes.
 
     """
 
@@ -73,7 +71,7 @@ class PriorityIk:
     """
     Priority inverse kinematics of one arm.
 
-    It holds no state but scratch arrays: the answer depends on the arguments alone.
+    It has no state except for scratch arrays: the result depends only on the arguments.
     """
 
     def __init__(
@@ -84,8 +82,8 @@ class PriorityIk:
 
         Args:
             model: the arm.
-            stack: limits, tasks and preferences; if left out, those that follow the wrist.
-            parameters: of those, see `TaskStack.configured`; not beside a stack of your own.
+            stack: limits, tasks and preferences; by default those that follow the wrist.
+            parameters: their parameters, see `TaskStack.configured`; only for the default stack.
 
         """
         self.model = model
@@ -105,7 +103,7 @@ class PriorityIk:
         self._max_accelerations = model.limits.acceleration.tolist()
 
     def __repr__(self) -> str:
-        """Say of which arm it is, and what it heeds."""
+        """Return a short description."""
         limits = [type(limit).__name__ for limit in self.stack.limits]
         tasks = [task.name for task in self._tasks]
         return f'PriorityIk({self.model.name}, {", ".join(limits + tasks)})'
@@ -120,17 +118,17 @@ class PriorityIk:
         hand: object = None,
     ) -> IkSolution:
         """
-        Find the joint velocities for the next period.
+        Compute the joint velocities for the next period.
 
         Args:
             joint_positions: (n,), rad.
-            previous_velocity: (n,), rad/s, of the period that ends now (the last command).
-            target: where the wrist shall be, and how fast it shall move.
+            previous_velocity: (n,), rad/s, velocity of the period that ends now.
+            target: desired pose and velocity of the wrist.
             dt: length of the next period, s.
-            hand: what is known of the partner, see `Partner.of`.
+            hand: known state of the partner, see `Partner.of`.
 
         Returns:
-            The velocities, and what held them back.
+            The velocities, and the limits that slow them.
 
         """
         joints, before = joint_positions.tolist(), previous_velocity.tolist()
@@ -144,7 +142,7 @@ class PriorityIk:
         solution, solved = hierarchy.solve()
         held_back = self._cut_to_box(solution, before, box, dt)
         scale = float(solution[-1])
-        if not 0.0 <= scale <= 1.0 - 10.0 * SOFTNESS:  # what is missing is the solver's
+        if not 0.0 <= scale <= 1.0 - 10.0 * SOFTNESS:  # the residual is that of the solver
             solution[-1] = scale = 1.0 if scale > 0.0 else 0.0
         missing = hierarchy.missing(solution)
         residuals = self._no_residuals.copy()
@@ -166,21 +164,21 @@ class PriorityIk:
 
     def brake(self, joint_positions: Array, velocity: Array, dt: float) -> Array:
         """
-        Slow down as fast as the limits allow.
+        Brake as fast as the limits permit.
 
         Args:
             joint_positions: (n,), rad.
-            velocity: (n,), rad/s, of the period that ends now.
+            velocity: (n,), rad/s, velocity of the period that ends now.
             dt: length of the next period, s.
 
         Returns:
-            Joint velocities for it, (n,), rad/s; zero in the end.
+            Joint velocities for that period, (n,), rad/s; finally zero.
 
         """
         return self._box.brake(joint_positions, velocity, dt)
 
     def _hierarchy(self, half_spaces: list[HalfSpace], tasks: list[Rows | None]) -> Hierarchy:
-        """Give the arrays for as many rows as there are."""
+        """Return the arrays for this number of rows."""
         size = (len(half_spaces), *[rows is None for rows in tasks])
         hierarchy = self._hierarchies.get(size)
         if hierarchy is None:
@@ -191,7 +189,7 @@ class PriorityIk:
         return hierarchy
 
     def _preferred(self, period: IkInput) -> Sequence[float]:
-        """Add up what the joints prefer, n, rad/s."""
+        """Sum the preferred joint velocities, n, rad/s."""
         wanted = [preference.velocity(period) for preference in self.stack.preferences]
         given = [one for one in wanted if one is not None]
         if len(given) == 1:
@@ -199,7 +197,7 @@ class PriorityIk:
         return [sum(speeds) for speeds in zip(self._standstill, *given, strict=True)]
 
     def _cut_to_box(self, solution: Array, before: list[float], box: Box, dt: float) -> list[str]:
-        """Cut the joint velocities of a solution to the box, and name the limits that hold."""
+        """Clip the joint velocities of a solution to the box, and name the active limits."""
         names = []
         for joint, (speed, previous, low, high) in enumerate(
             zip(solution[:-1].tolist(), before, *box, strict=True)

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-A robot description for others to show: its meshes found, its root not the frame of the room.
+A robot description for viewers: with mesh paths resolved, and a root that is not the room's frame.
 
-RViz and Foxglove look for `package://` among the packages that are installed, and know nothing of
-paths that are relative to a file which they never see. So each mesh and texture that is on this
-machine is told by its absolute `file://`. And a description whose root is called as the frame that
-the arm stands in would need a transform from that frame to itself: its root is renamed.
+RViz and Foxglove look for `package://` among the installed packages, and cannot resolve paths
+relative to a file that they never see. So each mesh and texture found on this machine is given by
+its absolute `file://` path. If the root has the name of the frame of the base placement, a
+transform from that frame to itself would be needed: the root is renamed instead.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from handover_dmp.robot.plain_description import parse_xml
 
 def root_link(text: str) -> str:
     """
-    Find the link of a description that no joint carries.
+    Find the root link of a description.
 
     Args:
-        text: of a URDF that `RobotModel` has loaded.
+        text: text of a URDF that `RobotModel` has loaded.
 
     Returns:
         Its name.
@@ -50,14 +50,14 @@ def root_link(text: str) -> str:
 
 def shown_root(text: str, frame: str) -> str:
     """
-    Name the root of an arm for those who show it.
+    Return the published name of an arm's root.
 
     Args:
-        text: of its URDF.
-        frame: that it stands in.
+        text: text of its URDF.
+        frame: frame of the base placement.
 
     Returns:
-        The name of its root, another one if that is the name of the frame.
+        The name of its root; another name if the frame has the same.
 
     """
     root = root_link(text)
@@ -69,16 +69,16 @@ def shown_root(text: str, frame: str) -> str:
 
 def published_description(text: str, folder: Path, frame: str) -> str:
     """
-    Make a description that others can show.
+    Make a description for viewers.
 
     Args:
-        text: of the URDF.
-        folder: where it lies.
-        frame: that the arm stands in.
+        text: text of the URDF.
+        folder: its folder.
+        frame: frame of the base placement.
 
     Returns:
-        The same URDF with the meshes and textures that are found by their `file://`, and with
-        another root if that is called as the frame; unchanged if nothing has to be.
+        The URDF with `file://` paths for all found meshes and textures, and with a renamed root
+        if necessary; otherwise unchanged.
 
     """
     tree = parse_xml(text)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Speed and separation: how fast the wrist may move near the partner's hand."""
+"""Speed and separation: a bound on the wrist's speed near the partner's hand."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ NAMES = ('approach', 'speed near hand')
 @dataclass(eq=False)
 class SeparationLimit:
     """
-    The speed of the wrist relative to the hand, as a function of their distance (ISO/TS 15066).
+    Bound on the wrist's speed relative to the hand, by their distance (ISO/TS 15066).
 
-    V(d) = speed, for d ≤ distance;  V(d) = √(speed² + 2·deceleration·(d − distance)), beyond: who
-    moves at V(d) and slows at `deceleration` arrives at `distance` with `speed`. The arm is never
-    asked to flee: standing still is always allowed, however fast the hand comes.
+    V(d) = speed, for d ≤ distance;  V(d) = √(speed² + 2·deceleration·(d − distance)), beyond: a
+    wrist that moves at V(d) and brakes with `deceleration` arrives at `distance` with `speed`. The
+    arm never has to retreat: standing still is always permitted, however fast the hand approaches.
 
     Attributes:
         model: the arm.
@@ -68,7 +68,7 @@ class SeparationLimit:
 
     def half_spaces(self, period: IkInput) -> list[HalfSpace]:
         """Bound the wrist's speed, see `tasks.Limit`."""
-        # a hand that is not known may be at the wrist itself
+        # an unknown hand may be at the wrist
         partner = period.partner or Partner(period.position, np.zeros(3))
         directions, bounds = self.rows(period.position, period.wrist_velocity, partner, period.dt)
         rows = -directions @ period.linear
@@ -79,11 +79,11 @@ class SeparationLimit:
         Compute V(d).
 
         Args:
-            distance: between wrist and hand, m.
-            dt: how long the answer must do, s.
+            distance: distance between wrist and hand, m.
+            dt: time for which the result must hold, s.
 
         Returns:
-            The speed, m/s; that of the braking at the end of `dt`, so that it is not exceeded.
+            The speed, m/s; that of braking at the end of `dt`, so that V is not exceeded.
 
         """
         beyond = distance - self.separation_distance
@@ -99,13 +99,13 @@ class SeparationLimit:
         """
         Bound the wrist's velocity by half-spaces.
 
-        One bounds the speed of approach. The other touches the ball of allowed velocities,
-        ‖ẋ − ẋ_hand‖ ≤ V, where the commanded direction s·v leaves it, so that along that direction
-        it is the ball itself.
+        One bounds the speed of approach. The other is tangent to the ball of permitted velocities,
+        ‖ẋ − ẋ_hand‖ ≤ V, at the point where the commanded direction s·v leaves it, so it is exact
+        along that direction.
 
         Args:
             wrist: (3,), m.
-            velocity: (3,), v, that the wrist is asked for, m/s.
+            velocity: (3,), v, desired velocity of the wrist, m/s.
             partner: the hand.
             dt: length of the next period, s.
 

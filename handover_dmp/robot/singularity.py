@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Near full stretch: how much the wrist may still speed outwards, so that it comes to rest."""
+"""Near full stretch: a bound on the outward speed of the wrist, so that it comes to rest."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from handover_dmp.common.arrays import Array
 from handover_dmp.robot.model import RobotModel
 import pinocchio as pin
 
-_SOLVER = eigenpy.SelfAdjointEigenSolver(3)  # to make one anew takes as long as to solve
+_SOLVER = eigenpy.SelfAdjointEigenSolver(3)  # making one takes as long as solving
 
 
 def smallest_singular_value(jacobian: Array) -> float:
     """
-    Find how fast the wrist moves at least, in its worst direction, for joint speeds of norm one.
+    Return the wrist speed in the worst direction for joint speeds of norm one.
 
     Args:
-        jacobian: (3, n), of the wrist's position.
+        jacobian: (3, n), Jacobian of the wrist's position.
 
     Returns:
         The smallest singular value, m.
@@ -44,13 +44,13 @@ def smallest_singular_value(jacobian: Array) -> float:
 
 def smallest_singular_direction(jacobian: Array) -> Array:
     """
-    Find the direction in which the wrist moves least.
+    Return the direction in which the wrist moves least.
 
     Args:
-        jacobian: (3, n), of the wrist's position.
+        jacobian: (3, n), Jacobian of the wrist's position.
 
     Returns:
-        The direction in space that goes with the smallest singular value, (3,).
+        The direction in space of the smallest singular value, (3,).
 
     """
     _SOLVER.compute(jacobian.dot(jacobian.T))
@@ -62,7 +62,7 @@ def singular_slope(
     model: RobotModel, joint_positions: Array, linear: Array, direction: Array
 ) -> float:
     """
-    Differentiate a singular value along the joint motion that goes with its own direction.
+    Differentiate a singular value along the joint motion of its own direction.
 
     With u the singular direction in space and a = Jᵀu the joint motion, λ = σ² = uᵀJJᵀu changes by
     ∂λ/∂q · a = 2 uᵀJ̇a, where J̇ is the change of J while the joints move with a.
@@ -99,15 +99,15 @@ def limit_outward_speed(
     rate: float,
 ) -> tuple[Array, bool]:
     """
-    Slow the part of a wrist velocity that would stretch the arm out.
+    Limit the part of a wrist velocity that would stretch the arm out.
 
-    Moving at speed r along u with the least joint speeds, q̇ = Jᵀu·r/λ, changes the singular
-    value σ by σ̇ = (∂λ/∂q · Jᵀu)·r / (2σ³). The speed is cut so that σ̇ ≥ −rate·(σ − least): the
-    arm comes to rest at σ = `least` instead of shaking about σ = 0. The rest of the velocity, and
-    every motion back, stays as it is, so the wrist still slides along the end of its reach.
+    Moving at speed r along u with minimum joint speeds, q̇ = Jᵀu·r/λ, changes the singular value
+    σ by σ̇ = (∂λ/∂q · Jᵀu)·r / (2σ³). The speed is limited so that σ̇ ≥ −rate·(σ − minimum): the
+    arm comes to rest at σ = `minimum` instead of oscillating about σ = 0. The other components,
+    and every motion back, are unchanged, so the wrist still slides along the end of its reach.
 
     Args:
-        velocity: (3,), of the wrist, m/s.
+        velocity: (3,), velocity of the wrist, m/s.
         direction: (3,), u.
         singular_value: σ, m.
         slope: ∂λ/∂q · Jᵀu, see `singular_slope`, m³.

@@ -36,12 +36,12 @@ SWITCHES: dict[str, Any] = {
     'self_collision': SelfCollisionLimit,
     'forearm_collision': ForearmLimit,
 }
-"""The parameters that say whether a limit is there at all."""
+"""The parameters that enable a limit."""
 
 
 @dataclass(frozen=True)
 class StackOptions:
-    """What belongs to no single task or limit."""
+    """Options that belong to no single task or limit."""
 
     separation: bool = setting(
         'priority_ik', 'separation', 'Whether the wrist slows down near the hand (ISO/TS 15066)'
@@ -82,21 +82,21 @@ TASKS = (
     SelfCollisionLimit,
     ForearmLimit,
 )
-"""Whose fields are the parameters of the inverse kinematics that a node has."""
+"""Classes whose fields are the node's parameters of the inverse kinematics."""
 
 
 @dataclass(frozen=True, eq=False)
 class TaskStack:
     """
-    What an arm shall do, and what it must not.
+    The tasks, limits and preferences of an arm.
 
     Attributes:
-        limits: beside those of the joints; all of the first level.
-        levels: the tasks; those of one level share what the levels before it leave. Behind the
-            first level comes the speed scale, s = 1.
-        preferences: what the joints do in the end where they are still free.
+        limits: limits besides those of the joints; all on the first level.
+        levels: the tasks; tasks of one level share the freedom left by the levels above. The
+            speed scale, s = 1, follows the first level.
+        preferences: motions of joints that are still free.
         braking_share: β of `limits.VelocityBox`.
-        slowest: s down to which the levels behind the first may slow the wrist; 1: not at all.
+        slowest: s to which the levels after the first may slow the wrist; 1: not slowed.
 
     """
 
@@ -113,19 +113,19 @@ class TaskStack:
 
         Args:
             model: the arm.
-            parameters: those of `priority_ik` in `config/handover.yaml` that are to be others.
+            parameters: parameters of `priority_ik` that differ from `config/handover.yaml`.
 
         Returns:
             The stack.
 
         Raises:
-            UsageError: there is no such parameter, or no such orientation.
+            UsageError: a parameter or the orientation is unknown.
 
         """
         known = defaults('priority_ik')
         unknown = ', '.join(sorted(parameters.keys() - known.keys()))
         if unknown:
-            raise UsageError(f'priority_ik has no parameter {unknown}; see docs/parameters.md')
+            raise UsageError(f'priority_ik has no parameter {unknown}: see docs/parameters.md')
         values = {**known, **parameters}
         return cls(
             limits=tuple(
@@ -145,11 +145,11 @@ class TaskStack:
 
     def off(self, rotation: Array, target: Array | None) -> float:
         """
-        Tell how far a wrist is from its target's rotation, as far as that is followed.
+        Return the orientation error of a wrist, as far as the stack controls it.
 
         Args:
-            rotation: (3, 3), of the wrist in `world`.
-            target: (3, 3), the target's; None if any will do.
+            rotation: (3, 3), rotation of the wrist in `world`.
+            target: (3, 3), rotation of the target; None if any will do.
 
         Returns:
             See `OrientationTask.off`.

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What one period of the inverse kinematics starts from, and what tasks and limits answer.
+The input of one period of the inverse kinematics, and the interfaces of tasks and limits.
 
 A task or a limit is any object with the method of `Task`, `Preference` or `Limit`. To add one,
-write its class and hand it to `PriorityIk`; nothing else has to know of it.
+write its class and pass it to `PriorityIk`; no other change is needed.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ import pinocchio as pin
 @dataclass(frozen=True, eq=False)
 class WristTarget:
     """
-    Where the wrist shall be now, and how fast it shall move.
+    Desired pose and velocity of the wrist.
 
     Attributes:
         position: (3,), m, in `world`.
         velocity: (3,), m/s.
-        rotation: (3, 3), of the wrist in `world`; None if any will do.
+        rotation: (3, 3), rotation of the wrist in `world`; None if any will do.
         angular_velocity: (3,), rad/s, in `world`; None for zero.
 
     """
@@ -54,25 +54,26 @@ class WristTarget:
 
 class IkInput:
     """
-    The arm at the beginning of a period, and what it is asked for.
+    The arm at the beginning of a period, and its command.
 
     Attributes:
-        model: the arm. The joints' placements stand in its `pinocchio_data`.
+        model: the arm; its `pinocchio_data` holds the joint placements.
         joint_positions: (n,), rad.
         joints: the same as plain floats.
-        target: of the wrist.
-        partner: what is known of the partner; None for nothing.
+        target: desired pose and velocity of the wrist.
+        partner: known state of the partner; None if unknown.
         dt: length of the period, s.
         joint_jacobian: (6, n), Pinocchio's `computeJointJacobians`.
-        position: (3,), m, of the wrist in `world`.
-        jacobian: (6, n), of the wrist, linear above angular velocity, along the axes of `world`.
+        position: (3,), m, position of the wrist in `world`.
+        jacobian: (6, n), Jacobian of the wrist, linear above angular velocity, in the axes of
+            `world`.
         linear: (3, n), its upper half.
-        singular_value: the smallest one of `linear`, m.
-        lower: n joint velocities, rad/s, the lower side of the box of the joints' own limits.
-        upper: its upper side.
-        wrist_velocity: (3,), m/s, what the wrist is asked for. The tasks are asked before the
+        singular_value: smallest singular value of `linear`, m.
+        lower: n joint velocities, rad/s, lower bounds from the joints' own limits.
+        upper: upper bounds from the same.
+        wrist_velocity: (3,), m/s, desired velocity of the wrist. Tasks are evaluated before
             limits, and the direction task may change it.
-        held_back: names of what has slowed the wrist down already.
+        held_back: names of the limits that have already slowed the wrist.
 
     """
 
@@ -121,40 +122,39 @@ Rows = tuple[Array, Array | None]
 
 
 class Task(Protocol):
-    """Something that the arm shall do, as well as the levels above leave it free to."""
+    """An equation that the arm shall satisfy, as far as the levels above permit."""
 
     name: str
-    """Of its residual in `IkSolution`."""
+    """Name of its residual in `IkSolution`."""
 
     def rows(self, period: IkInput) -> Rows | None:
         """
-        Give the equations of the task.
+        Return the equations of the task.
 
         Args:
-            period: the arm and what it is asked for.
+            period: the arm and its command.
 
         Returns:
-            Rows A and values b, (m,) or None for zeros, for A q̇ = b where A is (m, n), or for
-            A (q̇, s) = b where it is (m, n + 1) and so has the speed scale s in it, too. None if
-            nothing is asked for.
-            The shape is always the same unless it is None. The arrays may be used again.
+            Rows A and values b, (m,) or None for zeros: A q̇ = b if A is (m, n), or A (q̇, s) = b
+            with the speed scale s if A is (m, n + 1). None if the task is inactive.
+            The shape is always the same unless it is None. The arrays may be reused.
 
         """
         ...
 
 
 class Preference(Protocol):
-    """Something that the joints shall do where all tasks leave them free."""
+    """A motion of joints that all tasks leave free."""
 
     def velocity(self, period: IkInput) -> Sequence[float] | None:
         """
-        Give the joint velocities that it wants.
+        Return the preferred joint velocities.
 
         Args:
-            period: the arm and what it is asked for.
+            period: the arm and its command.
 
         Returns:
-            n numbers, rad/s; None for none. Those of all preferences are added.
+            n numbers, rad/s; None for none. All preferences are added.
 
         """
         ...
@@ -165,9 +165,9 @@ class HalfSpace(NamedTuple):
     A bound on the joint velocities, row·q̇ ≥ bound.
 
     Attributes:
-        name: what it is called among the active limits.
+        name: its name among the active limits.
         row: (n,).
-        bound: at most 0, so that standing still is allowed.
+        bound: at most 0, so that standing still is permitted.
 
     """
 
@@ -177,14 +177,14 @@ class HalfSpace(NamedTuple):
 
 
 class Limit(Protocol):
-    """Something that must never be broken, beside the limits of the joints."""
+    """A limit that is never exceeded, besides those of the joints."""
 
     def half_spaces(self, period: IkInput) -> Sequence[HalfSpace]:
         """
         Bound the joint velocities.
 
         Args:
-            period: the arm and what it is asked for.
+            period: the arm and its command.
 
         Returns:
             The bounds of this period.

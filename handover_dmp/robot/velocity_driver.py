@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What a driver puts before an arm that is told joint velocities: checks, watchdog, interpolation.
+The driver of a velocity-controlled arm: checks, watchdog, interpolation.
 
-Whatever is sent, what comes out stays within the limits of position, velocity, acceleration and
-jerk. It keeps no time of its own.
+For any input, the output respects the limits of position, velocity, acceleration and jerk. The
+driver has no clock of its own.
 """
 
 from __future__ import annotations
@@ -32,16 +32,16 @@ from handover_dmp.robot.interpolator import JointInterpolator
 from handover_dmp.robot.model import RobotModel
 import numpy as np
 
-# Share of the acceleration limit that braking before an end stop plans with; what is left absorbs
-# the lag of the jerk-limited interpolation.
+# Share of the acceleration limit used to plan braking before a position limit; the rest covers the
+# lag of the jerk-limited interpolation.
 END_STOP_SHARE = 0.5
-# The arm comes to rest so far before the end of its range that rounding does not take it beyond.
+# Margin to the position limit, so that rounding does not exceed it.
 END_STOP_MARGIN_RAD = 1e-5
 
 
 @dataclass(frozen=True)
 class ArmOptions:
-    """When the arm stops by itself."""
+    """Conditions under which the arm stops by itself."""
 
     command_timeout_s: float = setting(
         'robot_sim',
@@ -69,7 +69,7 @@ class ArmOptions:
 
 
 class CommandOutcome(str, Enum):
-    """What became of a command."""
+    """Outcome of a command."""
 
     ACCEPTED = 'accepted'
     CLIPPED = 'clipped'
@@ -79,10 +79,10 @@ class CommandOutcome(str, Enum):
 
 class ArmState(str, Enum):
     """
-    Whether the arm obeys commands.
+    Whether the arm follows commands.
 
-    It obeys when it is ready; it waits, braking or at rest, for commands that stay away; it is
-    stopped, braking or at rest, until it is told to resume.
+    Ready: it follows commands. Waiting: it brakes or rests because commands are missing. Stopped:
+    it brakes or rests until `resume`.
     """
 
     READY = 'ready'
@@ -93,16 +93,16 @@ class ArmState(str, Enum):
 @dataclass(frozen=True)
 class ArmReport:
     """
-    What the arm has to say about its commands since the last reset.
+    Report on the commands since the last reset.
 
     Attributes:
-        state: whether it obeys.
-        accepted: commands taken as they were.
-        clipped: commands over the velocity limits, taken slowed down.
+        state: whether the arm follows commands.
+        accepted: commands that were followed unchanged.
+        clipped: commands above the velocity limits, scaled down.
         refused: commands of a wrong length or with numbers that are not finite.
-        ignored: good commands that came while it was stopped.
-        timeouts: how often commands stayed away while it was in motion.
-        last_fault: the latest of these in words; empty before the first.
+        ignored: valid commands that arrived while the arm was stopped.
+        timeouts: number of times that commands were missing during motion.
+        last_fault: description of the last fault; empty before the first.
 
     """
 
@@ -116,12 +116,12 @@ class ArmReport:
 
     @property
     def reason(self) -> str:
-        """Say why it does not obey; empty while it does."""
+        """Return why it does not follow commands; empty while it does."""
         return '' if self.state is ArmState.READY else f'{self.state.value}: {self.last_fault}'
 
 
 class VelocityDriver:
-    """Turns joint velocity commands into the smooth motion that the arm is to make."""
+    """Converts joint velocity commands to a smooth motion of the arm."""
 
     def __init__(self, model: RobotModel, options: ArmOptions | None = None) -> None:
         """
@@ -129,14 +129,14 @@ class VelocityDriver:
 
         Args:
             model: the robot.
-            options: when it stops by itself.
+            options: conditions under which it stops by itself.
 
         """
         self.model = model
         self.options = options or ArmOptions()
         limits = model.limits
         braking = END_STOP_SHARE * limits.acceleration
-        # From full acceleration one way to braking the other way.
+        # From full acceleration to full braking.
         lag_s = (1.0 + END_STOP_SHARE) * limits.acceleration / limits.jerk
         low, high = limits.lower + END_STOP_MARGIN_RAD, limits.upper - END_STOP_MARGIN_RAD
         self._end_stops = np.column_stack([braking, lag_s, low, high]).tolist()
@@ -145,7 +145,7 @@ class VelocityDriver:
 
     def reset(self, positions: Array) -> None:
         """
-        Start anew: at rest, ready, with a clean report.
+        Restart: at rest, ready, with an empty report.
 
         Args:
             positions: (n,), rad.
@@ -160,7 +160,7 @@ class VelocityDriver:
 
     def start_from(self, positions: Array) -> None:
         """
-        Go on from rest somewhere else.
+        Continue from rest at another configuration.
 
         Args:
             positions: (n,), rad.
@@ -173,22 +173,22 @@ class VelocityDriver:
 
     @property
     def reference(self) -> Array:
-        """Where the motion is: the integral of what `steps` gave, (n,), rad."""
+        """Position of the motion: the integral of the results of `steps`, (n,), rad."""
         return np.array(self._reference)
 
     @property
     def deadline_s(self) -> float:
-        """When commands have stayed away for too long, s; infinite while none is awaited."""
+        """Time at which a missing command stops the arm, s; infinite while none is expected."""
         return self._deadline_s
 
     @property
     def moving(self) -> bool:
-        """Whether the arm moves or has been told to."""
+        """Whether the arm moves or is commanded to move."""
         return bool(self._target.any()) or bool(np.abs(self._velocity).max() > 1e-6)
 
     @property
     def report(self) -> ArmReport:
-        """Tell what became of the commands since the last reset."""
+        """Report on the commands since the last reset."""
         return ArmReport(
             state=self._state,
             accepted=self._count[CommandOutcome.ACCEPTED],
@@ -201,16 +201,16 @@ class VelocityDriver:
 
     def command(self, velocities: Sequence[float] | Array, time_s: float) -> CommandOutcome:
         """
-        Say what the joints are to do from now on.
+        Process a joint velocity command.
 
-        A command that is refused or ignored does not count as a sign of life.
+        A refused or ignored command does not reset the watchdog.
 
         Args:
             velocities: (n,), rad/s, in the model's order.
-            time_s: now, s.
+            time_s: present time, s.
 
         Returns:
-            What became of it; `report` says why.
+            The outcome; `report` gives the reason.
 
         """
         outcome = self._judge(velocities, time_s)
@@ -221,11 +221,11 @@ class VelocityDriver:
         try:
             wanted = np.array(velocities, dtype=float)
         except (TypeError, ValueError, OverflowError):
-            return self._refuse('a command that is not a row of numbers')
+            return self._refuse('a command that is not a list of numbers')
         if wanted.shape != (self.model.dof,):
             return self._refuse(f'a command of shape {wanted.shape} for {self.model.dof} joints')
         share = np.abs(wanted) / self.model.limits.velocity
-        worst = int(share.argmax())  # that of a number that is none, if there is one
+        worst = int(share.argmax())  # that of a NaN, if there is one
         if not isfinite(share[worst]):
             return self._refuse('a command with numbers that are not finite')
         if self._state is ArmState.STOPPED:
@@ -235,10 +235,10 @@ class VelocityDriver:
         if share[worst] <= 1.0 + 1e-9:
             self._target = wanted
             return CommandOutcome.ACCEPTED
-        # All joints alike, so that the wrist keeps its direction.
+        # Scale all joints alike, so that the wrist keeps its direction.
         self._target = wanted / share[worst]
         self._last_fault = (
-            f'{self.model.joint_names[worst]} told to run at {wanted[worst]:.3g} rad/s, limit '
+            f'{self.model.joint_names[worst]} commanded to {wanted[worst]:.3g} rad/s, limit '
             f'{self.model.limits.velocity[worst]:.3g}'
         )
         return CommandOutcome.CLIPPED
@@ -249,10 +249,10 @@ class VelocityDriver:
 
     def stop(self, fault: str = 'stopped on request') -> None:
         """
-        Brake within the limits and stay so until `resume`.
+        Brake within the limits and stay stopped until `resume`.
 
         Args:
-            fault: why, for the report.
+            fault: the reason, for the report.
 
         """
         self._state = ArmState.STOPPED
@@ -260,22 +260,22 @@ class VelocityDriver:
         self._brake(fault)
 
     def resume(self) -> None:
-        """Obey commands again, from the next one on."""
+        """Follow commands again, from the next one on."""
         self._state = ArmState.READY
 
     def excuse(self, duration_s: float) -> None:
         """
-        Wait longer for the next command, where none could come.
+        Extend the time-out, e.g. while no command could arrive.
 
         Args:
-            duration_s: how much longer, s.
+            duration_s: extension, s.
 
         """
         self._deadline_s += duration_s
 
     def watch(self, time_s: float) -> None:
         """
-        Brake if commands have stayed away for too long; after still longer, wait to be told.
+        Brake if commands are missing for too long; after a longer time, stop until `resume`.
 
         Args:
             time_s: now, s.
@@ -302,10 +302,10 @@ class VelocityDriver:
 
     def halt(self, fault: str) -> None:
         """
-        Brake within the limits, and stay so until `resume` if the options say so.
+        Brake within the limits, and stay stopped until `resume` if the options require it.
 
         Args:
-            fault: why, for the report.
+            fault: the reason, for the report.
 
         """
         if self.options.resume_required:
@@ -319,14 +319,14 @@ class VelocityDriver:
 
     def steps(self, dt: float, count: int) -> list[list[float]]:
         """
-        Go on towards the last command.
+        Move towards the last command.
 
         Args:
             dt: length of a step, s.
-            count: how many.
+            count: number of steps.
 
         Returns:
-            The joint velocities after each, rad/s, as plain floats.
+            The joint velocities after each step, rad/s, as plain floats.
 
         """
         velocities = self._interpolator.steps(self._clear_of_end_stops(count * dt), dt, count)
@@ -336,10 +336,10 @@ class VelocityDriver:
 
     def _clear_of_end_stops(self, duration_s: float) -> Array:
         """
-        Bound the target so that the arm can always brake before the end of its range.
+        Bound the target so that the arm can always brake before its position limits.
 
-        The bound is that of a joint that brakes at a share of its acceleration, from where the
-        joint will be once that acceleration has been built up.
+        The bound assumes braking at a share of the acceleration limit, from the position where
+        that acceleration is reached.
         """
         bounded = []
         state = zip(

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which link of a description is the wrist: never guessed silently."""
+"""The wrist link of a description: never guessed silently."""
 
 from __future__ import annotations
 
@@ -29,35 +29,35 @@ TOOL_FRAME = re.compile(
     r'tool_link|tool_tip|tool_center_point|end_effector|end_effector_link|endeffector)',
     re.IGNORECASE,
 )
-"""Names that links at the end of an arm usually have; a prefix may stand before them."""
+"""Usual names of links at the end of an arm; they may have a prefix."""
 GRIPPER = re.compile(r'jaw|finger|thumb|grip|claw|knuckle|pinc|tong', re.IGNORECASE)
-"""In the names of what a gripper moves."""
+"""Occurs in the names of the moving parts of a gripper."""
 JAW_TRAVEL_M = 0.1
-"""A last joint that slides no further may be the jaw of a gripper."""
+"""A last joint with at most this travel may be the jaw of a gripper, m."""
 JAW_EFFORT = 0.06
-"""A last joint with no more than this share of the greatest effort may be one, too."""
+"""A last joint with at most this share of the greatest effort may be one, too."""
 MAX_JOINTS = 7
-"""An arm with more may have the jaw of a gripper among them."""
+"""An arm with more joints may have the jaw of a gripper among them."""
 MAX_NAMED = 12
 
 
 def choose_wrist(tree: Element, base_frame: str | None, origin: str) -> tuple[str, str]:
     """
-    Find the link that follows the wrist, where nobody says which.
+    Find the wrist link if it is not specified.
 
-    The only link at the end of moving joints, unless it may be the jaw of a gripper; else the
-    only one of those at an end that is named as tools are; else the only one anywhere.
+    It is the only link at the end of moving joints, unless that may be the jaw of a gripper;
+    otherwise the only end link with the name of a tool; otherwise the only link with such a name.
 
     Args:
         tree: root of the description.
-        base_frame: link that the arm begins at; None: the root.
+        base_frame: first link of the arm; None: the root.
         origin: of the description, for error messages.
 
     Returns:
-        Its name, and what a user should know of the choice; empty where there was none.
+        Its name, and a remark on the choice; empty if there was none to make.
 
     Raises:
-        RobotDescriptionError: it could be one of several; names them.
+        RobotDescriptionError: there are several candidates; the error names them.
 
     """
     chains = {link: _chain(tree, link, base_frame, origin) for link in _links(tree)}
@@ -72,8 +72,8 @@ def choose_wrist(tree: Element, base_frame: str | None, origin: str) -> tuple[st
         if len(tools) == 1:
             others = ', '.join(_short([end for end in ends if end != tools[0]], 3))
             return tools[0], (
-                f'taken for the wrist: {tools[0]}, by its name (the arm also ends in {others}; '
-                '--wrist-frame or the node parameter wrist_frame says otherwise)'
+                f'wrist link: {tools[0]}, chosen by its name (other ends of the arm: {others}; '
+                '--wrist-frame or the node parameter wrist_frame selects another)'
             )
     behind = [ends_of(joint)[0] for joint in jaws.values()]
     candidates = list(dict.fromkeys([*named, *behind, *ends]))
@@ -94,7 +94,7 @@ def _links(tree: Element) -> list[str]:
 
 
 def _chain(tree: Element, link: str, base_frame: str | None, origin: str) -> tuple[Element, ...]:
-    """Return the joints that move a link; none where it does not hang on the base."""
+    """Return the joints that move a link; none if the base does not carry it."""
     try:
         return moving_joints(tree, link, origin, base_frame)
     except RobotDescriptionError:
@@ -102,7 +102,7 @@ def _chain(tree: Element, link: str, base_frame: str | None, origin: str) -> tup
 
 
 def _may_be_jaw(chain: tuple[Element, ...]) -> bool:
-    """Tell whether the last joint of a chain may open and close a gripper."""
+    """Return whether the last joint of a chain may open and close a gripper."""
     last, before = chain[-1], chain[:-1]
     if GRIPPER.search(f'{last.get("name")} {ends_of(last)[1]}') or last.find('mimic') is not None:
         return True

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-From a wrist command and the arm's joint states to joint velocities, or to the reason for none.
+Joint velocities from a wrist command and the arm's joint states, or the reason for none.
 
-What surrounds the inverse kinematics in a running controller: joint states that come in another
-order, incomplete or late, commands that stop, hands that vanish. No ROS in here.
+It handles the inputs of the inverse kinematics in a running controller: joint states that are
+reordered, incomplete or late, commands that stop, hands that are lost. Free of ROS.
 """
 
 from __future__ import annotations
@@ -38,16 +38,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 STALLED = 0.03
-"""Share of the wrist's speed that is not worth moving for."""
+"""Share of the wrist's speed below which the arm stops instead."""
 AT_EASE_S = 0.2
-"""In this time every joint can change its speed as it likes."""
+"""Time in which every joint can reach any speed, s."""
 HELD_ROTATION = 1e-3
-"""Norm of the difference of two rotation matrices that are the same."""
+"""Norm of the difference of two rotation matrices below which they count as equal."""
 
 
 @dataclass(frozen=True)
 class WristControllerOptions:
-    """When inputs are too old."""
+    """Time-outs of the inputs."""
 
     joint_state_timeout_s: float = setting(
         'priority_ik',
@@ -81,14 +81,14 @@ class WristControllerOptions:
 
 class JointCommand(NamedTuple):
     """
-    The answer of one period.
+    Result of one period.
 
     Attributes:
-        velocities: (n,), rad/s, in the model's order; None if there is nothing to be commanded.
-        reason: why the arm brakes or is not commanded; empty while all is well.
-        solution: what the inverse kinematics found; None while braking or at rest.
-        smallest_singular_value: of the Jacobian of the wrist's position, m; NaN where the joints
-            are not known.
+        velocities: (n,), rad/s, in the model's order; None for no command.
+        reason: why the arm brakes or is not commanded; empty in normal operation.
+        solution: result of the inverse kinematics; None while braking or at rest.
+        smallest_singular_value: smallest singular value of the Jacobian of the wrist's position,
+            m; NaN if the joint positions are unknown.
 
     """
 
@@ -99,17 +99,17 @@ class JointCommand(NamedTuple):
 
     @property
     def speed_scale(self) -> float:
-        """How much of the speed asked for is possible: 0 while braking, 1 while at rest."""
+        """Share of the commanded speed that is possible: 0 while braking, 1 while at rest."""
         if self.solution is None:
             return 0.0 if self.reason else 1.0
         return self.solution.speed_scale
 
     def status_values(self, time_s: float) -> dict[str, float]:
         """
-        Name the values of `/wrist/ik_status`.
+        Return the values of `/wrist/ik_status`.
 
         Args:
-            time_s: of the period, s.
+            time_s: time of the period, s.
 
         Returns:
             Name to value; while braking or at rest the residuals are 0.
@@ -127,7 +127,7 @@ class JointCommand(NamedTuple):
 
 
 class WristController:
-    """Follows wrist commands with an arm by priority inverse kinematics, as long as it is safe."""
+    """Makes an arm follow wrist commands by priority inverse kinematics, while it is safe."""
 
     def __init__(
         self,
@@ -144,7 +144,7 @@ class WristController:
             model: the arm.
             ik: its inverse kinematics.
             options: the time-outs.
-            joint_prefix: what the driver puts before the names of the joints.
+            joint_prefix: prefix of the driver's joint names.
 
         """
         self.model = model
@@ -170,18 +170,18 @@ class WristController:
 
     @property
     def positions(self) -> Array | None:
-        """Joint positions, (n,), rad, in the model's order; None before the first good ones."""
+        """Joint positions, (n,), rad, in the model's order; None before the first valid ones."""
         return self._positions
 
     def ages_s(self, now_s: float) -> dict[str, float]:
         """
-        Tell how old the inputs are.
+        Return the ages of the inputs.
 
         Args:
             now_s: the time, s, on the clock of the arrivals.
 
         Returns:
-            Name to age, s; infinite for what never came.
+            Name to age, s; infinite for an input that never arrived.
 
         """
         return {
@@ -198,13 +198,13 @@ class WristController:
         arrival_s: float,
     ) -> bool:
         """
-        Take measured joint states, in any order, among those of other joints.
+        Process measured joint states, in any order, possibly with other joints.
 
         Args:
             names: of the joints.
-            positions: rad, one a name.
-            velocities: rad/s, one a name or none at all; NaN stands for none.
-            arrival_s: when they came, s.
+            positions: rad, one per name.
+            velocities: rad/s, one per name or none at all; NaN if not measured.
+            arrival_s: time of arrival, s.
 
         Returns:
             Whether they were used.
@@ -212,7 +212,7 @@ class WristController:
         """
         found = self.joint_states.read(names, positions, velocities)
         if isinstance(found, str):
-            # those of a gripper or another arm tell nothing, once this arm's have come
+            # ignore those of a gripper or another arm, once this arm's have arrived
             if self._positions is None or self.joint_states.concerns(names):
                 self._joint_fault = found
             return False
@@ -225,11 +225,11 @@ class WristController:
 
     def set_target(self, target: WristTarget, arrival_s: float) -> bool:
         """
-        Take a wrist command.
+        Process a wrist command.
 
         Args:
             target: pose and twist of the wrist, in `world`.
-            arrival_s: when it came, s.
+            arrival_s: time of arrival, s.
 
         Returns:
             Whether it was used; one that is not finite is not.
@@ -244,13 +244,13 @@ class WristController:
 
     def set_hand(self, hand: Partner, arrival_s: float, timeout_s: float = 0.0) -> None:
         """
-        Take what is known of the partner's hand, for separation and for what points at it.
+        Process the partner's hand, for separation and for the task `point`.
 
         Args:
-            hand: its position, and its velocity where that is known.
-            arrival_s: when it came, s.
-            timeout_s: age up to which no newer one is missed, where that is more than
-                `hand_timeout_s`, s.
+            hand: its position, and its velocity if known.
+            arrival_s: time of arrival, s.
+            timeout_s: age up to which no newer one is expected, s, if larger than
+                `hand_timeout_s`.
 
         """
         if all_finite(hand.position) and all_finite(hand.velocity):
@@ -260,11 +260,11 @@ class WristController:
 
     def set_elbow(self, position: Array, arrival_s: float) -> bool:
         """
-        Take where the elbow of the partner's hand is, so that the arm keeps off the forearm.
+        Process the position of the partner's elbow, for keeping away from the forearm.
 
         Args:
             position: (3,), m, in `world`.
-            arrival_s: when it came, s; older than `hand_timeout_s`, it tells nothing any more.
+            arrival_s: time of arrival, s; it is ignored after `hand_timeout_s`.
 
         Returns:
             Whether it was used; one that is not finite is not.
@@ -276,7 +276,7 @@ class WristController:
         return True
 
     def _partner(self, now_s: float) -> Partner | None:
-        """Return what is known of the partner now."""
+        """Return the presently known state of the partner."""
         timeout_s = max(self.options.hand_timeout_s, self._hand_timeout_s)
         if self._hand is None or now_s - self._hand_arrival_s > timeout_s:
             return None
@@ -286,11 +286,11 @@ class WristController:
 
     def update(self, now_s: float, dt: float) -> JointCommand:
         """
-        Answer one period.
+        Advance by one period.
 
         Args:
             now_s: the time, s, on the clock of the arrivals.
-            dt: until the next answer, s.
+            dt: time until the next call, s.
 
         Returns:
             Joint velocities, or the reason for none.
@@ -321,16 +321,16 @@ class WristController:
 
     def stop(self, reason: str, dt: float) -> JointCommand:
         """
-        Brake from what was commanded last, without looking at the arm; then command nothing.
+        Brake from the last command without feedback; then command nothing.
 
-        A velocity controller keeps its last command for ever, so the last one is zero.
+        A velocity controller keeps its last command, so the last one is zero.
 
         Args:
-            reason: why.
-            dt: until the next answer, s.
+            reason: the reason.
+            dt: time until the next call, s.
 
         Returns:
-            Joint velocities, less and less; None once they have been zero.
+            Decreasing joint velocities; None once they have been zero.
 
         """
         if self._commanded is None or not self._commanded.any():
@@ -341,7 +341,7 @@ class WristController:
         return JointCommand(self._commanded, reason)
 
     def _holds(self, target: WristTarget) -> bool:
-        """Whether the wrist is told to stand where it stands; then nothing else moves either."""
+        """Whether the wrist is commanded to stay where it is; then no joint moves."""
         turning = target.angular_velocity
         if any(target.velocity.tolist()) or (turning is not None and any(turning.tolist())):
             return False
@@ -352,9 +352,9 @@ class WristController:
 
     def _is_stalled(self, target: WristTarget, hand: Partner | None) -> bool:
         """
-        Whether the wrist could hardly move towards the target even without acceleration limits.
+        Whether the wrist could hardly approach the target even without acceleration limits.
 
-        Near a singularity the joints would turn fast for almost no motion of the wrist, so the arm
+        Near a singularity the joints would move fast for almost no motion of the wrist, so the arm
         stops instead.
         """
         positions = self._measured()

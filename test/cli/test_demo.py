@@ -184,7 +184,7 @@ def test_what_is_not_installed_is_said_before_anything_is_written(
 def test_an_unreachable_way_names_the_distance(tmp_path: Path) -> None:
     done = run('simulate', '--scale', '6', folder=tmp_path)
     assert done.returncode == 1
-    assert 'm are missing' in done.stderr
+    assert 'm out of reach' in done.stderr
     assert not (tmp_path / 'runs').exists()
 
 

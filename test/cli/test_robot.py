@@ -75,10 +75,10 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 WRONG = {
     'the only jaw of a gripper': 'say which link is the wrist',
     'two arms': 'say which link is the wrist',
-    'an axis of no direction': "joint 'j2' has an axis of no direction",
-    'a ball joint': "joint 'j1' is ball",
+    'an axis of no direction': "joint 'j2' has an axis of zero length",
+    'a ball joint': "joint 'j1' is of type ball",
     'a loop in place of a tree': 'must form a tree',
-    'macros of xacro that are not expanded': 'a xacro that is not expanded',
+    'macros of xacro that are not expanded': 'an unexpanded xacro',
 }
 
 

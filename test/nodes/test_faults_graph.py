@@ -699,7 +699,7 @@ def test_wrong_commands_are_refused_or_clipped_and_told(prepare: Any, scenario: 
         assert np.ptp(still, axis=0).max() < 1e-6, 'what is refused moves nothing'
         told([0.0] * 7, "key='accepted'", label='9' * 5000)
         states.clear()
-        told([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1e6], 'told to run at 1e+06 rad/s')
+        told([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1e6], 'commanded to 1e+06 rad/s')
         speeds = np.abs([state.velocity for state in states])
         assert np.all(speeds <= 1.01 * limits.velocity)
         # a flood, as fast as it goes

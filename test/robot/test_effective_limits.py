@@ -229,7 +229,7 @@ def test_placeholders_are_named_and_replaced(pair, limit, quantity, value, said)
 def test_a_continuous_joint_turns_for_ever_at_a_cautious_speed(pair):
     arm = pair('', kind='continuous')
     assert (arm.limits.lower[0], arm.limits.upper[0]) == (-np.inf, np.inf)
-    assert arm.limit_sources['position'][0] == 'turns for ever'
+    assert arm.limit_sources['position'][0] == 'continuous'
     assert arm.limits.velocity[0] == 1.0
 
 
@@ -263,7 +263,7 @@ def test_accelerations_of_a_description_count(pair):
     ('first', 'kind', 'complaint'),
     [
         ('<limit lower="1" upper="-1" velocity="1"/>', 'revolute', 'lower position limit is 1, '),
-        ('<limit lower="1" upper="1" velocity="1"/>', 'revolute', 'no room to move'),
+        ('<limit lower="1" upper="1" velocity="1"/>', 'revolute', 'cannot move: its lower'),
         ('<limit lower="nan" upper="1" velocity="1"/>', 'revolute', 'lower="nan" .* not a number'),
         ('<limit velocity="1"/>', 'prismatic', r'no position limits \(missing\)'),
         ('<limit lower="-1e5" upper="1e5"/>', 'prismatic', 'no position limits .-100000 to'),
@@ -271,7 +271,7 @@ def test_accelerations_of_a_description_count(pair):
             '<limit lower="-1" upper="1" velocity="1"/>'
             '<safety_controller soft_lower_limit="2" soft_upper_limit="3"/>',
             'revolute',
-            'no room to move',
+            'cannot move: its lower',
         ),
     ],
 )
@@ -297,7 +297,7 @@ def test_motors_of_unknown_effort_can_hold_a_heavy_arm(tmp_path):
     path.write_text(text.replace('velocity="1.5"', 'velocity="1.5" effort="10"'))
     arm = RobotModel.load(path)
     assert arm.limits.effort[1] == 10.0
-    assert re.search(r'cannot hold the arm.*: second 10 of 5\d\d Nm$', arm.remarks[-1])
+    assert re.search(r'too low to hold the arm.*: second 10 of 5\d\d Nm$', arm.remarks[-1])
 
 
 def test_an_entry_of_another_arm_of_the_same_name_does_not_count(tmp_path):
@@ -305,7 +305,7 @@ def test_an_entry_of_another_arm_of_the_same_name_does_not_count(tmp_path):
     path.write_text(PAIR.format(first='', kind='continuous').replace('"pair"', '"panda"'))
     arm = RobotModel.load(path)
     assert arm.wrist_frame == 'hand'
-    assert 'its name is that of panda in config/robots.yaml' in arm.remarks[0]
+    assert 'has the name of panda in config/robots.yaml' in arm.remarks[0]
     np.testing.assert_array_equal(arm.limits.acceleration, 10.0)
 
 

@@ -112,5 +112,5 @@ def test_a_command_that_changes_in_place_is_noticed(limits):
 
 @pytest.mark.parametrize('command', [np.full(7, np.nan), np.zeros(6)])
 def test_what_is_no_command_is_refused(limits, command):
-    with pytest.raises(ValueError, match='no joint velocity'):
+    with pytest.raises(ValueError, match='finite number per joint'):
         JointInterpolator(limits).step(command, DT)

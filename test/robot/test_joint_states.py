@@ -53,7 +53,7 @@ def test_nan_of_another_joint_hides_nothing():
     ('names', 'positions', 'velocities', 'fault'),
     [
         (NAMES, [1, 2, 3], [1, 2], 'velocity has 2 values, position 3'),
-        (NAMES, [1, 2], [], '3 names but 2 positions'),
+        (NAMES, [1, 2], [], '3 names, but 2 positions'),
         (NAMES, [1, nan, 3], [], 'positions are not finite'),
         (NAMES, [1, 2, 3], [1, inf, 3], 'velocities are not finite'),
         (('A1', 'A3', 'x'), [1, 2, 3], [], 'lack A2'),

@@ -155,7 +155,7 @@ def test_inverse_stays_near_the_posture_it_is_given(arm):
 
 def test_inverse_names_what_is_missing(arm):
     goal = arm.shoulder + (arm.reach_m + 0.25) * np.array([0.8, 0.0, 0.6])
-    with pytest.raises(UnreachableError, match=r'0\.25\d m are missing') as caught:
+    with pytest.raises(UnreachableError, match=r'it is 0\.25\d m too far') as caught:
         arm.inverse(goal)
     assert caught.value.missing_m == pytest.approx(0.25, abs=0.01)
 
@@ -226,7 +226,7 @@ def test_continuous_joints_turn_for_ever(urdf):
         ({'more': '<joint name="loose" type="fixed"/>'}, r"'loose' lacks its parent"),
         (
             {'second': '<limit lower="${-pi}" upper="1" velocity="1"/>'},
-            'a xacro that is not expanded',
+            'an unexpanded xacro',
         ),
         (
             {'second': LIMIT + '<origin xyz="0 0 up"/>'},

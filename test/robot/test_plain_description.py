@@ -116,7 +116,7 @@ def test_a_moving_link_in_between_may_weigh_nothing(arm):
 def test_links_that_no_engine_could_move_are_named_and_can_be_moved(arm, links, named):
     model = arm(**links)
     assert agree(model)
-    assert f'{named}: nothing that moves has inertia there, 1 kg assumed' in model.remarks[-1]
+    assert f'{named}: no moving part has inertia, 1 kg assumed' in model.remarks[-1]
     assert np.linalg.eigvalsh(mass_matrix(model)).min() > 1e-5
 
 
@@ -125,7 +125,7 @@ def test_inertia_that_no_body_can_have_is_replaced_by_the_nearest_and_said(arm):
     model = arm(l2=odd, base=odd)
     assert agree(model)
     assert model.remarks == (
-        'l2: inertia that no body can have, replaced by the nearest that one can',
+        'l2: physically impossible inertia, replaced by the nearest possible one',
     )
     moments = np.linalg.eigvalsh(model.pinocchio_model.inertias[3].inertia)
     assert moments[2] <= moments[0] + moments[1]
@@ -138,7 +138,7 @@ def test_inertia_that_no_body_can_have_is_replaced_by_the_nearest_and_said(arm):
         (INERTIAL.format(mass=0, ixx=1, iyy=1, izz=1), 'l2: inertia without mass, left out'),
         (
             INERTIAL.format(mass=1, ixx='nan', iyy=1, izz=1),
-            'l2: an <inertial> that is not',
+            'l2: an <inertial> with values that are not numbers',
         ),
     ],
 )
@@ -205,7 +205,7 @@ def test_a_shape_that_one_engine_does_not_know_costs_the_link_nothing_else(arm):
     """Pinocchio's parser would drop mass and all shapes of such a link without a word."""
     cdf = shape('<cdf filename="a.cdf"/>') + shape('<sphere radius="0.1"/>').removeprefix(BALL)
     model = arm(l2=cdf)
-    assert model.remarks == ('l2: a shape <cdf> that the engines do not know, left out',)
+    assert model.remarks == ('l2: a shape <cdf> that the engines do not support, left out',)
     assert agree(model)
     assert [capsule.name for capsule in link_capsules(model)] == ['l2']
 
@@ -226,7 +226,7 @@ def test_missing_meshes_are_named_once_and_the_rest_is_kept(arm, tmp_path):
     assert agree(model)
     assert model.meshes.missing == ('package://nowhere/lost.stl',)
     assert len(model.remarks) == 1
-    assert 'l1, l2: 1 of 1 meshes not found, package://nowhere/lost.stl' in model.remarks[0]
+    assert 'l1, l2: 1 of 1 meshes not found, e.g. package://nowhere/lost.stl' in model.remarks[0]
     assert '1 of 4 moving links' in model.remarks[0]
     assert [capsule.name for capsule in link_capsules(model)] == ['l3']
 

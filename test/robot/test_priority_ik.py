@@ -475,7 +475,7 @@ def test_depends_on_nothing_but_its_arguments(lwr4):
 
 def test_refuses_an_orientation_that_it_does_not_know(lwr4):
     with pytest.raises(
-        UsageError, match="'sideways' is none of none, full, level, upright, point"
+        UsageError, match="orientation is 'sideways', not one of none, full, level, upright, point"
     ):
         PriorityIk(lwr4, orientation='sideways')
 

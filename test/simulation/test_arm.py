@@ -138,7 +138,7 @@ def test_too_fast_is_slowed_down_in_the_same_direction(arm):
     drive(arm, wanted, 0.4)
     assert arm.joint_velocities == pytest.approx(wanted / 3.0, abs=1e-3)
     assert arm.report.clipped == 81
-    assert 'joint_1 told to run at 5.24 rad/s, limit 1.75' in arm.report.last_fault
+    assert 'joint_1 commanded to 5.24 rad/s, limit 1.75' in arm.report.last_fault
 
 
 def test_a_flood_does_not_matter_but_for_the_last_one():
