@@ -186,6 +186,8 @@ class Session:
         self.tell('/robot_sim/reset')
         self.tell('/robot_sim/resume')
         self.watch_anew()
+        # the last stage that a dead node told of is over
+        self.stages = StageWatch()
         self.tell('/hand_tracker/replay')
 
     def reach_a_stage(self, left: list[str]) -> str:
@@ -231,11 +233,12 @@ class Session:
         self._fail(name)
         self.start_anew(name)
         self.wait_sim(0.3)
-        if name == 'dmp':
+        if name == 'hand_tracker':
+            # a partner who begins anew would jump back to the beginning with what they hold
+            self.start_anew('dmp')
+        if name in ('dmp', 'hand_tracker'):
             # it knows nothing of the session that was on
             self.begin()
-        elif name == 'hand_tracker':
-            self.tell('/hand_tracker/replay')
 
     def stall(self, name: str) -> None:
         process = self.graph.processes[name]
