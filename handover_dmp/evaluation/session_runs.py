@@ -55,6 +55,16 @@ class SessionMotion:
         """Whether the object was given and taken back."""
         return self.states[-1] is HandoverState.DONE
 
+    def unfinished(self) -> str:
+        """Say how far a session came that was not done."""
+        last = self.states[-1].name.lower().replace('_', ' ')
+        longest, length = 0, 0
+        for state in self.states:
+            length = length + 1 if state is HandoverState.EXCHANGE else 0
+            longest = max(longest, length)
+        told = f'{last} when the time was over'
+        return f'{told}; an exchange lasted {longest / RATE_HZ:.1f} s' if longest else told
+
     def fluency(self) -> SessionFluency | None:
         """
         Measure the fluency from the first reach on.

@@ -78,7 +78,7 @@ class SessionOutcome:
         exchanges: number of exchanges.
         movers: measures by mover; None if it did not move. The last mover is P2.
         done: by mover, whether the object was given and taken back.
-        reasons: by mover, why there are no measures.
+        reasons: by mover, why there are no measures, or how far the session came.
 
     """
 
@@ -214,6 +214,8 @@ def _go_through(
     else:
         alone = run_alone(low_passed, models, partner_model)
         movers[ALONE], done[ALONE] = alone.fluency(), alone.done
+        if not alone.done:
+            reasons[ALONE] = alone.unfinished()
         if isinstance(base, str):
             reasons[ARM] = base
         elif choice is not None:
@@ -226,6 +228,8 @@ def _go_through(
             else:
                 moved = run_arm(scenario)
                 movers[ARM], done[ARM] = moved.fluency(), moved.done
+                if not moved.done:
+                    reasons[ARM] = moved.unfinished()
     movers[PERSON] = people_fluency(session)
     learnt = tuple(one.number for one in taught)
     return SessionOutcome(
@@ -312,20 +316,12 @@ def sessions_table(outcomes: Sequence[SessionOutcome], seed: int) -> CaseTable:
         return CaseTable(TITLE, NONE, (), [])
     note = f'{len(outcomes)} sessions. {WHAT}{WITH_ARM if ARM in outcomes[0].movers else ""} '
     failed = [
-        f'{one.configuration} {one.number}, {who}: not given and taken back; {reason}.'
+        f'{one.configuration} {one.number}, {who}: not given and taken back: {reason.rstrip(".")}.'
         for one in outcomes
-        for who, reason in _failures(one).items()
+        for who, reason in one.reasons.items()
     ]
     note += NOTE.format(what='sessions and exchanges')
     return replace(beside_table(TITLE, note, sessions_beside(outcomes), seed), remarks=failed)
-
-
-def _failures(outcome: SessionOutcome) -> dict[str, str]:
-    found = dict(outcome.reasons)
-    for who, done in outcome.done.items():
-        if not done:
-            found[who] = 'the session was not completed'
-    return found
 
 
 def _share(outcome: SessionOutcome, who: str, name: str) -> float:

@@ -23,7 +23,7 @@ from pathlib import Path
 
 from handover_dmp.cli.main import main
 from handover_dmp.evaluation.rollouts import Learning
-from handover_dmp.evaluation.session_runs import run_alone
+from handover_dmp.evaluation.session_runs import run_alone, SessionMotion
 from handover_dmp.evaluation.sessions import evaluate_sessions, sessions_beside, sessions_table
 from handover_dmp.handover.controller import HandoverState
 from handover_dmp.handover.session import SessionModels
@@ -70,6 +70,15 @@ def test_a_wrist_without_an_arm_gives_and_takes_back(sessions: list[RecordedSess
     assert apart == pytest.approx(
         float(np.linalg.norm(give.demonstrator[-1] - give.partner[-1])), abs=0.05
     )
+
+
+def test_a_session_that_does_not_end_says_how_far_it_came() -> None:
+    states = [HandoverState.REACHING] * 10 + [HandoverState.EXCHANGE] * 250
+    states += [HandoverState.WITHDRAWING] * 5 + [HandoverState.EXCHANGE] * 20
+    motion = SessionMotion(np.zeros((285, 3)), np.zeros((285, 3)), states)
+    assert not motion.done
+    expected = 'exchange when the time was over; an exchange lasted 1.2 s'
+    assert motion.unfinished() == expected
 
 
 def test_each_session_is_learnt_from_the_others_and_people_stand_beside(
