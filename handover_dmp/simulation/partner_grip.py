@@ -19,7 +19,8 @@ The hand moves as it is told, whatever the object does; between the two is a spr
 slack at the moment of the grip, that becomes as stiff as the arm of a person within a short time.
 Within the same time the hand takes over the weight. Where the robot takes, it is the reverse: once
 the robot has closed, the hand gives up the weight, lets the object slide in it where the robot
-draws it, and opens when the robot has enough of it.
+draws it, and opens when the robot has enough of it. A hand that is kept waiting for what it holds
+pulls.
 """
 
 from __future__ import annotations
@@ -44,6 +45,10 @@ ARRIVED_M = 0.01
 """and is there within this, m."""
 AWAY = 1.5
 """So many reaches off, a hand that has let go may take the object again."""
+PULL_SPEED = 0.03
+"""A hand that pulls draws its end of the spring back so fast, m/s,"""
+PULL_SHARE = 0.8
+"""until it is drawn out by this share of what would make the object slip."""
 
 
 @dataclass(frozen=True)
@@ -104,6 +109,14 @@ class PartnerGripOptions:
         'Share of the weight that the robot must carry before the partner lets go',
         0.01,
         1.0,
+        read_only=True,
+    )
+    pulls_after_s: float = setting(
+        'robot_sim',
+        'partner.pulls_after_s',
+        'Time that the hand waits for what both hold before it pulls, s',
+        0.001,
+        60.0,
         read_only=True,
     )
     slip_m: float = setting(
@@ -254,6 +267,8 @@ class PartnerGrip:
             slid = dt_s / (dt_s + self.options.grip_s)
             self._anchor = self._anchor + slid * (position - self._hand - self._anchor)
         drawn = self._hand + self._anchor - position
+        if self._is_closed and robot_lift_n is not None and self._is_kept_waiting:
+            self._pull(PULL_SPEED * dt_s, float(np.linalg.norm(drawn)))
         if float(np.linalg.norm(drawn)) > self.options.slip_m:
             # what has slipped out of the hand, it takes again where it can
             self._open()
@@ -274,8 +289,9 @@ class PartnerGrip:
             if robot_lift_n is None:
                 # what the hand has alone, it will be the one to give
                 self._gives, self._since_s = True, 0.0
-            elif self._gives:
-                self._since_s += dt_s
+                return
+            self._since_s += dt_s
+            if self._gives:
                 has_enough = robot_lift_n > self.options.share * self._weight_n
                 if self._feels_robot(robot_lift_n) and has_enough:
                     self._open()
@@ -291,6 +307,16 @@ class PartnerGrip:
 
     def _feels_robot(self, robot_lift_n: float | None) -> bool:
         return robot_lift_n is not None and self._since_s >= self.options.reaction_s
+
+    @property
+    def _is_kept_waiting(self) -> bool:
+        return not self._gives and self._since_s > self.options.pulls_after_s
+
+    def _pull(self, way_m: float, drawn_m: float) -> None:
+        """Draw the object nearer to the hand, or try to."""
+        length_m = float(np.linalg.norm(self._anchor))
+        if drawn_m < PULL_SHARE * self.options.slip_m and length_m > way_m:
+            self._anchor = self._anchor * (1.0 - way_m / length_m)
 
     def _grip(self, position: Array) -> None:
         assert self._hand is not None

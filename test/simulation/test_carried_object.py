@@ -22,10 +22,11 @@ from typing import Any
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import UsageError
 from handover_dmp.common.quaternions import to_matrix
+from handover_dmp.handover.release import ReleaseOptions
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.simulation.arm import SimulatedArm
 from handover_dmp.simulation.carried_object import CarriedObjectOptions, Holder
-from handover_dmp.simulation.partner_grip import PartnerGripOptions
+from handover_dmp.simulation.partner_grip import PartnerGripOptions, PULL_SHARE
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -158,6 +159,27 @@ def test_the_load_passes_over_and_comes_back() -> None:
         assert set(advance(arm, 0.6, BESIDE)) == {Holder.ROBOT}
         advance(arm, 0.5, BESIDE + [0.5, 0.0, 0.0])
         assert in_turn(advance(arm, 1.2, BESIDE)) == [Holder.ROBOT, Holder.BOTH]
+
+
+def test_a_hand_that_is_kept_waiting_pulls_towards_itself() -> None:
+    options = PartnerGripOptions()
+    with SimulatedArm(MODEL, carried=held()) as arm:
+        advance(arm, options.reaction_s + options.pulls_after_s, BESIDE)
+        calm_n = arm.wrench.force
+        assert np.linalg.norm(calm_n) < 0.1
+        advance(arm, 2.5, BESIDE)
+        assert arm.holder is Holder.BOTH
+        towards = BESIDE - arm.object_pose[0]
+        towards /= np.linalg.norm(towards)
+        pull_n = options.stiffness * PULL_SHARE * options.slip_m
+        assert arm.wrench.force == pytest.approx(pull_n * towards, abs=0.5)
+        assert pull_n > ReleaseOptions().pull_n
+        arm.set_gripper(False)
+        advance(arm, 1.0, BESIDE)
+        assert arm.holder is Holder.PARTNER
+        # what it has is nearer to it now, and goes back without a struggle
+        arm.set_gripper(True)
+        assert in_turn(advance(arm, 1.0, BESIDE)) == [Holder.BOTH, Holder.ROBOT]
 
 
 def test_what_nobody_holds_falls_and_lies() -> None:
