@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Recorded handovers: trials, data sets, the readers of every format, filters, synthetic data.
+Recorded handovers: trials, data sets, readers of all formats, filters, synthetic data.
 
-The public names are imported when they are first used, so that `handover_dmp --help` stays fast.
+Public names are imported on first use, so that `handover_dmp --help` stays fast.
 """
 
 from __future__ import annotations

@@ -46,9 +46,9 @@ BY_REP_103 = 'by REP 103'
 CLOCKS = ('stamp', 'log')
 _MIN_POSES = 4
 _MAX_POSES = 2_000_000
-# Poses of one time that are farther apart than this are those of two bodies.
+# Poses with the same stamp that are farther apart than this belong to two bodies.
 _SAME_PLACE_M = 0.02
-# Messages of two trackers may be this much longer on their way, the one than the other.
+# Largest usual difference of the transport delays of two trackers.
 _SAME_DELAY_S = 0.02
 
 
@@ -65,27 +65,27 @@ def read_bag_wrists(
     """
     Read the wrists of both partners from a bag.
 
-    Any message with a point, pose or transform will do, or with a list of them. Times are the
-    stamps of the messages (where these are zero, when they were recorded), counted from the first;
+    Topics may have any message with a point, pose or transform, or with a list of them. Times are
+    the stamps of the messages (times of recording if the stamps are zero), counted from the first;
     P2 is interpolated at the times of P1.
 
     Args:
         path: a rosbag2 folder or one of its files.
-        partner: topic of P1's wrist; of several bodies in it, `topic:name` or `topic:number`.
-        demonstrator: the same for P2. Where neither is told, the bag may be of a graph in any
+        partner: topic of P1's wrist; `topic:name` or `topic:number` if it has several bodies.
+        demonstrator: the same for P2. If neither is given, the bag may be of a graph in any
             namespace.
-        part: which part, from 1, of a recording whose clock was set back.
-        clock: `stamp` or `log`: take the times from the stamps or from when it was recorded.
-        unit: of length, where it is not metres as ROS has it.
-        up: axis that points up, where it is not z as ROS has it.
+        part: number of the part, from 1, of a recording whose clock was set back.
+        clock: `stamp` or `log`: use the stamps or the times of recording.
+        unit: unit of length; default: metres, as in ROS.
+        up: axis that points up; default: z, as in ROS.
 
     Returns:
-        Both wrists where their topics overlap in time, in metres; turned as the messages tell,
-        unless these have the same (0, 0, 0, 1) throughout.
+        Both wrists, for the time in which their topics overlap, in metres; with orientations if
+        the messages have them, unless these are (0, 0, 0, 1) throughout.
 
     Raises:
-        DataError: the bag or a topic is missing, its poses make no sense or are in two frames,
-            several bodies of which none is chosen, or several parts.
+        DataError: the bag or a topic is missing, its poses are invalid or in two frames, no body
+            of several or no part of several is chosen.
 
     """
     path = Path(path)
@@ -98,7 +98,7 @@ def read_bag_wrists(
     _fill(path, streams)
     chosen = [stream.poses(clock) for stream in streams]
     if chosen[0].label == chosen[1].label:
-        raise DataError(f'{path}: both wrists are {chosen[0].label}; they are of two people')
+        raise DataError(f'{path}: P1 and P2 are both {chosen[0].label}; choose two bodies')
     if chosen[0].frame != chosen[1].frame:
         first, second = chosen
         raise DataError(
@@ -125,14 +125,14 @@ def read_bag_wrists(
             f'{path}: {min(len(partner_times), len(other_times))} poses on {short.label}'
         )
     inside = (partner_times >= other_times[0]) & (partner_times <= other_times[-1])
-    # Between two poses of P2 that are far apart, nothing is known of it.
+    # P2 is unknown between two poses that are far apart in time.
     after = np.clip(np.searchsorted(other_times, partner_times), 1, len(other_times) - 1)
     inside &= other_times[after] - other_times[after - 1] <= MAX_HIDDEN_S
     times = partner_times[inside]
     if len(times) == 0:
         raise DataError(
             f'{path}: {chosen[0].label} and {chosen[1].label} do not overlap in time; '
-            'if two clocks stamped them, --clock log takes the times of recording'
+            'if two clocks stamped them, --clock log uses the times of recording'
         )
     turns = [turn_orientation_up(_turns(poses, zero_ns, times), axis.value) for poses in chosen]
     start = float(partner_times[0])
@@ -163,16 +163,16 @@ def read_body_paths(
 
     Args:
         path: a rosbag2 folder or one of its files.
-        asked: topic of each body; of several bodies in it, `topic:name` or `topic:number`.
-        part: which part, from 1, of a recording whose clock was set back.
-        clock: `stamp` or `log`: take the times from the stamps or from when it was recorded.
+        asked: topic of each body; `topic:name` or `topic:number` if it has several bodies.
+        part: number of the part, from 1, of a recording whose clock was set back.
+        clock: `stamp` or `log`: use the stamps or the times of recording.
 
     Returns:
         Their paths, on one clock that begins with the first pose.
 
     Raises:
-        DataError: the bag or a topic is missing, its poses make no sense, several bodies of which
-            none is chosen, or several parts.
+        DataError: the bag or a topic is missing, its poses are invalid, no body of several or no
+            part of several is chosen.
 
     """
     path = Path(path)
@@ -197,17 +197,17 @@ def read_body_paths(
 
 def describe_bag(path: str | Path) -> tuple[str, str | None, int]:
     """
-    Tell what a bag is a recording of.
+    Find out what a bag records.
 
     Args:
         path: a rosbag2 folder, one of its files or the folder of a run.
 
     Returns:
-        Configuration, direction and number: those that the bag carries along, else those of the
-        run that it records, else by its name; a direction of None where nothing tells it.
+        Configuration, direction and number: from the bag's custom data, otherwise from the
+        recorded run, otherwise from its name. The direction is None if it is unknown.
 
     Raises:
-        DataError: there is no such bag, or it is damaged.
+        DataError: the bag is missing or damaged.
 
     """
     # Not at the top: mocap files are read without the libraries that bags need.
@@ -225,7 +225,7 @@ def describe_bag(path: str | Path) -> tuple[str, str | None, int]:
 
 
 def _run_info(path: str | Path) -> dict[str, str]:
-    """Return what a run says that it replayed, in the words of a trial's bag."""
+    """Return what a run replayed, with the keys of a trial's bag."""
     from handover_dmp.recording import read_bag, recorded_namespace
 
     for _, message, _ in read_bag(path, [INFO.within(recorded_namespace(path, [INFO]))]):
@@ -243,13 +243,13 @@ class _Poses:
 
     Attributes:
         label: topic and body, for messages.
-        frame: that they are given in.
-        times_ns: (n,) by the clock that counts.
-        delays_ns: (n,) from stamp to recording; empty where there are no stamps.
-        logs_ns: (n,) when they were recorded.
-        positions: (n, 3) m, NaN where it was not seen.
-        quaternions: (n, 4) x, y, z, w, NaN where there are none.
-        unstamped: how many more there were, without a stamp while others have one.
+        frame: frame of the poses.
+        times_ns: (n,) by the chosen clock.
+        delays_ns: (n,) from stamp to recording; empty without stamps.
+        logs_ns: (n,) times of recording.
+        positions: (n, 3) m, NaN if the body was not seen.
+        quaternions: (n, 4) x, y, z, w, NaN if there are none.
+        unstamped: number of further poses without a stamp, if others have one.
 
     """
 
@@ -272,13 +272,13 @@ class _Poses:
 @dataclass(eq=False)
 class _Stream:
     """
-    What is asked for, and everything that its topic holds.
+    A requested body, and all bodies of its topic.
 
     Attributes:
-        path: of the bag.
+        path: path of the bag.
         asked: topic, or topic and body.
-        found: name or number of a body to its poses, each with the time of recording.
-        counts: how many bodies the messages held.
+        found: by name or number of the body, its poses, each with the time of recording.
+        counts: numbers of bodies in the messages.
 
     """
 
@@ -300,7 +300,7 @@ class _Stream:
                 raise DataError(f'{self.path}: more than {_MAX_POSES} poses on {self.topic}')
 
     def poses(self, clock: str) -> _Poses:
-        """Return the poses of the body that was asked for."""
+        """Return the poses of the requested body."""
         name = self._body()
         rows = self.found[name]
         label = self.topic if len(self.found) == 1 else f'{self.topic}:{name.lstrip("#")}'
@@ -312,7 +312,7 @@ class _Stream:
         stamped = any(body.stamp_ns for _, body in rows)
         unstamped = sum(not body.stamp_ns for _, body in rows) if stamped else 0
         if unstamped and clock == 'stamp':
-            # As before the first time on a simulated clock.
+            # A stamp of zero, as before the first time on a simulated clock.
             rows = [(log_ns, body) for log_ns, body in rows if body.stamp_ns]
         logs = np.array([log_ns for log_ns, _ in rows], dtype=np.int64)
         stamps = np.array([body.stamp_ns for _, body in rows], dtype=np.int64)
@@ -338,14 +338,14 @@ class _Stream:
             known = name_list([name.lstrip('#') for name in names])
             raise DataError(
                 f'{self.path}: {self.topic} holds several bodies; '
-                f'say {self.topic}:NAME, of {known}'
+                f'choose {self.topic}:NAME, of {known}'
             )
         for name in (wanted.lstrip('/'), f'#{wanted}'):
             if name in names:
                 if name.startswith('#') and len(self.counts - {0}) > 1:
                     raise DataError(
-                        f'{self.path}: {self.topic} holds now {min(self.counts - {0})}, now '
-                        f'{max(self.counts)} poses without names: which is which cannot be told'
+                        f'{self.path}: {self.topic} holds {min(self.counts - {0})} to '
+                        f'{max(self.counts)} poses without names: the bodies cannot be told apart'
                     )
                 return name
         known = name_list([name.lstrip('#') for name in names])
@@ -367,7 +367,7 @@ def _fill(path: Path, streams: Sequence[_Stream]) -> None:
 
 
 def _part(path: Path, chosen: list[_Poses], part: int | None) -> list[_Poses]:
-    """Return the part that was asked for, where the clock was set back, else all."""
+    """Return the requested part if the clock was set back, otherwise all."""
     jumps = [jumps_back(poses.times_ns) for poses in chosen]
     parts = [
         [poses.cut(piece) for poses, piece in zip(chosen, pieces, strict=True)]
@@ -391,31 +391,31 @@ def _part(path: Path, chosen: list[_Poses], part: int | None) -> list[_Poses]:
 
 
 def _check_clocks(path: Path, chosen: Sequence[_Poses]) -> None:
-    """Refuse wrists that are apart in time from some moment on, or a time that was left out."""
+    """Refuse wrists whose clocks drift apart, or a clock that skips a time."""
     steps = [clock_step(poses.delays_ns) for poses in chosen]
     poses, step = max(zip(chosen, steps, strict=True), key=lambda pair: abs(pair[1]))
-    # A simulation that stands still does so for both, and leaves nothing out.
+    # A simulation that stands still does so for both wrists and skips nothing.
     together = all(len(each.delays_ns) for each in chosen) and abs(steps[0] - steps[1]) < STEP_NS
     if step and not (together and -int(np.diff(poses.delays_ns).min()) < STEP_NS):
         raise DataError(
             f'{path}: the clock of {poses.label} was set by {step * 1e-9:+.3f} s while it was '
-            'recorded; --clock log takes the times of recording'
+            'recorded; --clock log uses the times of recording'
         )
 
 
 def _series(poses: _Poses, zero_ns: int) -> tuple[Array, Array, NDArray[Any]]:
-    """Return times in s in order, positions, and where the body was seen; each time once."""
+    """Return sorted unique times in s, positions, and when the body was seen."""
     order = np.argsort(poses.times_ns, kind='stable')
     times_ns, positions = poses.times_ns[order], poses.positions[order]
-    # Seconds since 1970 would leave a double only some tenths of a microsecond.
+    # With seconds since 1970 a double would resolve only some tenths of a microsecond.
     times = np.asarray((times_ns - zero_ns) * 1e-9, dtype=np.float64)
     again = np.flatnonzero(np.diff(times_ns) == 0) + 1
     apart = np.linalg.norm(positions[again] - positions[again - 1], axis=1)
     if (apart > _SAME_PLACE_M).any():
         at = times[again[np.flatnonzero(apart > _SAME_PLACE_M)[0]]]
         raise DataError(
-            f'{poses.label}: at {at:.3f} s two poses of one time that lie '
-            f'{np.nanmax(apart):.2g} m apart; are they of two bodies?'
+            f'{poses.label}: at {at:.3f} s two poses with one stamp are '
+            f'{np.nanmax(apart):.2g} m apart; do they belong to two bodies?'
         )
     once = np.delete(np.arange(len(times)), again)
     seen = np.asarray(np.isfinite(positions[once]).all(axis=1))
@@ -423,7 +423,7 @@ def _series(poses: _Poses, zero_ns: int) -> tuple[Array, Array, NDArray[Any]]:
 
 
 def _turns(poses: _Poses, zero_ns: int, at: Array) -> Array | None:
-    """Return the orientations of a body at some times, s; None where there are none."""
+    """Return the orientations of a body at some times, s; None if there are none."""
     times_ns, once = np.unique(poses.times_ns, return_index=True)
     times = np.asarray((times_ns - zero_ns) * 1e-9, dtype=np.float64)
     return orientation_at(times, poses.quaternions[once], at, MAX_HIDDEN_S)
@@ -442,12 +442,12 @@ def _clock_remarks(chosen: Sequence[_Poses]) -> Iterator[str]:
     if len(stamped) == 1 and abs(delays_s[0]) > _SAME_DELAY_S:
         yield (
             f'only {stamped[0].label} is stamped, {delays_s[0]:.3f} s before it was recorded: '
-            'the wrists may be apart in time by as much (--clock log takes the times of recording)'
+            'the wrists may be apart in time by as much (--clock log uses the times of recording)'
         )
     if len(stamped) == 2 and abs(delays_s[0] - delays_s[1]) > _SAME_DELAY_S:
         yield (
             f'{stamped[0].label} is stamped {delays_s[0]:.3f} s and {stamped[1].label} '
             f'{delays_s[1]:.3f} s before it was recorded: if that is two clocks, the wrists are '
             f'apart in time by {abs(delays_s[0] - delays_s[1]):.3f} s '
-            '(--clock log takes the times of recording)'
+            '(--clock log uses the times of recording)'
         )

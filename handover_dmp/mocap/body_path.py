@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The path of one body that was tracked: places over time, and how it was turned."""
+"""The path of one tracked body: positions and orientations over time."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ MIN_POSES = 20
 @dataclass(frozen=True, eq=False)
 class BodyPath:
     """
-    Where a body was, as one source tells it; poses that are none are left out.
+    The path of a body from one source, without invalid poses.
 
     Attributes:
-        label: what it is, for messages.
-        frame: that the poses are given in; empty where nothing tells it.
+        label: name for messages.
+        frame: frame of the poses; empty if unknown.
         times: (n,) s, strictly increasing.
         positions: (n, 3) m.
-        quaternions: (n, 4) x, y, z, w, of norm 1; None where there are none.
-        lost: poses that were none.
-        delay_s: median time from the stamp to the recording, s; 0 where that is not known.
+        quaternions: (n, 4) x, y, z, w, of norm 1; None if there are none.
+        lost: number of invalid poses.
+        delay_s: median time from the stamp to the recording, s; 0 if unknown.
 
     """
 
@@ -56,7 +56,7 @@ class BodyPath:
 
     def checked(self) -> BodyPath:
         """
-        Check that there is something to work with.
+        Check that there are enough poses.
 
         Returns:
             The same path.
@@ -66,7 +66,7 @@ class BodyPath:
 
         """
         if len(self.times) < MIN_POSES:
-            lost = f' beside {self.lost} that are none' if self.lost else ''
+            lost = f' and {self.lost} invalid ones' if self.lost else ''
             raise DataError(
                 f'{self.label}: {len(self.times)} poses{lost}; at least {MIN_POSES} are needed'
             )
@@ -82,14 +82,14 @@ def make_body_path(
     delay_s: float = 0.0,
 ) -> BodyPath:
     """
-    Make a path out of poses as they came.
+    Make a path from raw poses.
 
     Args:
-        label: what it is, for messages.
-        frame: that the poses are given in.
-        times: (n,) s, in any order; of two poses of one time the first counts.
-        positions: (n, 3) m, NaN where the body was not seen.
-        quaternions: (n, 4) x, y, z, w, NaN where there are none.
+        label: name for messages.
+        frame: frame of the poses.
+        times: (n,) s, in any order; of two poses with one stamp the first counts.
+        positions: (n, 3) m, NaN if the body was not seen.
+        quaternions: (n, 4) x, y, z, w, NaN if there are none.
         delay_s: median time from the stamp to the recording, s.
 
     Returns:
@@ -121,9 +121,9 @@ def read_body_csv(path: str | Path) -> BodyPath:
     Read a path from a CSV file.
 
     Args:
-        path: of the file; its columns `t,x,y,z`, in s and m, and where there are orientations
-            `qx,qy,qz,qw`, in any order, with others or without. A cell that is empty or `nan`,
-            and exact zeros, mean that the body was not seen.
+        path: the file, with columns `t,x,y,z`, in s and m, and optionally `qx,qy,qz,qw`, in any
+            order; other columns are ignored. Empty cells, `nan` and exact zeros mean that the
+            body was not seen.
 
     Returns:
         The path; its frame is empty.

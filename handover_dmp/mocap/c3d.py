@@ -13,14 +13,14 @@
 # limitations under the License.
 
 """
-Reader of C3D files: points of integers or floats, of Intel, DEC and MIPS processors.
+Reader of C3D files: points as integers or floats, of Intel, DEC and MIPS processors.
 
-The library `c3d` reads the header and the parameters, numpy the points. `ezc3d`, the reference
-implementation, is what the tests hold this reader against, but it cannot stand here: it died of a
-segmentation fault on 1 of 150 files with one to four wrong bytes, which would take the whole
-process along; it reads a file that is broken off as a shorter one; and it refuses files of MIPS
-processors and those whose number of frames is stored as the manual advises for long ones, as a
-float. How many frames there are stands in up to four places, none of which every program keeps.
+The library `c3d` reads the header and the parameters, numpy the points. The tests compare this
+reader with `ezc3d`, the reference implementation. `ezc3d` is not used here: it crashed on 1 of
+150 files with one to four wrong bytes, which would end the whole process; it reads a truncated
+file as a shorter one; and it refuses files of MIPS processors and files that store the number of
+frames as a float, as the manual advises for long files. The number of frames is stored in up to
+four places, none of which every program writes.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ from numpy.typing import NDArray
 
 _MAX_POINTS = 5_000_000
 _BLOCK = 512
-# The largest number that the 16-bit fields for frames hold; it stands for itself or for more.
+# Largest value of the 16-bit fields for frames; it means this number or more.
 _SATURATED = 65_535
-# Two places that tell one number differ by no more than a float's rounding, or are a fault.
+# Two fields with the same number may differ by the rounding of a float, not more.
 _ROUNDING = 1e-4
 _UP = {f'{sign}{axis}': f'{sign}{axis}'.strip('+') for sign in ('', '+', '-') for axis in 'xyz'}
 
@@ -55,32 +55,32 @@ def read_c3d(path: str | Path, markers: Sequence[str] | None = None) -> MarkerRe
 
     Args:
         path: the file.
-        markers: which ones to read, of those that are there; all if left out.
+        markers: names of the markers to read; default: all.
 
     Returns:
-        The markers, in the unit of the file; up is what it tells of its screen's vertical axis.
+        The markers, in the unit of the file; up is the vertical axis of its screen.
 
     Raises:
-        DataError: the file is missing, broken off, without markers or no such file.
+        DataError: the file is missing, truncated, without markers or not a C3D file.
 
     """
     path = Path(path)
     content = read_bytes(path, LARGEST_RECORDING_BYTES)
     try:
         with warnings.catch_warnings():
-            # The library warns of what this reader does not need.
+            # The library warns of contents that this reader does not use.
             warnings.simplefilter('ignore')
             return _read(_Reader(io.BytesIO(content)), content, path, markers)
     except DataError:
         raise
     except Exception as error:
-        # A damaged file makes the library raise whatever its next operation happens to raise.
+        # On a damaged file the library may raise any exception.
         what = f'{type(error).__name__}: {error}'.replace('\n', ' ')
-        raise DataError(f'{path}: not a C3D file that can be read ({what[:120]})') from error
+        raise DataError(f'{path}: not a readable C3D file ({what[:120]})') from error
 
 
 class _Reader(c3d.Reader):  # type: ignore[misc]
-    """The library's reader without its own checks, which refuse much that does no harm."""
+    """The library's reader without its own checks, which refuse many harmless files."""
 
     def _check_metadata(self) -> None:
         """Leave that to `_check`."""
@@ -127,7 +127,7 @@ def _read(
 
 
 def _check(file: c3d.Reader, path: Path) -> None:
-    """Refuse a file whose header and parameters differ in what the data are read by."""
+    """Refuse a file whose header and parameters disagree on how to read the data."""
     header = file.header
     analog = int(header.analog_count)
     told = [
@@ -136,7 +136,7 @@ def _check(file: c3d.Reader, path: Path) -> None:
     ]
     if max(float(header.scale_factor), _number(file, 'POINT:SCALE')) > 0.0:
         told.append(('scale', float(header.scale_factor), _number(file, 'POINT:SCALE')))
-    # How many samples a frame has stands in the header, and follows from the rates.
+    # The header has the number of samples per frame; it also follows from the rates.
     channels = _number(file, 'ANALOG:USED')
     ratio = _number(file, 'ANALOG:RATE') / (_number(file, 'POINT:RATE') or np.inf)
     if analog not in (channels * int(header.analog_per_frame), channels * round(ratio)):
@@ -144,13 +144,12 @@ def _check(file: c3d.Reader, path: Path) -> None:
     for what, first, second in told:
         if first and second and abs(first - second) > _ROUNDING * abs(second):
             raise DataError(
-                f'{path}: its header and its parameters tell a different {what}, '
-                f'{first:g} and {second:g}'
+                f'{path}: header and parameters disagree on the {what}, {first:g} and {second:g}'
             )
 
 
 def _word(scale: float, processor: int) -> np.dtype[Any]:
-    """Return the type of a number of the data: a negative scale stands for floats."""
+    """Return the number type of the data: a negative scale means floats."""
     end = '>' if processor == c3d.c3d.PROCESSOR_MIPS else '<'
     if scale == 0.0 or not np.isfinite(scale):
         raise ValueError(f'a scale of {scale}')
@@ -159,7 +158,7 @@ def _word(scale: float, processor: int) -> np.dtype[Any]:
 
 def _values(table: NDArray[Any], processor: int) -> Array:
     if table.dtype.kind == 'f' and processor == c3d.c3d.PROCESSOR_DEC:
-        # A float of the VAX has its two halves the other way round, and four times the value.
+        # A VAX float has its two halves swapped, and four times the value.
         halves = np.ascontiguousarray(table).view('<u2').reshape(*table.shape, 2)[..., ::-1]
         table = np.ascontiguousarray(halves).view('<f4')[..., 0] / np.float32(4.0)
     return table.astype(np.float64)
@@ -167,12 +166,12 @@ def _values(table: NDArray[Any], processor: int) -> Array:
 
 def _count_frames(file: c3d.Reader, data: memoryview, frame_bytes: int, path: Path) -> int:
     """
-    Find out how many frames there are.
+    Find the number of frames.
 
     Args:
         file: header and parameters.
-        data: from the first frame to the end of the file.
-        frame_bytes: length of one frame.
+        data: bytes from the first frame to the end of the file.
+        frame_bytes: length of one frame, bytes.
         path: the file, for the error.
 
     Returns:
@@ -182,21 +181,21 @@ def _count_frames(file: c3d.Reader, data: memoryview, frame_bytes: int, path: Pa
     room = len(data) // frame_bytes
     told = _told_frames(file)
     if told is None:
-        # As many as there is room for, but for the zeros that fill the last block.
+        # As many as fit, without the zeros that fill the last block.
         last = bytes(data[max(room * frame_bytes - _BLOCK, 0): room * frame_bytes])  # fmt: skip
         told = room - (len(last) - len(last.rstrip(b'\0'))) // frame_bytes
-    # What does not fit into its 16 bits, some programs write modulo 65,536.
+    # Some programs write a number that exceeds 16 bits modulo 65,536.
     while told > 0 and told + _SATURATED < room:
         told += _SATURATED + 1
     if told > room:
-        raise DataError(f'{path}: broken off after {room} of {told} frames')
+        raise DataError(f'{path}: truncated after {room} of {told} frames')
     if told < 1:
         raise DataError(f'{path}: holds no frames')
     return told
 
 
 def _told_frames(file: c3d.Reader) -> int | None:
-    """Return how many frames the file says that it has; None where that did not fit in."""
+    """Return the stated number of frames; None if it did not fit into the field."""
     field = [_words(file, f'TRIAL:ACTUAL_{end}_FIELD') for end in ('START', 'END')]
     if all(field):
         first, last = field
@@ -213,7 +212,7 @@ def _told_frames(file: c3d.Reader) -> int | None:
 
 
 def _words(file: c3d.Reader, name: str) -> int:
-    """Return an integer that is stored in two words, the lower one first; 0 if there is none."""
+    """Return an integer stored in two words, the lower one first; 0 if there is none."""
     parameter = file.get(name)
     if parameter is None or parameter.bytes_per_element != 2 or len(parameter.bytes) != 4:
         return 0
@@ -222,7 +221,7 @@ def _words(file: c3d.Reader, name: str) -> int:
 
 
 def _number(file: c3d.Reader, name: str) -> float:
-    """Return a parameter that is an integer or, of long files, a float; 0 if there is none."""
+    """Return a parameter: an integer or, in long files, a float; 0 if it is missing."""
     parameter = file.get(name)
     if parameter is None or not parameter.bytes:
         return 0.0
@@ -250,7 +249,7 @@ def _text(file: c3d.Reader, name: str) -> str:
     parameter = file.get(name)
     if parameter is None:
         return ''
-    # Of several, as of screens or of units for each kind of point, the first counts.
+    # Of several values, for example one unit per kind of point, the first counts.
     width = parameter.dimensions[0] if parameter.dimensions else len(parameter.bytes)
     return _decoded(parameter.bytes[:width])
 

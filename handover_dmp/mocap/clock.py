@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Clocks that are set back while something is recorded.
+Clocks that are set back during a recording.
 
-When a simulation is reset or a computer's clock is set, the stamps of the messages jump back, and
-what comes after is another motion at the same times; sorted by stamp, both would be woven into
-one. A few messages that came late are something else: after them, the stamps are ahead again.
+When a simulation is reset or a computer's clock is set, the stamps of the messages jump back. The
+following motion then has the same times as the one before; sorted by stamp, the two would be
+mixed. This differs from a few late messages: after those, the stamps are ahead again.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-# So many messages may come late, and by no more than this.
+# Largest number of late messages, and largest lateness.
 _MAX_LATE = 3
 _MAX_LATE_NS = 250_000_000
-# Where several clocks are set at once, so long may pass between the first and the last.
+# If several clocks are set at once: longest time between the first and the last.
 _AT_ONCE_NS = 1_000_000_000
-# Delays are compared by blocks of so many messages; these differ by no more than this.
+# Number of messages in the blocks whose delays are compared, and largest usual difference.
 _BLOCK = 10
 STEP_NS = 100_000_000
-# Nobody wants one of more parts than this.
+# Largest sensible number of parts.
 _MAX_JUMPS = 1000
 
 
@@ -44,7 +44,7 @@ def jumps_back(times_ns: NDArray[np.int64]) -> list[int]:
     Find where a clock was set back.
 
     Args:
-        times_ns: (n,) in the order of recording.
+        times_ns: (n,) stamps in the order of recording.
 
     Returns:
         Index of the first time after each jump.
@@ -66,17 +66,17 @@ def jumps_back(times_ns: NDArray[np.int64]) -> list[int]:
 
 def clock_step(delays_ns: NDArray[np.int64]) -> int:
     """
-    Find by how much the stamps moved against the time of recording from one moment on.
+    Find a step of the stamps relative to the times of recording.
 
-    A clock was set forward, or back by less than the silence that came with it, or a simulation
-    stood still. Messages that are held up and come in a bunch are something else: afterwards they
-    take as long as they did before. So is a simulated clock that runs fast or slow all the time.
+    A step means that a clock was set forward, or set back by less than the accompanying silence,
+    or that a simulation stood still. Delayed messages that arrive in a burst are no step: later
+    delays are as before. A simulated clock that constantly runs fast or slow is no step either.
 
     Args:
         delays_ns: (n,) from stamp to recording, in the order of recording.
 
     Returns:
-        The step, ns, positive if the stamps went ahead; 0 if there was none.
+        The step, ns, positive if the stamps jumped ahead; 0 if there was none.
 
     """
     blocks = [delays_ns[at: at + _BLOCK] for at in range(0, len(delays_ns), _BLOCK)]  # fmt: skip
@@ -99,16 +99,16 @@ def parts_of(
     Cut several streams at the jumps of any of them.
 
     Args:
-        logs_ns: for each stream when its messages were recorded.
-        jumps: for each stream the index of the first message after each of its jumps.
+        logs_ns: for each stream, the times of recording.
+        jumps: for each stream, the index of the first message after each of its jumps.
 
     Returns:
-        For each part a slice of each stream.
+        For each part, a slice of each stream.
 
     """
     edges = [[0, *indices, len(log_ns)] for log_ns, indices in zip(logs_ns, jumps, strict=True)]
     if len({len(edge) for edge in edges}) > 1:
-        # Not the clocks of all were set: the others are cut at the same moments.
+        # Streams whose clocks were not set are cut at the same moments.
         moments: list[int] = []
         for moment in sorted(
             int(log_ns[index])

@@ -38,7 +38,8 @@ from handover_dmp.mocap.trial import (
 )
 import numpy as np
 
-# Exchanges of one configuration lie within an arm's length of each other; this is another room.
+# Exchanges of one configuration are within an arm's length of each other; beyond this distance
+# the frames differ.
 SAME_FRAME_M = 2.0
 _COLUMNS = (*INDEX_COLUMNS, 'rate_hz', 'source')
 
@@ -55,8 +56,8 @@ def read_data_set(folder: str | Path) -> list[HandoverTrial]:
         The trials in the order of the index.
 
     Raises:
-        DataError: the index or a trial is missing or faulty, two trials have one name, or trials
-            of one configuration and exchange lie metres apart; names file, line and fault.
+        DataError: the index or a trial is missing or faulty, two trials have the same name, or
+            trials of one configuration and exchange are metres apart; names file, line and fault.
 
     """
     folder = Path(folder)
@@ -86,14 +87,14 @@ def write_data_set(
     progress: Callable[[], object] | None = None,
 ) -> None:
     """
-    Write trials and their index; the index last, so that it never names a file that is not there.
+    Write trials and then their index, so that the index never names a missing file.
 
-    What is there already stays as it is: no file is replaced, and an index only gets more lines.
+    Existing files stay unchanged: none is replaced, and an index only gets more lines.
 
     Args:
-        trials: what to write, no two of one configuration, exchange and number.
-        folder: where to; made if need be.
-        append: to the data set that is there, instead of making one.
+        trials: the trials, no two of one configuration, exchange and number.
+        folder: output folder; created if missing.
+        append: add to the existing data set instead of making a new one.
         progress: called after each trial.
 
     Raises:
@@ -131,10 +132,10 @@ def check_no_data_set(folder: Path) -> None:
     Make sure that a folder is free for a new data set.
 
     Args:
-        folder: where it is to be.
+        folder: folder of the new data set.
 
     Raises:
-        DataError: there is one already.
+        DataError: the folder has a data set already.
 
     """
     if (folder / INDEX_NAME).exists():
@@ -156,7 +157,7 @@ def _remove(path: Path) -> None:
 
 
 def _with_rows(index: Path | None, trials: Sequence[HandoverTrial]) -> str:
-    """Return the text of an index (none: an empty one) with trials added in its own columns."""
+    """Return the text of an index (None: an empty one) with trials added in its own columns."""
     old = ','.join(_COLUMNS)
     if index:
         read_records(index, INDEX_COLUMNS)
@@ -203,7 +204,7 @@ def _check_frames(folder: Path, trials: Sequence[HandoverTrial]) -> None:
         ends = np.array(
             [np.concatenate([trial.partner[-1], trial.demonstrator[-1]]) for trial in case]
         )
-        # Of two, neither is the odd one: the first is what the other is held against.
+        # Of two trials neither is the outlier: the second is compared with the first.
         usual = ends[0] if len(case) == 2 else np.median(ends, axis=0)
         apart = (ends - usual).reshape(len(case), 2, 3)
         distances = np.sqrt(np.square(apart).sum(axis=2)).max(axis=1)
@@ -212,5 +213,5 @@ def _check_frames(folder: Path, trials: Sequence[HandoverTrial]) -> None:
             raise DataError(
                 f'{folder / case[worst].source}: its exchange lies {distances[worst]:.2g} m '
                 f'from the others of {case[worst].configuration} {case[worst].direction}; '
-                'are the frames the same?'
+                'do all use the same frame?'
             )

@@ -21,10 +21,10 @@ The positions are fitted by a cubic spline x(t), its knots on the new samples, t
 
 For samples at a rate f_s its frequency response is 1 / (1 + (f / f_0)⁶) with λ = f_s / (2π f_0)⁶,
 real and hence without phase: that of a third-order Butterworth filter run forwards and backwards
-(H. Woltring, Adv. Eng. Software 8, 1986). What it has over the latter: stamps may be uneven and
-at any rate, so nothing is interpolated before it is filtered, gaps are bridged with the least
-jerk, and the ends need no invented samples beyond them. A motion of constant acceleration passes
-unchanged up to its last sample, which matters since the last one becomes the goal.
+(H. Woltring, Adv. Eng. Software 8, 1986). Its advantages: stamps may be uneven and have any rate,
+so that no interpolation precedes the filter; gaps are bridged with the least jerk; and the ends
+need no invented samples. A motion of constant acceleration passes unchanged up to its last
+sample, which matters because that sample becomes the goal.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ RATE_HZ = 200.0
 CUTOFF_HZ = 6.0
 _MAX_SAMPLES = 2_000_000
 _DEGREE = 3
-# Third differences of the coefficients of a cubic spline are its third derivative.
+# The third differences of a cubic spline's coefficients are its third derivative.
 _THIRD_DIFFERENCE = np.array([-1.0, 3.0, -3.0, 1.0])
 
 
@@ -55,7 +55,7 @@ def condition(
     trial: HandoverTrial, rate_hz: float = RATE_HZ, cutoff_hz: float | None = CUTOFF_HZ
 ) -> HandoverTrial:
     """
-    Resample a trial evenly and low-pass it without phase, orientations too.
+    Resample a trial evenly and low-pass it with zero phase, including orientations.
 
     Args:
         trial: as recorded, at any rate, stamps even or not.
@@ -78,23 +78,23 @@ def condition(
 
 def smooth_columns(columns: WristColumns, rate_hz: float, cutoff_hz: float | None) -> WristColumns:
     """
-    Resample the wrists of two people evenly, low-passed without phase.
+    Resample the wrists of two people evenly, low-passed with zero phase.
 
     Args:
-        columns: as recorded.
+        columns: the recorded wrists.
         rate_hz: new sampling rate, Hz.
-        cutoff_hz: as of `smooth`, Hz.
+        cutoff_hz: as in `smooth`, Hz.
 
     Returns:
-        The same, sampled anew.
+        The resampled wrists.
 
     Raises:
-        DataError: as `smooth`.
+        DataError: as in `smooth`.
 
     """
     both = np.hstack([columns.partner, columns.demonstrator])
     times, positions, _ = smooth(columns.times, both, rate_hz, cutoff_hz)
-    # by component and brought to norm 1 again, whatever the axes of room and wrist are
+    # by component and normalised again: the result does not depend on the choice of axes
     turned = (
         quaternions
         if quaternions is None
@@ -111,7 +111,7 @@ def smooth(
     cutoff_hz: float | None = CUTOFF_HZ,
 ) -> tuple[Array, Array, Array]:
     """
-    Resample positions evenly, low-passed without phase, and differentiate them.
+    Resample positions evenly, low-passed with zero phase, and differentiate them.
 
     Args:
         times: (n,) s, strictly increasing, n >= 4.
@@ -136,7 +136,7 @@ def smooth(
         raise DataError(f'cannot low-pass at {cutoff_hz:g} Hz when sampling at {rate_hz:g} Hz')
     period = 1.0 / rate_hz
     elapsed = stamps - stamps[0]
-    # A hair's breadth more, for stamps that were rounded when they were written.
+    # A small tolerance for stamps that were rounded when they were written.
     intervals = math.floor(elapsed[-1] * rate_hz + 1e-6)
     if intervals > _MAX_SAMPLES:
         raise DataError(f'{elapsed[-1]:g} s at {rate_hz:g} Hz are more than can be held')
@@ -151,7 +151,7 @@ def smooth(
 
 def interpolate(times: ArrayLike, positions: ArrayLike) -> CubicSpline:
     """
-    Lay a smooth curve through positions, without filtering.
+    Interpolate positions by a smooth curve, without filtering.
 
     Args:
         times: (n,) s, strictly increasing, n >= 4.
@@ -161,7 +161,7 @@ def interpolate(times: ArrayLike, positions: ArrayLike) -> CubicSpline:
         The cubic spline; call it with a time within `times` to get (d,) m.
 
     """
-    # imported here, since it takes half a second, and a node that replays a trial needs none
+    # imported here, because it takes half a second and a node that replays a trial needs none
     from scipy.interpolate import CubicSpline
 
     return CubicSpline(times, positions)
@@ -169,7 +169,7 @@ def interpolate(times: ArrayLike, positions: ArrayLike) -> CubicSpline:
 
 def velocities(times: ArrayLike, positions: ArrayLike) -> Array:
     """
-    Differentiate positions that are smooth already (`condition` them first where they are not).
+    Differentiate smooth positions; use `condition` on others first.
 
     Args:
         times: (n,) s, strictly increasing, n >= 4.
@@ -194,7 +194,7 @@ def _fit(elapsed: Array, samples: Array, period: float, cutoff_hz: float) -> BSp
     half_power_hz = cutoff_hz / (math.sqrt(2.0) - 1.0) ** (1 / 6)
     rate = 1.0 / float(np.median(np.diff(elapsed)))
     penalty = rate / (2.0 * math.pi * half_power_hz) ** 6 / period**5
-    # The normal equations in the lower banded form of LAPACK: row k holds the k-th subdiagonal.
+    # Normal equations in LAPACK's lower banded form: row k holds the k-th subdiagonal.
     gram = (design.T @ design).tocsr()
     bands = np.zeros((_DEGREE + 1, count))
     for k in range(_DEGREE + 1):
@@ -202,7 +202,7 @@ def _fit(elapsed: Array, samples: Array, period: float, cutoff_hz: float) -> BSp
         products = _THIRD_DIFFERENCE[k:] * _THIRD_DIFFERENCE[: _DEGREE + 1 - k]
         for offset, product in enumerate(products):
             bands[k, offset: offset + count - _DEGREE] += penalty * product  # fmt: skip
-    # A straight line passes unchanged; without it, less is lost to rounding.
+    # A straight line passes unchanged; subtracting it reduces rounding errors.
     slope = (samples[-1] - samples[0]) / elapsed[-1]
     line = samples[0] + elapsed[:, None] * slope
     coefficients = solveh_banded(bands, design.T @ (samples - line), lower=True)

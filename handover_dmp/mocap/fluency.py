@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Who was active when in a session, and who waited for whom (Hoffman 2019).
+Activity and waiting times in a session (Hoffman 2019).
 
-A person's hand sways while it rests, and stops for a moment while it works; so one is active from
-where the speed rises above 0.05 m/s to where it falls below, if it exceeds 0.15 m/s in between,
-and pauses of less than 0.3 s are none. docs/method.md has the formulas.
+A hand sways at rest and pauses briefly during work. A person is therefore active from where the
+speed rises above 0.05 m/s to where it falls below, if it exceeds 0.15 m/s in between; pauses
+shorter than 0.3 s do not count. docs/method.md has the formulas.
 """
 
 from __future__ import annotations
@@ -37,19 +37,19 @@ TimedVelocities = tuple[Array, Array]
 """Times, (n,) s, and velocities, (n, 3) m/s."""
 
 CERTAIN_SPEED = 0.15
-"""m/s; who never gets faster than this has only swayed."""
+"""Below this peak speed a motion is only sway, m/s."""
 MAX_PAUSE_S = 0.3
-"""A rest that is shorter belongs to the activity about it."""
+"""A shorter rest belongs to the activity around it, s."""
 
 
 @dataclass(frozen=True)
 class ExchangeWait:
     """
-    How long the two waited with their hands at the exchange before it began.
+    Waiting times at the exchange before it began.
 
     Attributes:
-        person_s: from where the person's reach had ended, s; 0 where it still moved.
-        robot_s: the same of the robot.
+        person_s: time since the end of the person's reach, s; 0 if the hand still moved.
+        robot_s: the same for the robot.
 
     """
 
@@ -60,12 +60,12 @@ class ExchangeWait:
 @dataclass(frozen=True)
 class SessionFluency:
     """
-    How fluent a session was.
+    Fluency of a session.
 
     Attributes:
         whole: shares of the time of the session.
-        duration_s: of the session, s.
-        waits: at each exchange, in order.
+        duration_s: duration of the session, s.
+        waits: waiting times at each exchange, in order.
 
     """
 
@@ -78,16 +78,16 @@ def session_fluency(
     person_speed: Array, robot_speed: Array, rate_hz: float, exchanges_s: Sequence[float] = ()
 ) -> SessionFluency:
     """
-    Measure how fluent a session was.
+    Measure the fluency of a session.
 
     Source: Hoffman, Evaluating fluency in human-robot collaboration, IEEE Trans. Human-Machine
     Systems 49(3), 2019.
 
     Args:
         person_speed: (n,) m/s, evenly spaced in time, low-passed.
-        robot_speed: (n,) m/s, at the same times: of the robot, or of the person in its place.
-        rate_hz: samples a second.
-        exchanges_s: when each exchange began, s from the first sample.
+        robot_speed: (n,) m/s, at the same times: speed of the robot or of the demonstrator.
+        rate_hz: sampling rate, Hz.
+        exchanges_s: start of each exchange, s from the first sample.
 
     Returns:
         The measures.
@@ -108,16 +108,16 @@ def fluency_of_motions(
     exchanges_s: Sequence[float] = (),
 ) -> SessionFluency | None:
     """
-    Measure how fluent a session was, from the motions of the two.
+    Measure the fluency of a session from two motions.
 
     Args:
         partner: (n,) s and (n, 3) m/s, the velocity of the person's hand, low-passed.
-        other: the same of the robot, or of the person in its place.
-        begin_s: what was before does not count, s.
-        exchanges_s: when each exchange began, s.
+        other: the same for the robot or the demonstrator.
+        begin_s: start of the measurement, s.
+        exchanges_s: start of each exchange, s.
 
     Returns:
-        The measures; None where the two have no time in common.
+        The measures; None if the two motions do not overlap in time.
 
     """
     begin_s = max(begin_s, float(partner[0][0]), float(other[0][0]))
@@ -134,13 +134,13 @@ def fluency_of_motions(
 
 def people_fluency(session: RecordedSession) -> SessionFluency:
     """
-    Measure how fluent two people were, as what a robot is held against.
+    Measure the fluency of two people, as a reference for a robot.
 
     Args:
         session: the recording, without gaps; P1 counts as the person, P2 as the robot.
 
     Returns:
-        The measures, from the start of the first reach on, as a robot begins there.
+        The measures from the start of the first reach on, where a robot begins.
 
     """
     motion = session.motion
@@ -158,14 +158,14 @@ def people_fluency(session: RecordedSession) -> SessionFluency:
 
 def activity(speed: Array, rate_hz: float) -> Activity:
     """
-    Tell when somebody was active.
+    Find when a person or a robot was active.
 
     Args:
         speed: (n,) m/s, evenly spaced in time.
-        rate_hz: samples a second.
+        rate_hz: sampling rate, Hz.
 
     Returns:
-        (n,), whether.
+        (n,) bool, True while active.
 
     """
     active = np.zeros(len(speed), dtype=bool)
@@ -179,13 +179,13 @@ def activity(speed: Array, rate_hz: float) -> Activity:
 
 
 def _stretches(true: Activity) -> list[tuple[int, int]]:
-    """Return where each stretch of what is true begins, and where it is over."""
+    """Return begin and end of each run of True."""
     edges = np.flatnonzero(np.diff(true.astype(np.int8), prepend=0, append=0))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def _rest_before(active: Activity, time_s: float, rate_hz: float) -> float:
-    """Return for how long somebody had been at rest at a time, s; 0 where active."""
+    """Return the time at rest before a given time, s; 0 while active."""
     row = min(max(round(time_s * rate_hz), 0), len(active) - 1)
     moved = np.flatnonzero(active[: row + 1])
     return (row - (int(moved[-1]) if len(moved) else 0)) / rate_hz

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The scenes of Prada et al. 2013: a garage with places and heights that are plausible ones."""
+"""The scenes of Prada et al. 2013: a garage with plausible positions and heights."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from dataclasses import dataclass
 @dataclass(frozen=True)
 class GarageScene:
     """
-    Where a configuration takes place; x from the assistant to the mechanic, z up from the floor.
+    Positions of a configuration; x from the assistant to the mechanic, z up from the floor.
 
     Attributes:
         mechanic_at_work: wrist of P1 while working, m.
@@ -30,8 +30,8 @@ class GarageScene:
         assistant_at_rest: wrist of P2 before it starts, m.
         tool: wrist of P2 where it picks up the tool, m.
         offset: wrist of P2 minus wrist of P1 at the exchange, m; the tool is between them.
-        curve: how far the middle of P2's way lies off the straight line, m.
-        duration_s: typical duration of P2's reach.
+        curve: deviation of the middle of P2's path from the straight line, m.
+        duration_s: typical duration of P2's reach, s.
 
     """
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings of markers, as mocap programs export them, and the two wrists among them."""
+"""Recordings of markers, as exported by mocap programs, and their two wrists."""
 
 from __future__ import annotations
 
@@ -48,16 +48,16 @@ class MarkerRecording:
 
     Attributes:
         times: (n,) s.
-        names: of all markers in the file.
-        positions: name of a marker that was read to (n, 3) in the unit of the file; NaN where it
-            was not seen, also where it was made with what programs write instead.
-        unit: of length as the file tells it; empty where it tells none.
-        up: the axis that points up as the file tells it; empty where it tells none.
-        source: where it comes from, in words.
-        usual_unit: of the program that wrote the file, unless told otherwise.
-        usual_up: the same for the axis.
-        orientations: name of a rigid body to (n, 4) unit quaternions x, y, z, w; NaN where it was
-            not seen. None for markers.
+        names: names of all markers in the file.
+        positions: by name of each read marker, (n, 3) in the unit of the file; NaN if it was not
+            seen. Placeholders that programs write for unseen markers become NaN.
+        unit: unit of length in the file; empty if it names none.
+        up: axis that points up in the file; empty if it names none.
+        source: origin of the recording, in words.
+        usual_unit: default unit of the program that wrote the file.
+        usual_up: default up axis of that program.
+        orientations: by name of each rigid body, (n, 4) unit quaternions x, y, z, w; NaN if it
+            was not seen. Markers have none.
 
     """
 
@@ -89,21 +89,21 @@ class MarkerRecording:
         up: str | None = None,
     ) -> WristMotion:
         """
-        Take the wrists of both partners out of the recording.
+        Extract the wrists of both partners from the recording.
 
         Args:
             partner: markers of P1's wrist; the middle between them is the wrist.
             demonstrator: markers of P2's wrist.
-            unit: of the file, whatever it tells itself.
-            up: the axis that points up, whatever the file tells itself.
+            unit: unit of length; overrides the file.
+            up: axis that points up; overrides the file.
 
         Returns:
-            Both wrists in metres, z up, at the times when both were seen; turned as the rigid body
-            that a wrist is, where it is one.
+            Both wrists in metres, z up, at the times when both were seen; with orientations if a
+            wrist is one rigid body.
 
         Raises:
-            DataError: no such marker, never seen together, a unit or axis that has to be told, or
-                samples that make no sense.
+            DataError: a marker is missing, the wrists are never seen together, unit or axis are
+                unknown, or samples are invalid.
 
         """
         found = self._unit(unit)
@@ -123,7 +123,7 @@ class MarkerRecording:
                 for gap in find_gaps(self.times, mask, who)
             ),
         ).checked()
-        # In a wrong unit no height tells anything, so that is looked at before.
+        # Check the unit first: in a wrong unit, heights mean nothing.
         axis = self._up(up, both)
         remarks: tuple[str, ...] = ()
         if axis.why in (IN_FILE, USUAL_UP):
@@ -145,13 +145,13 @@ class MarkerRecording:
         return turn_orientation_up(turns, up)
 
     def _lost(self, names: Sequence[str]) -> Iterator[str]:
-        """Say which of several markers of a wrist were not seen while others were."""
+        """Name the markers of a wrist that were missing while others were seen."""
         seen = {name: np.asarray(np.isfinite(self._find(name)).all(axis=1)) for name in names}
         any_seen = np.any(list(seen.values()), axis=0)
         for name, here in seen.items():
             if count := int((any_seen & ~here).sum()):
                 share = f'{count} of {len(here)} frames'
-                yield f'{quote(name)} is not seen in {share}: other markers carry the wrist on'
+                yield f'{quote(name)} is missing in {share}: other markers replace it'
 
     def _unit(self, unit: str | None) -> Known:
         if unit is not None:
@@ -184,11 +184,11 @@ def choose(names: Sequence[str], wanted: Sequence[str] | None) -> dict[str, int]
     Find markers among those of a file.
 
     Args:
-        names: of all markers, in order; of two of one name, the first counts.
-        wanted: which to find, of those that are there; all if left out.
+        names: names of all markers, in order; of two equal names, the first counts.
+        wanted: names to find; missing ones are skipped. Default: all.
 
     Returns:
-        Name to place in the order, in the order of `wanted`.
+        By name, the index of the marker, in the order of `wanted`.
 
     """
     places: dict[str, int] = {}
@@ -200,7 +200,7 @@ def choose(names: Sequence[str], wanted: Sequence[str] | None) -> dict[str, int]
 
 
 def name_list(names: Sequence[str]) -> str:
-    """Return names on one line, not all where they are many."""
+    """Return names on one line; long lists are shortened."""
     more = len(names) - _NAMES_SHOWN
     shown = ', '.join(quote(name)[1:-1] for name in names[:_NAMES_SHOWN])
     return shown + (f' and {more} more' if more > 0 else '')

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Measures of one motion, and of two that belong together, as studies of handovers report them.
+Measures of one motion, and of two together, as reported by studies of handovers.
 
-docs/method.md has their formulas and where each is published.
+docs/method.md has the formulas and their sources.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 ONSET = 0.05
-"""A motion goes on where its speed is above this share of its peak."""
+"""A motion lasts while its speed is above this share of its peak."""
 PEAK_PROMINENCE = 0.05
-"""A peak of the speed stands out by this share of the greatest."""
+"""Least prominence of a speed peak, as a share of the greatest peak."""
 SPARC_CUTOFF_HZ = 10.0
 SPARC_THRESHOLD = 0.05
 SPARC_PADDING = 4
-"""Published with the measure (Balasubramanian et al. 2015): highest frequency, least share of the
-amplitude, and how many powers of two the spectrum is refined by."""
+"""Constants published with the measure (Balasubramanian et al. 2015): highest frequency, Hz, least
+share of the amplitude, and refinement of the spectrum in powers of two."""
 MAX_LAG_SHARE = 0.5
-"""Two hands are shifted against each other by at most this share of the time."""
+"""Largest shift between two hands, as a share of the time."""
 ACTIVE_SPEED = 0.05
-"""m/s; below it, somebody counts as idle."""
+"""Below this speed a person or robot is idle, m/s."""
 MIN_SAMPLES = 10
 MIN_LENGTH_M = 1e-6
 MIN_SCALE = 1e-12
@@ -49,15 +49,15 @@ MIN_SCALE = 1e-12
 @dataclass(frozen=True)
 class MotionMeasures:
     """
-    What one motion is like.
+    Measures of one motion.
 
     Attributes:
         path_m: length of the path, m.
-        path_ratio: that, in parts of the straight line from start to end; infinite where they are
-            one place.
-        peak_speed: m/s.
-        time_to_peak_s: from the onset of the motion, s.
-        duration_s: from the onset to the end of the motion, s.
+        path_ratio: path length over the straight line from start to end; infinite if these
+            coincide.
+        peak_speed: peak speed, m/s.
+        time_to_peak_s: time from the onset to the peak speed, s.
+        duration_s: time from the onset to the end of the motion, s.
         peaks: number of peaks of the speed.
         spectral_arc_length: of the speed, from −1.6 for a smooth reach downwards (Balasubramanian
             et al. 2015).
@@ -79,11 +79,11 @@ class MotionMeasures:
 @dataclass(frozen=True)
 class Synchrony:
     """
-    How two motions go together.
+    Synchrony of two motions.
 
     Attributes:
-        lag_s: by how much the second speed is later than the first, s; negative: earlier.
-        correlation: of the two speeds at that lag, −1 to 1.
+        lag_s: lag of the second speed behind the first, s; negative: it leads.
+        correlation: correlation of the two speeds at that lag, −1 to 1.
 
     """
 
@@ -94,14 +94,14 @@ class Synchrony:
 @dataclass(frozen=True)
 class Fluency:
     """
-    Who was active when, in parts of the time (Hoffman 2019).
+    Fluency measures, as shares of the time (Hoffman 2019).
 
     Attributes:
-        person_idle: the person does not move.
-        robot_idle: the robot does not move.
-        concurrent: both move.
-        functional_delay: nobody moves between the end of the one's motion and the beginning of the
-            other's; times in which both move at such a change count as negative.
+        person_idle: share in which the person does not move.
+        robot_idle: share in which the robot does not move.
+        concurrent: share in which both move.
+        functional_delay: share between the end of one agent's motion and the start of the
+            other's; overlaps at such a change count as negative.
 
     """
 
@@ -117,10 +117,10 @@ def measure_motion(times: Array, positions: Array) -> MotionMeasures | None:
 
     Args:
         times: (n,) s, evenly spaced.
-        positions: (n, 3) m, smooth (low-passed where they were measured).
+        positions: (n, 3) m, smooth (low-passed if measured).
 
     Returns:
-        The measures; None where nothing moves, or where there are fewer than 10 samples.
+        The measures; None if nothing moves, or if there are fewer than 10 samples.
 
     """
     if len(times) < MIN_SAMPLES:
@@ -153,7 +153,8 @@ def count_peaks(speed: Array) -> int:
         speed: (n,) m/s.
 
     Returns:
-        How many there are that stand out by a twentieth of the greatest; an end counts as a slope.
+        Number of peaks with a prominence of at least a twentieth of the greatest peak; ends are
+        no peaks.
 
     """
     from scipy.signal import find_peaks
@@ -175,10 +176,10 @@ def spectral_arc_length(speed: Array, rate_hz: float) -> float:
 
     Args:
         speed: (n,) m/s.
-        rate_hz: samples a second.
+        rate_hz: sampling rate, Hz.
 
     Returns:
-        Below 0; nearer to 0 is smoother.
+        A value below 0; nearer to 0 is smoother.
 
     """
     length = 2 ** (ceil(log2(len(speed))) + SPARC_PADDING)
@@ -194,10 +195,10 @@ def spectral_arc_length(speed: Array, rate_hz: float) -> float:
 
 def log_dimensionless_jerk(times: Array, positions: Array) -> float:
     """
-    Measure the smoothness of a motion by its jerk, without units.
+    Measure the smoothness of a motion by its dimensionless jerk.
 
     LDLJ = −ln(D³/v_peak² ∫‖x⃛‖² dt), D the duration. A straight minimum-jerk reach has
-    −ln(204.8) = −5.32, the best there is from rest to rest.
+    −ln(204.8) = −5.32, the best value from rest to rest.
 
     Source: Hogan and Sternad, Sensitivity of smoothness measures to movement duration, amplitude,
     and arrests, J. Motor Behav. 41(6), 2009.
@@ -222,16 +223,16 @@ def log_dimensionless_jerk(times: Array, positions: Array) -> float:
 
 def synchrony(first: Array, second: Array, rate_hz: float) -> Synchrony | None:
     """
-    Find by how much one speed is later than another.
+    Find the lag of one speed behind another.
 
     Args:
         first: (n,) m/s.
         second: (n,) m/s, at the same times.
-        rate_hz: samples a second.
+        rate_hz: sampling rate, Hz.
 
     Returns:
-        The lag at which the two speeds correlate most over the time that both then have, up to
-        half of it; None where one of them is the same all the time.
+        The lag with the largest correlation over the common time, up to half of it; None if one
+        speed is constant.
 
     """
     count = len(first)
@@ -252,10 +253,10 @@ def synchrony(first: Array, second: Array, rate_hz: float) -> Synchrony | None:
 
 def fluency(person_speed: Array, robot_speed: Array) -> Fluency:
     """
-    Find who was active when.
+    Measure the fluency of two motions.
 
     Source: Hoffman, Evaluating fluency in human-robot collaboration, IEEE Trans. Human-Machine
-    Systems 49(3), 2019. Somebody is active whose hand or wrist moves faster than 0.05 m/s.
+    Systems 49(3), 2019. A person or robot is active while hand or wrist is faster than 0.05 m/s.
 
     Args:
         person_speed: (n,) m/s, evenly spaced in time.
@@ -270,11 +271,11 @@ def fluency(person_speed: Array, robot_speed: Array) -> Fluency:
 
 def fluency_of(person: NDArray[np.bool_], robot: NDArray[np.bool_]) -> Fluency:
     """
-    Find the shares of the time in which the one, the other, both were active.
+    Find the shares of the time in which person, robot and both were active.
 
     Args:
         person: (n,) whether the person was active, evenly spaced in time.
-        robot: (n,) whether the robot was, at the same times.
+        robot: (n,) whether the robot was active, at the same times.
 
     Returns:
         Shares of the time.
@@ -289,13 +290,13 @@ def fluency_of(person: NDArray[np.bool_], robot: NDArray[np.bool_]) -> Fluency:
 
 
 def _delay(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> int:
-    """Count the samples from each end of the first's motion to where the second's begins."""
+    """Count the samples from each end of the first's motion to the start of the second's."""
     total = 0
     answers = _begins(second)
     ends = _begins(~first)
     starts = _begins(first)
     for number, end in enumerate(ends):
-        # from where this motion began to where the next one ends
+        # from the start of this motion to the end of the next one
         begun = starts[starts < end][-1:] if len(starts) else starts
         after = ends[number + 1] if number + 1 < len(ends) else len(first)
         found = answers[(answers > (begun[0] if len(begun) else -1)) & (answers <= after)]
@@ -305,5 +306,5 @@ def _delay(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> int:
 
 
 def _begins(active: NDArray[np.bool_]) -> NDArray[np.int_]:
-    """Find where an activity begins, but for one that is there from the start."""
+    """Find where each activity begins, except one that is active from the start."""
     return np.flatnonzero(~active[:-1] & active[1:]) + 1

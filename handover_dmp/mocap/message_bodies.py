@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-Whose pose a message holds: one body, or several with names or numbers.
+The bodies in a message: one body, or several with names or numbers.
 
-Trackers of all makes publish standard messages or lists of their own. Here they are told apart by
-what they hold, not by their type: a place (`position`, `point`, `translation`) and beside it or
-around it a header, a name, an orientation, a covariance. Read so are PoseStamped, PointStamped,
+Trackers publish standard messages or their own lists. This module identifies bodies by fields,
+not by message type: a position (`position`, `point`, `translation`) and beside or around it a
+header, a name, an orientation, a covariance. This covers PoseStamped, PointStamped,
 TransformStamped, PoseWithCovarianceStamped, Odometry, PoseArray, TFMessage, MarkerArray, the lists
-of mocap4r2 (RigidBodies, Markers), NamedPoseArray, and others of that kind.
+of mocap4r2 (RigidBodies, Markers), NamedPoseArray, and similar types.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ class Body(NamedTuple):
     One body in a message.
 
     Attributes:
-        name: what the message calls it; empty where it does not.
-        stamp_ns: time of its header, ns; 0 where there is none.
-        frame: of its header; empty where there is none.
-        position: x, y, z, m, as the message has it.
-        orientation: quaternion x, y, z, w; None where the message has none.
-        covariance: (36,), m² and rad²; None where the message has none.
+        name: name in the message; empty if it has none.
+        stamp_ns: stamp of its header, ns; 0 if it has none.
+        frame: frame of its header; empty if it has none.
+        position: x, y, z, m, as in the message.
+        orientation: quaternion x, y, z, w; None if the message has none.
+        covariance: (36,), m² and rad²; None if the message has none.
 
     """
 
@@ -64,7 +64,7 @@ class Body(NamedTuple):
 
     @property
     def seen_position(self) -> tuple[float, float, float]:
-        """x, y, z, m; NaN where the body was not seen."""
+        """x, y, z, m; NaN if the body was not seen."""
         return (float('nan'),) * 3 if self.is_lost else self.position
 
 
@@ -76,7 +76,7 @@ def bodies(message: Any) -> list[Body] | None:
         message: decoded; its fields are attributes.
 
     Returns:
-        Those of a list in their order, else the one; None where it holds no place at all.
+        The bodies of a list in order, or the single body; None if the message has no position.
 
     """
     for name in _LISTS:

@@ -15,10 +15,11 @@
 """
 Reader of the CSV that OptiTrack's Motive exports, format version 1.2 and later.
 
-A line of names and values (`Format Version`, `Length Units`, `Coordinate Space`, ...), then lines
-that tell of each column its type (rigid body, marker, ...), name, identifier, from 1.24 on parent,
-and whether it is of a rotation or a position; then a line `Frame,Time (Seconds),X,Y,Z,...`, then a
-line a frame. What was not seen has empty cells. Rotations are read where they are quaternions.
+The file has a line of names and values (`Format Version`, `Length Units`, `Coordinate Space`,
+...); lines with the type (rigid body, marker, ...), name, identifier and, from 1.24 on, parent of
+each column, and whether it is a rotation or a position; a line `Frame,Time (Seconds),X,Y,Z,...`;
+then one line per frame. Unseen bodies have empty cells. Rotations are read if they are
+quaternions.
 """
 
 from __future__ import annotations
@@ -36,9 +37,9 @@ from handover_dmp.mocap.wide_table import WideTable
 
 _MAX_HEADER_LINES = 20
 _MIN_VERSION = (1, 2)
-# Of what stands there under one name, what was measured comes before what was solved for.
+# Of several entries with one name, measured ones come before solved ones.
 _TYPES = ('Rigid Body', 'Marker', 'Bone', 'Rigid Body Marker', 'Bone Marker')
-# These are given in the frame of their body, unless the file says that all are global.
+# These types are given in the frame of their body, unless the file says that all are global.
 _LOCAL_TYPES = ('Bone', 'Rigid Body Marker', 'Bone Marker')
 
 
@@ -47,10 +48,10 @@ class _Place(NamedTuple):
     Three columns that hold a position.
 
     Attributes:
-        rank: of its type in `_TYPES`.
-        name: of the body or marker.
-        column: of its x.
-        turn: column of the x of its quaternion; -1 where there is none.
+        rank: rank of its type in `_TYPES`.
+        name: name of the body or marker.
+        column: column of x.
+        turn: column of the x of its quaternion; -1 if there is none.
 
     """
 
@@ -66,13 +67,13 @@ def read_motive(path: str | Path, markers: Sequence[str] | None = None) -> Marke
 
     Args:
         path: the file.
-        markers: which rigid bodies or markers to read, of those that are there; all if left out.
+        markers: names of the rigid bodies or markers to read; default: all.
 
     Returns:
         The rigid bodies and markers, in the unit of the file.
 
     Raises:
-        DataError: the file is missing or no such file; names file, line and fault.
+        DataError: the file is missing or not of this format; names file, line and fault.
 
     """
     path = Path(path)
@@ -84,7 +85,7 @@ def read_motive(path: str | Path, markers: Sequence[str] | None = None) -> Marke
         if row and row[0].strip() == 'Frame':
             break
         if len(header) >= _MAX_HEADER_LINES:
-            raise DataError(f'{where}: still no line that begins with Frame')
+            raise DataError(f'{where}: no line that begins with Frame up to here')
         if any(cell.strip() for cell in row):
             header.append(row)
     else:
@@ -106,7 +107,7 @@ def read_motive(path: str | Path, markers: Sequence[str] | None = None) -> Marke
         raise DataError(f'{path}: holds no frames')
     told = about.get('Total Exported Frames', '')
     if told.isdecimal() and len(told) < 12 and len(table) < int(told):
-        raise DataError(f'{path}: {len(table)} frames, the header tells of {int(told)}')
+        raise DataError(f'{path}: {len(table)} frames, but the header says {int(told)}')
     unit = about.get('Length Units', '')
     return MarkerRecording(
         table.times(), names, table.positions(), unit, _up(about), path.name, 'm', 'y',
@@ -130,7 +131,7 @@ def _about(row: Sequence[str], where: str) -> dict[str, str]:
     version = re.fullmatch(r'([0-9]{1,3})\.([0-9]{1,4})', about.get('Format Version', ''))
     if version is None:
         raise DataError(
-            f'{where}: not a CSV file of Motive, which begins with Format Version; '
+            f'{where}: not a CSV file of Motive, which would begin with Format Version; '
             'export it with its header'
         )
     # 1.2 was followed by 1.21.
@@ -140,7 +141,7 @@ def _about(row: Sequence[str], where: str) -> dict[str, str]:
 
 
 def _up(about: dict[str, str]) -> str:
-    """Return the axis that points up, where the header names it."""
+    """Return the up axis if the header names it."""
     for name in ('Up Axis', 'Vertical Axis'):
         axis = about.get(name, '').lower().removesuffix(' axis').strip('+ ')
         if axis in ('x', 'y', 'z'):
@@ -151,7 +152,7 @@ def _up(about: dict[str, str]) -> str:
 def _places(
     header: Sequence[Sequence[str]], titles: Sequence[str], space: str, where: str
 ) -> list[_Place]:
-    """Find the columns of every position, the best of those that have one name."""
+    """Find the columns of every position, the best of several with one name."""
     if len(header) < 3:
         raise DataError(f'{where}: the lines of types, names and components are missing')
     types, labels, components = header[0], header[1], header[-1]

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-What trackers say when they do not see the hand: poses that are none.
+Invalid poses, which trackers send when they do not see the hand.
 
-Few say nothing. A lost body comes as zeros, as NaN, as a quaternion of norm 0, with a covariance
-of -1 (as in `sensor_msgs`) or a huge one. To be asked before a pose is transformed: a zero that
-was moved to another frame is no zero.
+Few trackers stop sending. A lost body comes as zeros, as NaN, as a quaternion of norm 0, with a
+covariance of -1 (as in `sensor_msgs`) or a huge one. Check a pose before transforming it: zeros
+are no longer zeros in another frame.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import fsum, isfinite
 
-# Places of the variances of x, y, z in the 36 numbers of a `PoseWithCovariance`.
+# Indices of the variances of x, y, z in the 36 numbers of a `PoseWithCovariance`.
 _VARIANCES = (0, 7, 14)
 
 
@@ -36,17 +36,17 @@ def no_pose(
     max_deviation_m: float = float('inf'),
 ) -> str:
     """
-    Tell whether a pose is none.
+    Tell whether a pose is invalid.
 
     Args:
         position: x, y, z in m.
-        orientation: quaternion x, y, z, w, where the message has one.
-        covariance: (36,), row by row, m² and rad², where the message has one; all zeros means not
-            told.
-        max_deviation_m: a standard deviation of the position above this is as good as unknown, m.
+        orientation: quaternion x, y, z, w, if the message has one.
+        covariance: (36,), row by row, m² and rad², if the message has one; all zeros means
+            unknown.
+        max_deviation_m: a position with a larger standard deviation counts as unknown, m.
 
     Returns:
-        Why it is none: `not_finite`, `zero`, `no_rotation` or `uncertain`; empty if it is one.
+        The reason: `not_finite`, `zero`, `no_rotation` or `uncertain`; empty for a valid pose.
 
     """
     if not all(map(isfinite, position)):

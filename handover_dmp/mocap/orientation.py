@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-How the wrists of a recording are turned, where it tells: unit quaternions x, y, z, w.
+Orientations of the wrists of a recording: unit quaternions x, y, z, w.
 
-Beside the positions, and optional: what has none is a recording all the same.
+They are optional; a recording may have positions only.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ Array = Array
 
 AXES_OF_TURN = ('qx', 'qy', 'qz', 'qw')
 NORM_TOLERANCE = 0.01
-"""By how much the norm may differ from 1, as that of numbers with few digits does."""
+"""Tolerance of the norm, for numbers with few digits."""
 UNIT = 1e-9
-"""A norm that differs by less is 1 but for rounding."""
+"""A norm that differs less from 1 differs only by rounding."""
 JUMP_RAD = 1.0
 JUMP_RAD_PER_S = 60.0
-"""No wrist turns this far from one sample to the next this fast: the body was mistaken."""
+"""No wrist turns this far and this fast between two samples: the tracker confused bodies."""
 
 
 def orientation_fault(times: Array, quaternions: Array) -> tuple[int, str] | None:
@@ -51,7 +51,7 @@ def orientation_fault(times: Array, quaternions: Array) -> tuple[int, str] | Non
         quaternions: (n, 4).
 
     Returns:
-        Index of the sample and the fault in words; None where there is none.
+        Index of the sample and the fault in words; None if there is no fault.
 
     """
     finite = np.isfinite(quaternions).all(axis=1)
@@ -74,13 +74,13 @@ def orientation_fault(times: Array, quaternions: Array) -> tuple[int, str] | Non
 
 def unit_orientations(quaternions: ArrayLike) -> Array:
     """
-    Bring quaternions to norm 1, with signs that do not jump.
+    Normalise quaternions and remove sign jumps.
 
     Args:
         quaternions: (n, 4), none of norm 0.
 
     Returns:
-        (n, 4); those that are so already stay the same to the last bit.
+        (n, 4); quaternions that need no change stay the same to the last bit.
 
     """
     given = np.array(quaternions, dtype=np.float64)
@@ -94,17 +94,17 @@ def orientation_at(
     times: Array, quaternions: ArrayLike | None, at: Array, max_hidden_s: float
 ) -> Array | None:
     """
-    Give the orientations of a wrist at the times when its position counts.
+    Interpolate the orientations of a wrist at given times.
 
     Args:
         times: (n,) s, rising.
-        quaternions: (n, 4), anything but a unit quaternion where it is not known; None: nowhere.
+        quaternions: (n, 4); anything but a unit quaternion means unknown. None: all unknown.
         at: (m,) s, within the times.
-        max_hidden_s: what is not known for longer than this is not known at all, s.
+        max_hidden_s: longest gap that is bridged, s.
 
     Returns:
-        (m, 4); None where it is not known throughout, or where a program only wrote the same
-        (0, 0, 0, 1) everywhere, which stands for none.
+        (m, 4); None if a gap is longer, or if all are (0, 0, 0, 1), which programs write for
+        unknown.
 
     """
     if quaternions is None or not len(at):
@@ -130,14 +130,14 @@ def orientation_at(
 
 def turn_orientation_up(quaternions: Array | None, up: str) -> Array | None:
     """
-    Turn orientations as `turn_up` does positions.
+    Rotate orientations as `turn_up` does positions.
 
     Args:
-        quaternions: (n, 4); None for none.
+        quaternions: (n, 4), or None.
         up: the axis that points up in them.
 
     Returns:
-        (n, 4) in a room whose z points up; None for none.
+        (n, 4) in a frame whose z points up; None for None.
 
     """
     if quaternions is None:

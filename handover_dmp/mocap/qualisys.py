@@ -13,14 +13,15 @@
 # limitations under the License.
 
 """
-Reader of what Qualisys Track Manager exports as TSV: 3D trajectories, and 6D rigid bodies.
+Reader of the TSV files of Qualisys Track Manager: 3D trajectories, and 6D rigid bodies.
 
-Header lines of a name, a tab and a value (`FREQUENCY`, `DATA_INCLUDED`, ..., `MARKER_NAMES` or
-`BODY_NAMES` with one value each), perhaps a line of column titles, then a line a frame: three
-values a marker or, of a body, position, three angles, residual and the nine of its rotation;
-before them frame number and time where these were exported too. The rotation stands there column
-by column: Rot[0], Rot[1], Rot[2] is where the body's x axis points. Millimetres. What was not seen
-has empty cells, a residual below 0 or, in files of older versions, three zeros.
+The file has header lines of a name, a tab and a value (`FREQUENCY`, `DATA_INCLUDED`, ...,
+`MARKER_NAMES` or `BODY_NAMES` with one value each); an optional line of column titles; then one
+line per frame: three values per marker or, for a body, position, three angles, residual and the
+nine elements of its rotation matrix; before them frame number and time if these were exported. The
+matrix is stored column by column: Rot[0], Rot[1], Rot[2] is the direction of the body's x axis.
+Lengths are in millimetres. Unseen markers have empty cells, a residual below 0 or, in files of
+older versions, three zeros.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from handover_dmp.mocap.wide_table import is_number, is_unseen, period_of_rate, 
 
 _MAX_HEADER_LINES = 10_000
 _DECIMAL_COMMA = re.compile('-?[0-9]+,[0-9]+', re.ASCII)
-# Cells of a marker, and of a rigid body.
+# Number of cells of a marker, and of a rigid body.
 _STRIDES = {'3D': 3, '6D': 16}
 _NAMES = {'3D': 'MARKER_NAMES', '6D': 'BODY_NAMES'}
 
@@ -48,13 +49,13 @@ def read_qualisys(path: str | Path, markers: Sequence[str] | None = None) -> Mar
 
     Args:
         path: the file.
-        markers: which ones to read, of those that are there; all if left out.
+        markers: names of the markers to read; default: all.
 
     Returns:
         The markers or rigid bodies, in millimetres.
 
     Raises:
-        DataError: the file is missing or no such file; names file, line and fault.
+        DataError: the file is missing or not of this format; names file, line and fault.
 
     """
     path = Path(path)
@@ -67,23 +68,23 @@ def read_qualisys(path: str | Path, markers: Sequence[str] | None = None) -> Mar
         where = f'{path}: line {number}'
         if table is None and _is_header(cells):
             if len(header) > _MAX_HEADER_LINES:
-                raise DataError(f'{where}: still no frames')
+                raise DataError(f'{where}: no frames up to here')
             if any(header.get(kind) for kind in _NAMES.values()) and not _is_keyword(cells[0]):
                 titles = [cell.strip() for cell in cells]
             else:
                 header[cells[0].strip()] = [cell.strip() for cell in cells[1:]]
-        # Tabs alone are a frame in which no marker was seen.
+        # A line of tabs is a frame in which no marker was seen.
         elif line.strip(' '):
             if table is None:
                 names, table = _layout(header, titles, markers, cells, where)
             table.add(cells, where)
     if table is None:
         commas = any(_DECIMAL_COMMA.fullmatch(cell) for cell in titles)
-        hint = '; numbers with a decimal comma are not understood' if commas else ''
+        hint = '; decimal commas are not supported' if commas else ''
         raise DataError(f'{path}: holds no frames{hint}')
     told = _value(header, 'NO_OF_FRAMES', '')
     if told.isdecimal() and len(told) < 12 and int(told) not in (len(table), table.frame_span()):
-        raise DataError(f'{path}: {len(table)} frames, the header tells of {int(told)}')
+        raise DataError(f'{path}: {len(table)} frames, but the header says {int(told)}')
     orientations = {
         name: from_matrices(elements.reshape(-1, 3, 3).transpose(0, 2, 1))
         for name, elements in table.turned().items()
@@ -94,7 +95,7 @@ def read_qualisys(path: str | Path, markers: Sequence[str] | None = None) -> Mar
 
 
 def _is_header(cells: Sequence[str]) -> bool:
-    """Tell a line of the header or of titles from a frame, which is numbers and nothing else."""
+    """Tell whether a line belongs to the header or titles; a frame has only numbers."""
     if _is_keyword(cells[0]):
         return True
     return not any(map(is_number, cells)) and not all(map(is_unseen, cells))
@@ -112,7 +113,7 @@ def _layout(
     cells: Sequence[str],
     where: str,
 ) -> tuple[list[str], WideTable]:
-    """Find out from the header and the cells of the first frame what stands where."""
+    """Find the columns from the header and the cells of the first frame."""
     kind = _value(header, 'DATA_INCLUDED', '3D').upper()
     if kind not in _STRIDES:
         raise DataError(
@@ -138,7 +139,7 @@ def _layout(
 
 
 def _leading(titles: list[str], names: list[str], stride: int, count: int) -> int:
-    """Return how many columns stand before the first marker."""
+    """Return the number of columns before the first marker."""
     first = f'{names[0]} X'
     if first in titles:
         return titles.index(first)
@@ -148,5 +149,5 @@ def _leading(titles: list[str], names: list[str], stride: int, count: int) -> in
 
 
 def _value(header: dict[str, list[str]], name: str, otherwise: str) -> str:
-    """Return the first value of a header line; `otherwise` where the line is missing or bare."""
+    """Return the first value of a header line; `otherwise` if line or value is missing."""
     return next(iter(header.get(name, ())), otherwise)

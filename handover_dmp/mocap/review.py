@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is worth a look in an imported trial before it is believed: facts, and what is unusual."""
+"""Review of an imported trial: facts, and warnings of what is unusual."""
 
 from __future__ import annotations
 
@@ -28,25 +28,25 @@ MAX_USUAL_DISTANCE_M = 0.6
 MIN_USUAL_DISTANCE_M = 0.02
 MAX_REST_SPEED = 0.15
 MIN_EDGE_SAMPLES = 3
-# A P1 that goes this much farther than P2 may be the one who hands over.
+# If P1 moves this much farther than P2, the two may be swapped.
 _SWAPPED = 2.0
-# A low-pass needs a rate to speak of.
+# Least sampling rate for a low-pass, Hz.
 _CUTOFF_HZ = 6.0
 
 
 @dataclass(frozen=True)
 class Review:
     """
-    What an imported trial looks like.
+    The facts of an imported trial.
 
     Attributes:
         trial: the trial.
-        unit: of length in its file, and where that is known from.
-        up: the same of the axis that points up.
-        peak_speeds: of the wrists of P1 and P2, m/s.
+        unit: unit of length in its file, and the source of that knowledge.
+        up: the same for the up axis.
+        peak_speeds: peak speeds of the wrists of P1 and P2, m/s.
         nearest_m: least distance of the wrists, m.
-        gaps: when a wrist was not seen, s from the start of the trial.
-        warnings: what is unusual for a handover, a sentence each.
+        gaps: times in which a wrist was not seen, s from the start of the trial.
+        warnings: sentences on what is unusual for a handover.
 
     """
 
@@ -61,12 +61,12 @@ class Review:
 
 def review(trial: HandoverTrial, motion: WristMotion, start_s: float) -> Review:
     """
-    Look at an imported trial.
+    Review an imported trial.
 
     Args:
         trial: the trial.
         motion: the recording that it was cut out of.
-        start_s: where in the recording it begins, s.
+        start_s: start of the trial within the recording, s.
 
     Returns:
         Its facts, and what is unusual about it.
@@ -109,7 +109,7 @@ def review(trial: HandoverTrial, motion: WristMotion, start_s: float) -> Review:
 
 
 def _fewest_between(times: np.ndarray, gaps: tuple[Gap, ...]) -> int:
-    """Return how many samples the shortest stretch has in which both wrists were seen."""
+    """Return the number of samples of the shortest stretch in which both wrists were seen."""
     tolerance = 1e-6
     unseen = np.zeros(len(times), dtype=bool)
     edges = set()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`import.html`: every imported trial on one page, to be seen before it is believed."""
+"""`import.html`: all imported trials on one page, for review."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 import numpy as np
 
-# laid out anew for each trial, a page of a hundred would take a minute more
+# reused, because a new layout for each of a hundred trials would take a minute more
 _MARGINS = {'left': 0.06, 'right': 0.99, 'bottom': 0.17, 'top': 0.9, 'wspace': 0.38}
 _COLOURS = (('P1', 'tab:blue'), ('P2', 'tab:orange'))
 _STYLE = (
@@ -41,11 +41,11 @@ def review_page(reviews: Sequence[Review], title: str) -> str:
     Show every trial: both wrists over time and from above, its facts, and what is unusual.
 
     Args:
-        reviews: of the trials.
-        title: of the page.
+        reviews: reviews of the trials.
+        title: title of the page.
 
     Returns:
-        The page, HTML, with everything within it.
+        The page, self-contained HTML.
 
     """
     odd = [number for number, one in enumerate(reviews) if one.warnings]
@@ -56,8 +56,8 @@ def review_page(reviews: Sequence[Review], title: str) -> str:
     parts = [
         '<!DOCTYPE html><html lang="en"><meta charset="utf-8">',
         f'<title>{escape(title)}</title><style>{_STYLE}</style><h1>{escape(title)}</h1>',
-        f'<p>{count}. To be looked at before they are believed: {links or "none"}.</p>',
-        '<p>Lengths in m, z up. Shaded in the colour of a wrist: it was not seen.</p>',
+        f'<p>{count}. Check these before use: {links or "none"}.</p>',
+        '<p>Lengths in m, z up. Shading in the colour of a wrist: the wrist was not seen.</p>',
         *(_section(one, number) for number, one in enumerate(reviews)),
         '</html>',
     ]
@@ -110,7 +110,7 @@ def _drawing(one: Review) -> str:
 
 
 def _broken(one: Review, who: str) -> Array:
-    """Return times and places of a wrist side by side, NaN where nothing is to be drawn."""
+    """Return times and positions of a wrist, NaN in its gaps."""
     trial = one.trial
     line = np.column_stack([trial.times, trial.partner if who == 'P1' else trial.demonstrator])
     for gap in one.gaps:

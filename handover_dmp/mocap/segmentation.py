@@ -13,18 +13,20 @@
 # limitations under the License.
 
 """
-Finding the handovers in a long recording of two wrists, by distance and speed.
+Segmentation of a long recording of two wrists into handovers, by distance and speed.
 
-An exchange is where the wrists have come near each other and have stopped relative to each other
-(where they never do, where they are nearest). From there the search goes back to where P2's hand,
-and P1's if it moves too, left its rest. Between two exchanges the wrists must have parted.
+An exchange is the moment when the wrists are near each other and have stopped relative to each
+other (if they never stop, the moment of least distance). From there the search goes back to the
+moment when P2's hand, and P1's if it moves, left its rest. Between two exchanges the wrists must
+have parted.
 
-Who gives cannot be seen from wrists for certain. As a rule the giver starts: whose hand leaves its
-rest first is taken for the giver, and a P1 who waits with his hand out for the receiver. Where the
-order is known (the object goes to and fro, or always one way), say so.
+The giver cannot be known for certain from wrists. As a rule the giver starts: the person whose
+hand leaves its rest first is taken as the giver, and a P1 who waits with a stretched-out hand as
+the receiver. If the order is known (the object goes back and forth, or always in one direction),
+set `giver`.
 
-After the exchange the hands part: a hand has left where it last rested before it got fast again,
-and P2's way back ends where it rests the next time.
+After the exchange the hands part: a hand leaves when it last rested before it gets fast again, and
+P2's way back ends at its next rest.
 """
 
 from __future__ import annotations
@@ -47,14 +49,14 @@ ORDERS = {
     'p2_then_p1': ('give', 'take'),
     'p1_then_p2': ('take', 'give'),
 }
-"""Directions of the first two exchanges, and of all that follow, by who is known to give."""
+"""Directions of the first two exchanges, and of all that follow, by known giver."""
 GIVERS = ('first_mover', *ORDERS)
-# The wrists are about to meet when they are this near to their least distance and slow; they have
-# met when they are this near to the least distance of the moments that follow.
+# The wrists are about to meet when they are slow and this near to their least distance; they have
+# met when they are this near to the least distance of the following moments.
 _ABOUT_TO_MEET_M = 0.02
 _MET_M = 0.002
 _MOMENTS_S = 0.4
-# A hand has started when it has this share of the greatest speed of its reach.
+# A hand has started when it reaches this share of the peak speed of its reach.
 _STARTED = 0.15
 
 
@@ -64,19 +66,19 @@ class Segmentation:
     Thresholds of the segmentation.
 
     Attributes:
-        near_m: wrists nearer than this, m, may exchange something.
-        apart_m: wrists must part to this, m, before they can exchange again.
-        moving_speed: a hand slower than this rests, m/s.
-        reach_speed: a hand that reaches gets faster than this, m/s.
-        min_reach_m: P2's wrist goes at least this far, m.
+        near_m: distance below which wrists may exchange something, m.
+        apart_m: distance to which wrists must part before they can exchange again, m.
+        moving_speed: speed below which a hand rests, m/s.
+        reach_speed: speed that a reaching hand exceeds, m/s.
+        min_reach_m: least length of P2's reach, m.
         margin_s: rest to keep before the first hand starts, s.
-        min_duration_s: shorter ones are no handovers, s.
-        max_duration_s: longer ones are no single handovers, s.
+        min_duration_s: least duration of a handover, s.
+        max_duration_s: largest duration of a single handover, s.
         giver: `first_mover`, `p2` (all are gives), `p1` (all are takes), `p2_then_p1` or
-            `p1_then_p2` (to and fro).
+            `p1_then_p2` (alternating).
 
     Raises:
-        UsageError: a threshold makes no sense.
+        UsageError: a threshold is out of range.
 
     """
 
@@ -110,12 +112,12 @@ class Segment(NamedTuple):
     One handover in a recording.
 
     Attributes:
-        start_s: its beginning on the clock of the recording, s.
-        exchange_s: when the wrists have met, s.
+        start_s: its start on the clock of the recording, s.
+        exchange_s: time at which the wrists have met, s.
         direction: `give` or `take`.
-        parting_s: when the first of the two hands left the exchange, s; None where neither did.
-        way_back_s: when P2's hand left the exchange, and when it rested again, s; None where it
-            did not go back.
+        parting_s: time at which the first hand left the exchange, s; None if neither left.
+        way_back_s: times at which P2's hand left the exchange and rested again, s; None if it did
+            not go back.
 
     """
 
@@ -128,10 +130,10 @@ class Segment(NamedTuple):
 
 class Passage(NamedTuple):
     """
-    Wrists that met without a handover that could be used.
+    A meeting of the wrists without a usable handover.
 
     Attributes:
-        at_s: when they met, s.
+        at_s: time of the meeting, s.
         reason: why it is left out.
 
     """
@@ -147,9 +149,9 @@ class SegmentedMotion:
 
     Attributes:
         motion: the recording.
-        thresholds: by which they were found.
+        thresholds: thresholds of the segmentation.
         segments: the handovers, in order.
-        passages: what was left out, and why.
+        passages: meetings that were left out, and why.
 
     """
 
@@ -160,14 +162,14 @@ class SegmentedMotion:
 
     def trials(self, configuration: str, *, way_back: bool = False) -> list[HandoverTrial]:
         """
-        Cut the handovers out of the recording, as it was recorded.
+        Cut the handovers out of the recording, unfiltered.
 
         Args:
             configuration: where they took place.
-            way_back: whether to cut out P2's way back from each of them, too.
+            way_back: whether to include P2's way back of each.
 
         Returns:
-            A trial a handover, gives and takes numbered from 1 each, times from 0.
+            One trial per handover, gives and takes numbered from 1 each, times from 0.
 
         """
         trials: list[HandoverTrial] = []
@@ -199,10 +201,10 @@ def segment(motion: WristMotion, thresholds: Segmentation | None = None) -> Segm
 
     Args:
         motion: both wrists.
-        thresholds: what counts as one.
+        thresholds: thresholds of the segmentation.
 
     Returns:
-        The handovers, and what was left out.
+        The handovers, and the meetings that were left out.
 
     """
     thresholds = thresholds or Segmentation()
@@ -240,8 +242,8 @@ class _Section:
         times: (m,) s.
         demonstrator: (m, 3) m.
         distance: (m,) m, from wrist to wrist.
-        speeds: (m,) m/s each, of P1 and of P2.
-        closing: (m,) m/s, speed of the wrists relative to each other.
+        speeds: (m,) m/s each, speeds of P1 and P2.
+        closing: (m,) m/s, relative speed of the wrists.
 
     """
 
@@ -267,7 +269,7 @@ class _Section:
         )
 
     def meetings(self, thresholds: Segmentation) -> list[tuple[int, int]]:
-        """Return where the wrists come near and where they have parted again, as indices."""
+        """Return the indices at which the wrists come near and have parted again."""
         found: list[tuple[int, int]] = []
         at = 0
         while True:
@@ -283,9 +285,9 @@ class _Section:
         self, free_from: int, near: int, apart: int, following: int, thresholds: Segmentation
     ) -> Segment | Passage:
         """
-        Find exchange, start and end of the handover in which wrists meet from near to apart.
+        Find exchange, start and end of the handover for a meeting from `near` to `apart`.
 
-        It lies between the one before and the one after, from `free_from` to `following`.
+        The handover lies between its neighbours, from `free_from` to `following`.
         """
         meeting = self._exchange(near, apart, thresholds)
         at_s = float(self.times[meeting])
@@ -319,7 +321,7 @@ class _Section:
     def _way_back(
         self, leaves: int | None, following: int, thresholds: Segmentation
     ) -> tuple[float, float] | None:
-        """Return from when to when P2 goes back, with a margin of rest at its end."""
+        """Return start and end of P2's way back, with a margin of rest at the end."""
         if leaves is None:
             return None
         speed = self.speeds[1][leaves: following + 1]  # fmt: skip
@@ -346,7 +348,7 @@ class _Section:
 
 
 def _onset(speed: Array, free_from: int, meeting: int, thresholds: Segmentation) -> int | None:
-    """Return where the last reach before the exchange left its rest."""
+    """Return the index at which the last reach before the exchange left its rest."""
     fast = np.flatnonzero(speed[free_from: meeting + 1] > thresholds.reach_speed)  # fmt: skip
     if len(fast) == 0:
         return None
@@ -356,7 +358,7 @@ def _onset(speed: Array, free_from: int, meeting: int, thresholds: Segmentation)
 
 
 def _leaves(speed: Array, meeting: int, following: int, thresholds: Segmentation) -> int | None:
-    """Return where the first way after the exchange left its rest."""
+    """Return the index at which the first motion after the exchange left its rest."""
     fast = _first(speed[meeting: following + 1] > thresholds.reach_speed)  # fmt: skip
     if fast is None:
         return None
@@ -365,12 +367,12 @@ def _leaves(speed: Array, meeting: int, following: int, thresholds: Segmentation
 
 
 def _started(speed: Array, onset: int, meeting: int) -> int:
-    """Return where a hand has started to reach, in proportion to how fast it gets."""
+    """Return the index at which a hand has started to reach, relative to its peak speed."""
     reach = speed[onset: meeting + 1]  # fmt: skip
     return onset + int(np.argmax(reach > _STARTED * reach.max()))
 
 
 def _first(true: NDArray[np.bool_]) -> int | None:
-    """Return the index of the first that is true."""
+    """Return the index of the first True."""
     index = int(np.argmax(true)) if len(true) else 0
     return index if len(true) and true[index] else None

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The picture of a segmented recording."""
+"""The figure of a segmented recording."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ def draw_segmentation(segmented: SegmentedMotion, path: str | Path) -> None:
     Draw both wrists, their distance and speeds, the thresholds, and the handovers found.
 
     Args:
-        segmented: the recording and what was found in it.
-        path: picture to write; its suffix tells the kind.
+        segmented: the segmented recording.
+        path: image file; its suffix sets the format.
 
     Raises:
-        UsageError: matplotlib knows no picture of this suffix.
+        UsageError: matplotlib does not know the suffix.
 
     """
     path = Path(path)
@@ -109,15 +109,15 @@ def check_picture(figure: Figure, path: Path) -> None:
     Make sure that a figure can be saved as a file of this suffix.
 
     Args:
-        figure: what to save.
-        path: of the picture.
+        figure: the figure.
+        path: image file.
 
     Raises:
-        UsageError: matplotlib knows no picture of this suffix.
+        UsageError: matplotlib does not know the suffix.
 
     """
     if path.suffix.lstrip('.').lower() not in figure.canvas.get_supported_filetypes():
-        raise UsageError(f'{path}: no kind of picture by its suffix; .png or .svg will do')
+        raise UsageError(f'{path}: unknown image format; use .png or .svg')
 
 
 def _mark_passages(segmented: SegmentedMotion, axes: Axes) -> None:

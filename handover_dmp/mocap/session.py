@@ -15,8 +15,8 @@
 """
 A recorded session: both wrists from before the tool is picked up until both have withdrawn.
 
-A session is a CSV file of the columns of a trial, only longer; the index `sessions.csv` beside it
-has a line an exchange, which tells when it was.
+A session is a CSV file with the columns of a trial, only longer. The index `sessions.csv` beside
+it has one line per exchange with its times.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ import numpy as np
 
 SESSIONS_NAME = 'sessions.csv'
 STILL_SPEED = 0.05
-"""A wrist that is slower stands, m/s; while it picks something up it does so"""
+"""A slower wrist is at rest, m/s; at a pick-up it rests"""
 STILL_S = 0.15
-"""for at least so long, s,"""
+"""for at least this time, s,"""
 AWAY_M = 0.1
-"""and so far from where its reach begins, m."""
+"""and at least this far from the start of its reach, m."""
 _WHAT = ('file', 'configuration', 'trial', 'exchange')
 _TIMES = ('start_s', 'exchange_s', 'parting_s', 'way_back_from_s', 'way_back_to_s')
 
@@ -50,13 +50,13 @@ _TIMES = ('start_s', 'exchange_s', 'parting_s', 'way_back_from_s', 'way_back_to_
 @dataclass(frozen=True, eq=False)
 class RecordedSession:
     """
-    A recording of several exchanges in a row, and when they are.
+    A recording of several exchanges in a row, with their times.
 
     Attributes:
         motion: both wrists, from rest to rest.
-        exchanges: what is handed over when, in order.
+        exchanges: the exchanges, in order.
         configuration: where it took place.
-        number: of the session within its configuration.
+        number: number of the session within its configuration.
 
     """
 
@@ -73,9 +73,9 @@ class RecordedSession:
     @property
     def pick_up(self) -> Array | None:
         """
-        Where P2's wrist picks up the object, (3,), m: where it last stands before the first give.
+        Position of P2's wrist at the pick-up, (3,), m: its last rest before the first give.
 
-        None where the recording begins after that, or with a take.
+        None if the recording begins later, or with a take.
         """
         times, first = self.motion.times, self.exchanges[0]
         before = times < first.start_s
@@ -86,7 +86,7 @@ class RecordedSession:
         away = np.linalg.norm(wrist - wrist[-1], axis=1) > AWAY_M
         stands = np.flatnonzero(np.diff([0, *((speeds < STILL_SPEED) & away), 0]))
         for begin, end in reversed(stands.reshape(-1, 2).tolist()):
-            # where a recording begins nobody knows what was done before
+            # before the start of a recording nothing is known
             if begin > 0 and times[end - 1] - times[begin] >= STILL_S:
                 place: Array = wrist[begin:end].mean(axis=0)
                 return place
@@ -94,13 +94,13 @@ class RecordedSession:
 
     def low_passed(self, cutoff_hz: float) -> RecordedSession:
         """
-        Take the noise out.
+        Low-pass and resample the session.
 
         Args:
-            cutoff_hz: low-pass, zero phase; 0 leaves it as it is.
+            cutoff_hz: cut-off frequency of the zero-phase low-pass, Hz; 0: no low-pass.
 
         Returns:
-            The same at 200 Hz.
+            The session at 200 Hz.
 
         """
         if not cutoff_hz:
@@ -120,7 +120,8 @@ def read_csv_wrists(path: str | Path) -> WristMotion:
         Both wrists, in metres, z up.
 
     Raises:
-        DataError: it cannot be read, or is no recording of two wrists; names file, line and fault.
+        DataError: the file cannot be read, or is no recording of two wrists; names file, line and
+            fault.
 
     """
     path = Path(path)
@@ -132,15 +133,15 @@ def read_session(path: str | Path, thresholds: Segmentation | None = None) -> Re
     Read a recorded session.
 
     Args:
-        path: CSV file, or bag with the wrists of both. The index beside a CSV file tells when the
-            exchanges are; where none does, they are found by distance and speed.
-        thresholds: what counts as an exchange, where they have to be found.
+        path: CSV file, or bag with both wrists. The index beside a CSV file has the times of the
+            exchanges; without one they are found by distance and speed.
+        thresholds: thresholds to find the exchanges.
 
     Returns:
         The session.
 
     Raises:
-        DataError: it cannot be read, or no exchange is in it.
+        DataError: the file cannot be read, or contains no exchange.
 
     """
     path = Path(path)
@@ -154,20 +155,20 @@ def read_session(path: str | Path, thresholds: Segmentation | None = None) -> Re
     told = [_told(row, f'{index}: line {line}') for line, row in _lines_of(path)]
     exchanges = told or segment(motion, thresholds).segments
     if not exchanges:
-        raise DataError(f'{path}: no exchange is in it')
+        raise DataError(f'{path}: contains no exchange')
     configuration, number = describe_session(path) or (path.stem, 1)
     return RecordedSession(motion, tuple(exchanges), configuration, number)
 
 
 def describe_session(path: str | Path) -> tuple[str, int] | None:
     """
-    Tell by the index beside a recording what it is a recording of.
+    Look a recording up in the index beside it.
 
     Args:
-        path: of the recording.
+        path: file of the recording.
 
     Returns:
-        Configuration and number; None where no index names it.
+        Configuration and number; None if no index names it.
 
     Raises:
         DataError: the index cannot be read.
@@ -193,14 +194,13 @@ def _lines_of(path: Path) -> list[tuple[int, dict[str, str]]]:
 
 def giver_of(path: str | Path) -> str | None:
     """
-    Tell by the index beside a recording who gives in it.
+    Find the giver of a recording in the index beside it.
 
     Args:
-        path: of the recording.
+        path: file of the recording.
 
     Returns:
-        One of the words of `Segmentation.giver`; None where no index names it, or none of them
-        says it.
+        A value of `Segmentation.giver`; None if no index names the recording, or no value fits.
 
     """
     directions = [row['exchange'] for _, row in _lines_of(Path(path))]
@@ -215,7 +215,7 @@ def session_files(folder: str | Path) -> list[Path]:
     List the recordings that the index of a folder names.
 
     Args:
-        folder: with `sessions.csv`.
+        folder: folder with `sessions.csv`.
 
     Returns:
         Their files, in the order of the index.
@@ -235,15 +235,16 @@ def write_sessions(
     progress: Callable[[], object] | None = None,
 ) -> None:
     """
-    Write sessions as CSV files, and their index last.
+    Write sessions as CSV files, and finally their index.
 
     Args:
-        sessions: what to write, no two of one configuration and number.
-        folder: where to; made if need be.
+        sessions: the sessions, no two of one configuration and number.
+        folder: output folder; created if missing.
         progress: called after each session.
 
     Raises:
-        DataError: two sessions have one name, or a file is there already; nothing is written then.
+        DataError: two sessions have the same name, or a file exists already; then nothing is
+            written.
 
     """
     folder = Path(folder)
@@ -279,7 +280,7 @@ def _told(row: dict[str, str], where: str) -> Segment:
         start, meeting, parting, *back = (float(row[name] or 'nan') for name in _TIMES)
     except ValueError as error:
         raise DataError(f'{where}: a time is not a number') from error
-    # what is not known, as NaN, is in order with everything
+    # unknown times are NaN, which compares as in order
     in_order = start < meeting and not parting < meeting and not back[1] <= back[0]
     if not in_order:
         raise DataError(f'{where}: the times are not in order')

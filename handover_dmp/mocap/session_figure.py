@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-The picture of a session, as Fig. 3 of the paper: X, Y and Z of both wrists, give and take shaded.
+The figure of a session, like Fig. 3: X, Y and Z of both wrists, give and take shaded.
 
-All three panels have one scale, so that a way is as long in each of them.
+All three panels have the same scale.
 """
 
 from __future__ import annotations
@@ -41,22 +41,22 @@ DEMONSTRATOR_LINE: Mapping[str, Any] = {
     'linestyle': (0, (5, 2)),
 }
 MIN_SPAN_M = 0.4
-"""Of a panel; with less, its ticks would stand on each other."""
+"""Least range of a panel; with less, its tick labels would overlap."""
 MARGIN = 0.08
-"""Above and below the curves of a panel, in parts of what they span."""
+"""Margin above and below the curves of a panel, as a share of their range."""
 _HEIGHT_IN = 6.4
 _WIDTH_IN = (9.0, 0.5, 60.0)
 
 
 class WristCurve(NamedTuple):
     """
-    A wrist of the picture.
+    A wrist in the figure.
 
     Attributes:
-        name: in the legend.
-        times: (n,) s; NaN in the positions where it was not seen.
-        positions: (n, 3) m.
-        style: of the line.
+        name: name in the legend.
+        times: (n,) s.
+        positions: (n, 3) m; NaN if the wrist was not seen.
+        style: line style.
 
     """
 
@@ -68,12 +68,12 @@ class WristCurve(NamedTuple):
 
 class ShadedExchange(NamedTuple):
     """
-    An exchange of the picture.
+    An exchange in the figure.
 
     Attributes:
-        start_s: when the reach starts, s.
-        exchange_s: when the hands have met, s.
-        end_s: when they part again, s.
+        start_s: start of the reach, s.
+        exchange_s: time at which the hands have met, s.
+        end_s: time at which they part again, s.
         direction: `give` or `take`.
 
     """
@@ -89,7 +89,7 @@ def draw_session(session: RecordedSession) -> Figure:
     Draw a recorded session.
 
     Args:
-        session: both wrists, and when the exchanges are.
+        session: both wrists, and the times of the exchanges.
 
     Returns:
         The figure.
@@ -102,7 +102,7 @@ def draw_session(session: RecordedSession) -> Figure:
 
 def motion_curves(motion: WristMotion) -> list[WristCurve]:
     """
-    Draw both wrists of a recording, interrupted where one was not seen.
+    Make the curves of both wrists of a recording, interrupted in gaps.
 
     Args:
         motion: the recording.
@@ -125,13 +125,13 @@ def motion_curves(motion: WristMotion) -> list[WristCurve]:
 
 def shaded_segments(segments: Sequence[Segment]) -> list[ShadedExchange]:
     """
-    Shade the exchanges of a recording, from the reach to the parting.
+    Make the shadings of the exchanges, from the reach to the parting.
 
     Args:
         segments: the exchanges.
 
     Returns:
-        What to shade.
+        The shadings.
 
     """
     return [
@@ -146,12 +146,12 @@ def draw_wrists(
     curves: Sequence[WristCurve], exchanges: Sequence[ShadedExchange], title: str
 ) -> Figure:
     """
-    Draw X, Y and Z of wrists over time, the exchanges shaded.
+    Draw X, Y and Z of wrists over time, with shaded exchanges.
 
     Args:
         curves: the wrists.
-        exchanges: from when to when they reach for each other.
-        title: of the figure.
+        exchanges: the exchanges to shade.
+        title: title of the figure.
 
     Returns:
         The figure.
@@ -176,13 +176,13 @@ def draw_wrists(
 
 def session_width(duration_s: float) -> float:
     """
-    Tell how wide a figure over time is to be.
+    Compute the width of a figure over time.
 
     Args:
-        duration_s: shown, s.
+        duration_s: shown time, s.
 
     Returns:
-        Inches.
+        The width, inch.
 
     """
     minimum, inches_a_second, maximum = _WIDTH_IN
@@ -193,12 +193,12 @@ def wrist_panels(
     panels: Sequence[Axes], curves: Sequence[WristCurve], exchanges: Sequence[ShadedExchange]
 ) -> None:
     """
-    Draw into three panels, whose heights are as `panel_heights` has them.
+    Draw into three panels with heights from `panel_heights`.
 
     Args:
-        panels: for X, Y and Z.
+        panels: axes for X, Y and Z.
         curves: the wrists.
-        exchanges: from when to when they reach for each other.
+        exchanges: the exchanges to shade.
 
     """
     for axis, panel in enumerate(panels):
@@ -211,13 +211,13 @@ def wrist_panels(
 
 def panel_heights(curves: Sequence[WristCurve]) -> list[float]:
     """
-    Tell how high the panels of X, Y and Z are to be, that all have one scale.
+    Compute the heights of the panels of X, Y and Z for a common scale.
 
     Args:
         curves: the wrists.
 
     Returns:
-        What each spans, m.
+        The range of each panel, m.
 
     """
     ranges = [_range_of(curves, axis) for axis in range(3)]
@@ -226,11 +226,11 @@ def panel_heights(curves: Sequence[WristCurve]) -> list[float]:
 
 def shade_exchanges(axes: Axes, exchanges: Sequence[ShadedExchange], *, named: bool) -> None:
     """
-    Shade the exchanges, with a line where the hands have met.
+    Shade the exchanges, with a line at the time when the hands have met.
 
     Args:
-        axes: over time.
-        exchanges: what to shade.
+        axes: axes over time.
+        exchanges: the exchanges.
         named: whether to write `give` and `take` above.
 
     """

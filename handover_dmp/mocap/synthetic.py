@@ -15,25 +15,25 @@
 """
 A synthetic data set of handovers in a garage. No person was recorded for it.
 
-What it is modelled on:
+The model:
 
 - The scenes are those of Prada et al. 2013, whose recordings are not public: a mechanic (P1) at an
   engine bay, lying under a car, and standing under a car on a hydraulic lift; an assistant (P2)
-  gives a tool and takes it back. Places and heights are plausible ones for people of medium size,
-  not measured ones; the reach of the assistant's wrist is 0.4 to 0.7 m.
+  gives a tool and takes it back. Positions and heights are plausible for people of medium size,
+  not measured; the reach of the assistant's wrist is 0.4 to 0.7 m.
 - Hands reach along minimum-jerk profiles (Flash and Hogan 1985). People aim a little beside the
-  place where they will meet and correct on the way: a second, overlapping minimum-jerk movement
-  (Meyer et al. 1988). The path is slightly curved, always to the same side.
-- Spread from trial to trial in rest places, meeting place, path, duration and who starts when is
-  of the size seen in recordings of real handovers. In some gives the mechanic's hand is already
+  meeting point and correct on the way, by a second, overlapping minimum-jerk movement (Meyer et
+  al. 1988). The path is slightly curved, always to the same side.
+- The spread of rest positions, meeting point, path, duration and start times from trial to trial
+  has the size seen in recordings of real handovers. In some gives the mechanic's hand is already
   there and only sways; in the takes it always moves, bringing the tool out.
-- The ends: a short rest before the assistant starts, and a short hold when the hands have met.
+- Each trial has a short rest before the assistant starts, and a short hold after the hands met.
 - The sensor: 200 Hz, white noise of 0.1 mm on each axis, values rounded to a micrometre.
-- How the wrists are turned, on request alone and from a random stream of its own, so that without
-  it the same bytes are made: see `synthetic_turns.py`.
+- Orientations of the wrists, on request only and from a separate random stream, so that the
+  positions stay the same to the byte: see `synthetic_turns.py`.
 
-Made of sums, products and square roots alone on a generator whose stream is frozen
-(`numpy.random.RandomState`), and rounded, so one seed gives the same bytes on every machine.
+The data are made of sums, products and square roots, on a generator with a frozen stream
+(`numpy.random.RandomState`), and rounded, so that one seed gives the same bytes on every machine.
 """
 
 from __future__ import annotations
@@ -81,16 +81,16 @@ def synthesize(
     """
     Make the synthetic data set.
 
-    Every trial has a random stream of its own, so the first five are the same whether five or
-    fifty are made.
+    Every trial has its own random stream, so the first five are the same whether five or fifty
+    are made.
 
     Args:
-        seed: any number from 0 to 2³² − 1; the same seed gives the same trials.
-        trials: how many for each configuration and exchange.
-        configurations: which of `CONFIGURATIONS`.
+        seed: number from 0 to 2³² − 1; the same seed gives the same trials.
+        trials: number of trials for each configuration and exchange.
+        configurations: configurations, of `CONFIGURATIONS`.
         rate_hz: sampling rate of the sensor, Hz.
         noise_m: standard deviation of the sensor's noise on each axis, m.
-        orientation: whether the wrists have orientations, too; the positions stay the same.
+        orientation: whether to add orientations; the positions stay the same.
 
     Returns:
         The trials, by configuration, then give before take, then number from 1.
@@ -112,12 +112,12 @@ def check_request(
     seed: int, trials: int, configurations: Sequence[str], rate_hz: float, noise_m: float
 ) -> None:
     """
-    Check what is asked for.
+    Check the arguments.
 
     Args:
-        seed: of the random numbers.
-        trials: how many of each kind.
-        configurations: where they take place.
+        seed: seed of the random numbers.
+        trials: number of trials of each kind.
+        configurations: configurations.
         rate_hz: sampling rate of the sensor, Hz.
         noise_m: standard deviation of the sensor's noise on each axis, m.
 
@@ -144,12 +144,12 @@ class PlannedHandover:
     A handover before it is sampled; its clock starts when the first hand is about to move.
 
     Attributes:
-        end_s: when the hands have met and have held for a moment, s.
+        end_s: time at which the hands have met and have held for a moment, s.
         demonstrator: the reach of P2.
-        partner: the reach of P1; None where the hand is there already.
-        meeting: (3,) m, where P1's hand is at the end, but for its sway.
-        work: (3,) m, where P1's hand was before it reached.
-        sway: of P1's hand.
+        partner: the reach of P1; None if the hand is there already.
+        meeting: (3,) m, position of P1's hand at the end, without sway.
+        work: (3,) m, position of P1's hand before its reach.
+        sway: sway of P1's hand.
 
     """
 
@@ -161,7 +161,7 @@ class PlannedHandover:
     sway: HandSway
 
     def partner_at(self, times: Array) -> Array:
-        """Return where P1's hand is at times, (n,) s; (n, 3) m."""
+        """Return the positions of P1's hand at times (n,) s; (n, 3) m."""
         if self.partner is None:
             return np.tile(self.meeting, (len(times), 1)) + self.sway.at(times)
         return self.partner.at(times) + self.sway.at(times)
@@ -174,14 +174,14 @@ def plan_handover(
     Draw one handover of the data set.
 
     Args:
-        seed: of the data set.
+        seed: seed of the data set.
         configuration: one of `CONFIGURATIONS`.
         direction: `give` or `take`.
-        number: of the trial, from 1.
+        number: number of the trial, from 1.
         rate_hz: sampling rate of the sensor, Hz; the handover ends at a sample.
 
     Returns:
-        The handover, and the stream that its noise comes from.
+        The handover, and the random stream for its noise.
 
     """
     scene = SCENES[configuration]
@@ -248,7 +248,7 @@ def _make_trial(
 def _mechanic_timing(
     random: RandomState, direction: str, number: int, duration: float
 ) -> tuple[float, float]:
-    """Return how long before P2 the mechanic starts (s), and for how long he reaches (s)."""
+    """Return the mechanic's head start before P2 (s) and duration of reach (s)."""
     reach = 0.8 * duration * drawn_about(random, 1.0, _DURATION_SPREAD)
     if direction == 'take':
         # He brings the tool out, the assistant follows.

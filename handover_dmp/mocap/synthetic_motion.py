@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The pieces that synthetic motions of hands are made of: reaches, sway, spread.
+The elements of synthetic hand motions: reaches, sway, spread.
 
-Sums, products and square roots alone, on random numbers of a frozen stream, so that one seed gives
-the same bytes on every machine.
+They use only sums, products and square roots, on random numbers of a frozen stream, so that one
+seed gives the same bytes on every machine.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ class CorrectedReach:
     A reach that aims a little beside its goal and is corrected on the way (Meyer et al. 1988).
 
     Attributes:
-        onset_s: when the hand leaves its rest, s.
-        duration_s: until it rests at the goal, s.
+        onset_s: time at which the hand leaves its rest, s.
+        duration_s: time until it rests at the goal, s.
         start: (3,) m.
         goal: (3,) m.
-        aim: (3,) m, where the first movement would end.
-        correction_onset_s: when the second movement begins, s.
-        curve: (3,) m, how far the middle of the way lies off the straight line.
+        aim: (3,) m, end of the first movement without correction.
+        correction_onset_s: start of the second movement, s.
+        curve: (3,) m, deviation of the middle of the path from the straight line.
 
     """
 
@@ -62,17 +62,17 @@ class CorrectedReach:
         cls, random: RandomState, onset_s: float, duration_s: float, start: Array, goal: Array
     ) -> CorrectedReach:
         """
-        Draw where it aims, and when it is corrected.
+        Draw its aim and the time of its correction.
 
         Args:
-            random: the stream.
-            onset_s: when the hand leaves its rest, s.
-            duration_s: until it rests at the goal, s.
+            random: the random stream.
+            onset_s: time at which the hand leaves its rest, s.
+            duration_s: time until it rests at the goal, s.
             start: (3,) m.
             goal: (3,) m.
 
         Returns:
-            The reach, straight but for its correction.
+            The reach, straight except for its correction.
 
         """
         aim = goal + spread(random, _AIM_SPREAD_M)
@@ -81,15 +81,15 @@ class CorrectedReach:
 
     @property
     def end_s(self) -> float:
-        """When the hand rests at the goal, s."""
+        """Time at which the hand rests at the goal, s."""
         return self.onset_s + self.duration_s
 
     def share(self, times: Array) -> Array:
-        """Return how far a straight reach would have got at times, (n,) s; (n,) from 0 to 1."""
+        """Return the progress of a straight reach at times (n,) s; (n,) from 0 to 1."""
         return rise((times - self.onset_s) / self.duration_s)
 
     def at(self, times: Array) -> Array:
-        """Return where the hand is at times, (n,) s; (n, 3) m, at rest before and after."""
+        """Return positions at times (n,) s; (n, 3) m, at rest before and after."""
         correction_duration = self.onset_s + self.duration_s - self.correction_onset_s
         first = rise((times - self.onset_s) / (0.95 * self.duration_s))[:, None]
         second = rise((times - self.correction_onset_s) / correction_duration)[:, None]
@@ -103,11 +103,11 @@ class CorrectedReach:
 @dataclass(frozen=True, eq=False)
 class HandSway:
     """
-    A hand that wanders smoothly between random places some millimetres apart.
+    A hand that wanders smoothly between random points some millimetres apart.
 
     Attributes:
-        places: (k, 3) m, one every 0.35 s; before the first and after the last it does not sway.
-        ahead: share of that time that is over at time 0.
+        places: (k, 3) m, one point every 0.35 s; no sway before the first and after the last.
+        ahead: share of that interval that has passed at time 0.
 
     """
 
@@ -117,11 +117,11 @@ class HandSway:
     @classmethod
     def draw(cls, random: RandomState, duration_s: float) -> HandSway:
         """
-        Draw the places.
+        Draw the points.
 
         Args:
-            random: the stream.
-            duration_s: for which they are to last, s, from 0.
+            random: the random stream.
+            duration_s: duration of the sway from 0, s.
 
         Returns:
             The sway.
@@ -133,18 +133,18 @@ class HandSway:
 
     @property
     def span_s(self) -> tuple[float, float]:
-        """From when to when it is in motion, s."""
+        """Start and end of the motion, s."""
         first = -self.ahead - 1.0
         return first * _SWAY_PERIOD_S, (first + 1.0 + len(self.places)) * _SWAY_PERIOD_S
 
     def without(self, start_s: float, end_s: float) -> HandSway:
-        """Return the same, but that it is at rest from one time to another, s."""
+        """Return the same sway with a rest from one time to another, s."""
         at_s = (np.arange(len(self.places)) - self.ahead) * _SWAY_PERIOD_S
         apart = (at_s <= start_s - _SWAY_PERIOD_S) | (at_s >= end_s + _SWAY_PERIOD_S)
         return HandSway(self.places * apart[:, None], self.ahead)
 
     def at(self, times: Array) -> Array:
-        """Return by how much the hand is off at times, (n,) s; (n, 3) m."""
+        """Return the offsets of the hand at times (n,) s; (n, 3) m."""
         places = np.vstack([np.zeros((1, 3)), self.places, np.zeros((2, 3))])
         position = np.clip(times / _SWAY_PERIOD_S + self.ahead, -1.0, len(self.places)) + 1.0
         here = position.astype(int)
@@ -154,7 +154,7 @@ class HandSway:
 
 
 def rise(u: Array) -> Array:
-    """Go from 0 to 1 while u does, at rest at both ends (Flash and Hogan 1985)."""
+    """Rise from 0 to 1 for u from 0 to 1, at rest at both ends (Flash and Hogan 1985)."""
     u = np.clip(u, 0.0, 1.0)
     share: Array = u * u * u * (10.0 + u * (6.0 * u - 15.0))
     return share
@@ -168,12 +168,12 @@ def bump(u: Array) -> Array:
 
 
 def spread_curve(random: RandomState, curve: tuple[float, float, float]) -> Array:
-    """Draw how curved one way is, where the usual curve is told, m."""
+    """Draw the curve of one path about the usual one, m."""
     return np.array(curve) * drawn_about(random, 1.0, _CURVE_SPREAD)
 
 
 def spread(random: RandomState, deviation: Array) -> Array:
-    """Draw an offset of standard deviations (3,), m."""
+    """Draw an offset with standard deviations (3,), m."""
     return deviation * clipped_normal(random, 3)
 
 
@@ -183,6 +183,6 @@ def drawn_about(random: RandomState, mean: float, deviation: float) -> float:
 
 
 def clipped_normal(random: RandomState, shape: int | tuple[int, int]) -> Array:
-    """Draw normal numbers; what a person would not do, more than 2 deviations, is cut to 2."""
+    """Draw normal numbers, clipped to 2 standard deviations."""
     drawn: Array = np.clip(random.standard_normal(shape), -2.0, 2.0)
     return drawn

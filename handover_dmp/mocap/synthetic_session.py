@@ -17,13 +17,14 @@ Synthetic sessions in a garage, recorded whole, as in Section III.A of Prada et 
 
 P2 picks up the tool, gives it to P1 and withdraws; P1 uses it; P2 takes it back, and both
 withdraw. The two reaches of a session are those of the synthetic data set of the same seed,
-configuration and number, `synthetic.py`; what lies between them is made by the same rules:
+configuration and number, `synthetic.py`. The motions between them follow the same rules:
 
-- Hands go to the tool, back from the exchange, and out to wait by corrected minimum-jerk reaches.
-- The object passes over while both hold still for 0.3 to 0.6 s. Who receives it leaves first.
+- Hands move to the tool, back from the exchange, and to their waiting positions by corrected
+  minimum-jerk reaches.
+- The object changes hands while both hold still for 0.3 to 0.6 s. The receiver leaves first.
 - P1 works, before the give and with the tool after it, by strokes of some centimetres.
 - P1's hand sways all the time.
-- The wrists turn as in the same give and take, on request, and turn back after each.
+- On request, the wrists turn as in the same give and take, and turn back after each.
 """
 
 from __future__ import annotations
@@ -58,14 +59,14 @@ import numpy as np
 from numpy.random import RandomState
 
 _SESSION = 2
-"""In a stream's name, where a give has 0 and a take 1."""
+"""Number of a session in the key of a random stream; a give has 0 and a take 1."""
 _STROKE_M = np.array([0.025, 0.050, 0.030])
 _STROKE_SPREAD = 0.3
 _PACE_SPREAD = 0.08
 _PICK_UP_SHARE = 0.70
 _WAY_BACK_SHARE = 0.90
 _PARTNER_SHARE = 0.80
-"""Durations of ways, as shares of P2's reach in this scene."""
+"""Durations of motions, as shares of P2's reach in this scene."""
 
 
 def synthesize_sessions(
@@ -81,12 +82,12 @@ def synthesize_sessions(
     Make synthetic sessions, a give and a take each.
 
     Args:
-        seed: any number from 0 to 2³² − 1; the same seed gives the same sessions.
-        trials: how many for each configuration.
-        configurations: which of `CONFIGURATIONS`.
+        seed: number from 0 to 2³² − 1; the same seed gives the same sessions.
+        trials: number of sessions for each configuration.
+        configurations: configurations, of `CONFIGURATIONS`.
         rate_hz: sampling rate of the sensor, Hz.
         noise_m: standard deviation of the sensor's noise on each axis, m.
-        orientation: whether the wrists have orientations, too; the positions stay the same.
+        orientation: whether to add orientations; the positions stay the same.
 
     Returns:
         The sessions, by configuration, then number from 1.
@@ -106,11 +107,11 @@ def synthesize_sessions(
 @dataclass(eq=False)
 class _Way:
     """
-    What one hand does over a session: ways from place to place, and strokes of work.
+    The motion of one hand over a session: reaches from point to point, and strokes of work.
 
     Attributes:
-        start: (3,) m, where it rests at first.
-        reaches: in order; each starts where the one before it ends.
+        start: (3,) m, its first rest position.
+        reaches: reaches in order; each starts at the end of the previous one.
         strokes: onset s, duration s and size (3,) m of each.
 
     """
@@ -125,7 +126,7 @@ class _Way:
 
     @property
     def free_s(self) -> float:
-        """When it has done all that it does so far, s."""
+        """End of its last motion so far, s."""
         return max(
             [0.0]
             + [reach.end_s for reach in self.reaches[-1:]]
@@ -137,7 +138,7 @@ class _Way:
         self.reaches.append(reach)
 
     def work(self, random: RandomState, until_s: float) -> None:
-        """Make strokes of some centimetres, as with a ratchet, as long as there is time."""
+        """Make strokes of some centimetres, as with a ratchet, while there is time."""
         size = _STROKE_M + spread(random, _STROKE_SPREAD * _STROKE_M)
         onset_s = self.free_s + random.uniform(0.10, 0.30)
         while True:
@@ -185,7 +186,7 @@ def _make_session(
         partner.reaches.append(_later(give.partner, give_s))
     demonstrator.reaches.append(_later(give.demonstrator, give_s))
 
-    # who receives the tool leaves first
+    # the receiver of the tool leaves first
     given_s = give_s + give.end_s
     parted_s = given_s + random.uniform(0.30, 0.60)
     partner.go(random, parted_s, _PARTNER_SHARE * pace_s, take.work)
@@ -249,7 +250,7 @@ def _make_session(
 def _turned(
     give: WristTurn, take: WristTurn, reaches: Sequence[CorrectedReach], times: Array
 ) -> Array:
-    """Turn a wrist as in the give and the take, and back after each of them."""
+    """Turn a wrist as in the give and in the take, and back after each."""
     back, home = WristTurn.between(give.last, take.first), WristTurn.between(take.last, give.first)
     path = give.at(np.zeros(len(times)))
     for turn, reach in zip((give, back, take, home), reaches, strict=True):
@@ -265,7 +266,7 @@ def _pick_up(
     demonstrator: _Way,
     give: PlannedHandover,
 ) -> None:
-    """Have P2 take the tool from where it lies and bring it to where the give begins."""
+    """Let P2 pick up the tool and bring it to the start of the give."""
     tool = np.array(scene.tool) + spread(random, REST_SPREAD_M)
     demonstrator.go(random, random.uniform(0.30, 0.60), _PICK_UP_SHARE * pace_s, tool)
     grasped_s = demonstrator.free_s + random.uniform(0.25, 0.45)

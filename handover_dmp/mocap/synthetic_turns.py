@@ -13,14 +13,14 @@
 # limitations under the License.
 
 """
-How the wrists of the synthetic data set are turned. No person was recorded for it.
+Orientations of the wrists of the synthetic data set. No person was recorded for it.
 
-In the axes of a wrist x points along the fingers and z out of the back of the hand. An arm hangs
-with the fingers forward and down, and on its way to the partner the hand comes up and turns, the
-thumb outwards, with the time course of the reach. Spread from trial to trial is some degrees, and
-a small turn to and fro on the way makes no two alike.
+The x axis of a wrist points along the fingers, z out of the back of the hand. An arm hangs with
+the fingers forward and down. On the way to the partner the hand rises and turns its thumb
+outwards, with the time course of the reach. The spread from trial to trial is some degrees, plus
+a small random turn back and forth on the way.
 
-As in the data set itself, sums, products and square roots alone.
+Like the data set itself, it uses only sums, products and square roots.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ from numpy.random import RandomState
 Pair = tuple[tuple[float, float, float, float], tuple[float, float, float, float]]
 
 NOISE_PER_M = 5.0
-"""Of a component, for a metre of noise of a marker: the markers of a wrist are 0.1 m apart."""
+"""Noise of a quaternion component per metre of marker noise; the markers are 0.1 m apart."""
 _SPREAD = 0.04
 _WOBBLE = 0.03
 
-# Of each wrist, x, y, z, w: where it rests or works, and where it meets the other.
+# Orientation of each wrist, x, y, z, w: at rest or work, and at the exchange.
 _ASSISTANT: dict[str, Pair] = {
     'engine_bay': ((-0.060, 0.458, 0.116, 0.879), (0.494, 0.081, 0.054, 0.864)),
     'under_car': ((-0.026, 0.300, 0.083, 0.950), (0.359, 0.255, -0.060, 0.896)),
@@ -57,12 +57,12 @@ _MECHANIC: dict[str, Pair] = {
 @dataclass(frozen=True, eq=False)
 class WristTurn:
     """
-    How a wrist turns in one reach.
+    The turn of a wrist in one reach.
 
     Attributes:
-        first: (4,), x, y, z, w, where it is turned at the start.
-        last: (4,), at the end, of the sign that is nearer to `first`.
-        wobble: (4,), what is added half way.
+        first: (4,), x, y, z, w, orientation at the start.
+        last: (4,), orientation at the end, with the sign nearer to `first`.
+        wobble: (4,), addition half way.
 
     """
 
@@ -77,7 +77,7 @@ class WristTurn:
         return cls(first, nearer, np.zeros(4) if wobble is None else wobble)
 
     def at(self, share: Array) -> Array:
-        """Return the turn at shares, (n,), of the reach that are done; (n, 4), not yet unit."""
+        """Return the orientations at shares (n,) of the reach; (n, 4), not yet normalised."""
         arch = (4.0 * share * (1.0 - share))[:, None]
         path: Array = self.first + share[:, None] * (self.last - self.first) + arch * self.wobble
         return path
@@ -87,13 +87,13 @@ def draw_turns(
     seed: int, configuration: str, direction: str, number: int
 ) -> tuple[WristTurn, WristTurn]:
     """
-    Draw how the wrists turn in a handover, from a stream of its own.
+    Draw the turns of the wrists in a handover, from a separate random stream.
 
     Args:
-        seed: of the data set.
+        seed: seed of the data set.
         configuration: where it takes place.
         direction: `give` or `take`.
-        number: of the trial.
+        number: number of the trial.
 
     Returns:
         The turns of P1 and of P2.
@@ -106,12 +106,12 @@ def draw_turns(
 
 def measured_turns(random: RandomState, path: Array, noise_m: float) -> Array:
     """
-    Give what a sensor would tell of the turns of a wrist.
+    Simulate the measurement of a wrist's orientations.
 
     Args:
-        random: a stream of its own.
-        path: (n, 4), x, y, z, w, of any length.
-        noise_m: of a marker, m.
+        random: a separate random stream.
+        path: (n, 4), x, y, z, w, of any norm.
+        noise_m: noise of a marker, m.
 
     Returns:
         Unit quaternions, (n, 4).

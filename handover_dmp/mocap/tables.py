@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Reading text files of numbers from anywhere: a value or one line that says what is wrong."""
+"""Reading text files of numbers: a value, or a one-line error that names the fault."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ LARGEST_RECORDING_BYTES = 150_000_000
 MAX_RECORDING_LINES = 500_000
 _MAX_LINE_BYTES = 1_000_000
 _MAX_QUOTE = 40
-# What float() takes beyond this (underscores, digits of other scripts) is no number in a file.
+# float() accepts more (underscores, digits of other scripts), which is no number in a file.
 _NUMBER = re.compile(r'[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?', re.ASCII)
 _NOT_FINITE = re.compile(r'[-+]?(nan|inf|infinity)', re.ASCII | re.IGNORECASE)
 
@@ -46,13 +46,13 @@ def read_bytes(path: Path, largest: int = LARGEST_TEXT_BYTES) -> bytes:
 
     Args:
         path: the file.
-        largest: bytes that it may have at most.
+        largest: size limit, bytes.
 
     Returns:
         Its content.
 
     Raises:
-        DataError: it is missing, no regular file, not readable, empty or too large.
+        DataError: the file is missing, not regular, not readable, empty or too large.
 
     """
     try:
@@ -78,13 +78,13 @@ def read_lines(path: Path, largest: int = LARGEST_TEXT_BYTES) -> list[str]:
 
     Args:
         path: the file.
-        largest: bytes that it may have at most.
+        largest: size limit, bytes.
 
     Returns:
         At least one line, without line ends.
 
     Raises:
-        DataError: as `read_bytes`, or it is no text.
+        DataError: as in `read_bytes`, or the file is no text.
 
     """
     content = read_bytes(path, largest)
@@ -101,7 +101,7 @@ def read_lines(path: Path, largest: int = LARGEST_TEXT_BYTES) -> list[str]:
 
 def iterate_lines(path: Path) -> Iterator[tuple[int, str]]:
     """
-    Read a long recording line by line: UTF-8, UTF-16 or, as older programs write, Windows-1252.
+    Read a long recording line by line: UTF-8, UTF-16 or, from older programs, Windows-1252.
 
     Args:
         path: the file.
@@ -110,7 +110,7 @@ def iterate_lines(path: Path) -> Iterator[tuple[int, str]]:
         Number of the line, from 1, and its text without the line end.
 
     Raises:
-        DataError: as `read_bytes`, or a line is absurdly long, or there are too many.
+        DataError: as in `read_bytes`, or a line is too long, or there are too many.
 
     """
     content = _in_utf_8(read_bytes(path, LARGEST_RECORDING_BYTES))
@@ -127,14 +127,14 @@ def iterate_lines(path: Path) -> Iterator[tuple[int, str]]:
 
 
 def _in_utf_8(content: bytes) -> bytes:
-    """Turn UTF-16, which a mark at its beginning or the zero of its first letter tells."""
+    """Decode UTF-16, recognised by its byte order mark or the zero of its first letter."""
     start = content[:2]
     wide = {b'\xff\xfe': 'utf-16', b'\xfe\xff': 'utf-16'}.get(start)
     if wide is None and len(start) == 2 and 0 in start:
         wide = 'utf-16-be' if start[0] == 0 else 'utf-16-le'
     if wide is not None:
         content = content.decode(wide, errors='replace').encode()
-    # Programs of old Macintoshes end a line with a carriage return alone.
+    # Programs of old Macintoshes end a line with only a carriage return.
     return content if b'\n' in content else content.replace(b'\r', b'\n')
 
 
@@ -146,10 +146,10 @@ def header_of(path: Path) -> list[str]:
         path: the file.
 
     Returns:
-        What its first line holds.
+        The cells of its first line.
 
     Raises:
-        DataError: as `read_lines`.
+        DataError: as in `read_lines`.
 
     """
     return [name.strip() for name in read_lines(path)[0].split(',')]
@@ -161,7 +161,7 @@ def read_table(path: Path, header: Sequence[str]) -> Array:
 
     Args:
         path: the file.
-        header: the names that its first line must hold.
+        header: required names of its first line.
 
     Returns:
         (rows, len(header)) numbers; rows may be 0.
@@ -190,10 +190,10 @@ def read_records(path: Path, columns: Sequence[str]) -> list[tuple[int, dict[str
 
     Args:
         path: the file.
-        columns: names that its first line must hold, in any order, with others or without.
+        columns: required names of its first line, in any order; further columns are allowed.
 
     Returns:
-        Number of the line and column name to text, for every row.
+        For every row, the number of the line, and the texts by column name.
 
     Raises:
         DataError: names file, line and fault.
@@ -222,10 +222,10 @@ def read_records(path: Path, columns: Sequence[str]) -> list[tuple[int, dict[str
 
 def save(path: Path, text: str) -> None:
     """
-    Write a text file whole or not at all.
+    Write a text file atomically.
 
     Args:
-        path: the file; its folder is made if need be.
+        path: the file; its folder is created if missing.
         text: its content.
 
     Raises:
@@ -244,14 +244,14 @@ def parse_numbers(cells: Sequence[str], names: Sequence[str], where: str) -> lis
 
     Args:
         cells: the texts.
-        names: name of each column, as many as the cells have to be.
+        names: name of each column; as many as cells are expected.
         where: file and line, for the error.
 
     Returns:
         The numbers.
 
     Raises:
-        DataError: the row has too few or too many cells, or one that is no finite number.
+        DataError: the row has too few or too many cells, or a cell is no finite number.
 
     """
     if len(cells) != len(names):
@@ -262,7 +262,7 @@ def parse_numbers(cells: Sequence[str], names: Sequence[str], where: str) -> lis
             values = [float(cell) for cell in cells]
             if all(map(math.isfinite, values)):
                 return values
-    # Something is wrong, or at least odd: find out what.
+    # Slow path: find the faulty cell.
     return [parse_number(cell, name, where) for cell, name in zip(cells, names, strict=True)]
 
 
@@ -272,7 +272,7 @@ def parse_number(cell: str, name: str, where: str) -> float:
 
     Args:
         cell: the text.
-        name: what it is, for the error.
+        name: name of the value, for the error.
         where: file and line, for the error.
 
     Returns:
@@ -293,5 +293,5 @@ def parse_number(cell: str, name: str, where: str) -> float:
 
 
 def quote(text: str) -> str:
-    """Return a text for an error message: on one line, and not longer than one."""
+    """Return a text for an error message, shortened to fit on one line."""
     return repr(text if len(text) <= _MAX_QUOTE else text[:_MAX_QUOTE] + '…')

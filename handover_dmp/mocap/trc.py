@@ -15,10 +15,10 @@
 """
 Reader of TRC, the marker trajectories of OpenSim and of Motion Analysis' Cortex.
 
-A line with the type of the file, a line of names and one of their values (`DataRate`, `NumFrames`,
-`Units`, ...), a line `Frame#`, `Time` and the names of the markers, a line of axes, perhaps an
-empty one, then a line a frame. Tabs stand between, or commas in files that went through a table
-program. What was not seen has empty cells.
+The file has a line with its type; a line of names and a line of their values (`DataRate`,
+`NumFrames`, `Units`, ...); a line `Frame#`, `Time` and the names of the markers; a line of axes;
+an optional empty line; then one line per frame. Tabs separate the cells, or commas in files from
+a spreadsheet program. Unseen markers have empty cells.
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ def read_trc(path: str | Path, markers: Sequence[str] | None = None) -> MarkerRe
 
     Args:
         path: the file.
-        markers: which ones to read, of those that are there; all if left out.
+        markers: names of the markers to read; default: all.
 
     Returns:
         The markers, in the unit of the file.
 
     Raises:
-        DataError: the file is missing or no such file; names file, line and fault.
+        DataError: the file is missing or not of this format; names file, line and fault.
 
     """
     path = Path(path)
@@ -57,7 +57,7 @@ def read_trc(path: str | Path, markers: Sequence[str] | None = None) -> MarkerRe
     between = '\t' if '\t' in ''.join(first[:1]) else ','
     head = [[cell.strip() for cell in line.split(between)] for line in first]
     if not head or head[0][0] != 'PathFileType':
-        raise DataError(f'{path}: line 1: not a TRC file, which begins with PathFileType')
+        raise DataError(f'{path}: line 1: not a TRC file, which would begin with PathFileType')
     if len(head) < _HEADER_LINES or head[3][0] != 'Frame#':
         raise DataError(f'{path}: line 4: a line that begins with Frame# is expected')
     about = dict(zip(head[1], head[2], strict=False))
@@ -73,7 +73,7 @@ def read_trc(path: str | Path, markers: Sequence[str] | None = None) -> MarkerRe
         raise DataError(f'{path}: holds no frames')
     told = about.get('NumFrames', '')
     if told.isdecimal() and len(told) < 12 and int(told) > len(table):
-        raise DataError(f'{path}: {len(table)} frames, the header tells of {int(told)}')
+        raise DataError(f'{path}: {len(table)} frames, but the header says {int(told)}')
     return MarkerRecording(
         table.times(), names, table.positions(), about.get('Units', ''), '', path.name, 'mm', 'y'
     )

@@ -29,7 +29,7 @@ import numpy as np
 
 HEADER = ('t', 'p1_x', 'p1_y', 'p1_z', 'p2_x', 'p2_y', 'p2_z')
 TURN_HEADERS = tuple(tuple(f'{who}_{axis}' for axis in AXES_OF_TURN) for who in ('p1', 'p2'))
-"""Columns of the orientation of each wrist, where a trial has it."""
+"""Optional columns of the orientation of each wrist."""
 DIRECTIONS = ('give', 'take')
 INDEX_NAME = 'trials.csv'
 WAY_BACK_FOLDER = 'way_back'
@@ -41,10 +41,10 @@ LARGEST_STAMP_S = 1e12
 MIN_PERIOD_S = 1e-5
 MAX_SAMPLE_PERIOD_S = 2.0
 MAX_DURATION_S = 600.0
-# A hand is neither this fast nor does a dropped sample hide such a way: the frame has changed.
+# No hand is this fast, and no dropped sample hides such a distance: the frame has changed.
 JUMP_M = 0.3
 JUMP_SPEED = 15.0
-# Three zeros are what programs write for a marker that was not seen; a hand may pass there slowly.
+# Programs write three zeros for an unseen marker; a hand may pass the origin only slowly.
 ZERO_JUMP_M = 0.02
 ZERO_JUMP_SPEED = 5.0
 
@@ -56,9 +56,9 @@ class HandoverTrial:
     """
     One handover between two people.
 
-    P1 is the partner who stays human (the mechanic), P2 the one whose place the robot takes (the
-    assistant). Positions in the room's frame, z up. The arrays are copied and cannot be written
-    to.
+    P1 is the partner, who stays human (the mechanic). P2 is the demonstrator, whom the robot
+    replaces (the assistant). Positions are in the room's frame, z up. The arrays are read-only
+    copies.
 
     Attributes:
         times: (n,) seconds, strictly increasing, n >= 10.
@@ -67,15 +67,15 @@ class HandoverTrial:
         configuration: where it took place, e.g. `engine_bay`.
         direction: `give` (P2 gives to P1) or `take` (P2 takes from P1).
         number: number of the trial within its configuration and exchange.
-        source: where it comes from, in words.
-        partner_orientation: (n, 4) unit quaternions x, y, z, w of P1's wrist, signs without jumps;
-            None where they are not known.
-        demonstrator_orientation: the same of P2.
-        way_back: both wrists from where P2's leaves the exchange to where it rests; None where it
-            is not known.
+        source: origin of the trial, in words.
+        partner_orientation: (n, 4) unit quaternions x, y, z, w of P1's wrist, without sign jumps;
+            None if unknown.
+        demonstrator_orientation: the same for P2.
+        way_back: both wrists from the time when P2's leaves the exchange until it rests; None if
+            unknown.
 
     Raises:
-        DataError: the samples cannot be those of one handover.
+        DataError: the samples cannot belong to one handover.
 
     """
 
@@ -100,7 +100,7 @@ class HandoverTrial:
         if shapes != ((count,), (count, 3), (count, 3)):
             raise DataError(f'{self.label}: shapes {shapes} instead of (n,), (n, 3), (n, 3)')
         if self.way_back is not None and self.way_back.way_back is not None:
-            raise DataError(f'{self.label}: its way back has a way back')
+            raise DataError(f'{self.label}: the way back must not have a way back itself')
         if self.direction not in DIRECTIONS:
             raise DataError(
                 f"{self.label}: exchange {self.direction!r} instead of 'give' or 'take'"
@@ -122,12 +122,12 @@ class HandoverTrial:
         return unit
 
     def __repr__(self) -> str:
-        """Say which one it is, and how long."""
+        """Return label, number of samples and duration."""
         return f'HandoverTrial({self.label}, {len(self.times)} samples, {self.duration_s:.2f} s)'
 
     @property
     def label(self) -> str:
-        """Name for people: configuration, exchange and number."""
+        """Readable name: configuration, exchange and number."""
         return f'{self.configuration} {self.direction} {self.number}'
 
     @property
@@ -137,17 +137,17 @@ class HandoverTrial:
 
     @property
     def rate_hz(self) -> float:
-        """Return the sampling rate by the median period, Hz."""
+        """Return the sampling rate from the median period, Hz."""
         return float(1.0 / np.median(np.diff(self.times)))
 
 
 @dataclass(frozen=True)
 class Fault:
     """
-    What is wrong with a set of samples.
+    A fault in a set of samples.
 
     Attributes:
-        row: index of the sample; None where it is the whole.
+        row: index of the sample; None if the fault concerns all samples.
         what: the fault in words.
 
     """
@@ -164,13 +164,13 @@ def find_fault(
     max_duration_s: float = MAX_DURATION_S,
 ) -> Fault | None:
     """
-    Find the first reason why samples cannot be those of one handover.
+    Find the first reason why samples cannot belong to one handover.
 
     Args:
         times: (n,) s.
         positions: (n, 3 k) m, the coordinates of k points side by side.
-        minimum: samples that there must be.
-        max_duration_s: time from the first to the last that there may be, s.
+        minimum: least number of samples.
+        max_duration_s: longest time from the first to the last sample, s.
 
     Returns:
         The fault, or None.
@@ -200,24 +200,25 @@ def read_trial(
     """
     Read a trial from its CSV file.
 
-    The file has the header `t,p1_x,p1_y,p1_z,p2_x,p2_y,p2_z` and one line a sample, in seconds
-    and metres; where it has orientations, `p1_qx,p1_qy,p1_qz,p1_qw` or the same of P2 or both
-    follow, unit quaternions. What it is a trial of is told by the arguments, else by the line of a
-    `trials.csv` beside it, else by its name `<configuration>_<exchange>_<number>.csv`; a file of
-    another name is taken for a give, number 1, of a configuration of its name. A file of the same
-    name in the folder `way_back` beside it is P2's way back from it.
+    The file has the header `t,p1_x,p1_y,p1_z,p2_x,p2_y,p2_z` and one line per sample, in seconds
+    and metres. Optional orientations follow as `p1_qx,p1_qy,p1_qz,p1_qw`, the same for P2, or
+    both: unit quaternions. Configuration, direction and number come from the arguments, otherwise
+    from the line of a `trials.csv` beside the file, otherwise from its name
+    `<configuration>_<exchange>_<number>.csv`; a file of another name counts as a give, number 1,
+    of a configuration of that name. A file of the same name in the folder `way_back` beside it is
+    P2's way back.
 
     Args:
         path: the file.
-        configuration: what the trial is a trial of, where it is known.
-        direction: `give` or `take`, where it is known.
-        number: number of the trial, where it is known.
+        configuration: configuration, if known.
+        direction: `give` or `take`, if known.
+        number: number of the trial, if known.
 
     Returns:
         The trial.
 
     Raises:
-        DataError: the file is missing or cannot be a trial; names the file, the line, the fault.
+        DataError: the file is missing or not a trial; names file, line and fault.
 
     """
     path = Path(path)
@@ -252,14 +253,14 @@ def read_trial(
 
 class WristColumns(NamedTuple):
     """
-    What the columns of a file hold, as arrays.
+    The columns of a file as arrays.
 
     Attributes:
         times: (n,) s.
         partner: (n, 3) m.
         demonstrator: (n, 3) m.
-        partner_orientation: (n, 4) unit quaternions x, y, z, w; None where there are none.
-        demonstrator_orientation: the same of P2.
+        partner_orientation: (n, 4) unit quaternions x, y, z, w; None if there are none.
+        demonstrator_orientation: the same for P2.
 
     """
 
@@ -272,7 +273,7 @@ class WristColumns(NamedTuple):
     @classmethod
     def of(cls, recorded: Any) -> WristColumns:
         """
-        Take them from what has them under these names.
+        Take the columns of an object with attributes of these names.
 
         Args:
             recorded: a trial or a recording.
@@ -292,10 +293,10 @@ def read_columns(path: Path) -> WristColumns:
         path: CSV file.
 
     Returns:
-        What they hold, their numbers finite, the orientations checked, the positions not.
+        The columns; numbers are finite, orientations are checked, positions are not.
 
     Raises:
-        DataError: it cannot be read, has other columns, or an orientation cannot be one.
+        DataError: the file cannot be read, has other columns, or an orientation is invalid.
 
     """
     turned = _turned_in(path)
@@ -314,21 +315,21 @@ def read_columns(path: Path) -> WristColumns:
 
 
 def way_back_file(path: Path) -> Path:
-    """Return where the way back of the trial of a file is."""
+    """Return the file of the way back for the file of a trial."""
     return path.parent / WAY_BACK_FOLDER / path.name
 
 
 def describe(path: Path) -> tuple[str, str | None, int]:
     """
-    Tell by the name of a file what it is a trial of.
+    Parse the file name of a trial.
 
     Args:
         path: the file; only its name matters.
 
     Returns:
-        Configuration, direction and number, by `<configuration>_<exchange>_<number>.*`; for a file
-        of another name, its name, None, for other names do not tell it (`Take 2023-05-01` is what
-        Motive calls every recording), and 1.
+        Configuration, direction and number from `<configuration>_<exchange>_<number>.*`. For
+        another name: that name, None and 1; other names do not tell the direction (Motive calls
+        every recording `Take 2023-05-01`).
 
     """
     match = _NAME.fullmatch(path.stem)
@@ -339,16 +340,16 @@ def describe(path: Path) -> tuple[str, str | None, int]:
 
 def write_trial(trial: HandoverTrial, path: str | Path) -> None:
     """
-    Write a trial as CSV, whole or not at all; what is read back is equal to the last bit.
+    Write a trial as CSV, atomically; reading it back gives the same values to the last bit.
 
-    Its way back is written first, as a file of the same name in the folder `way_back` beside it.
+    The way back is written first, as a file of the same name in the folder `way_back` beside it.
 
     Args:
-        trial: what to write.
-        path: the file; its folder is made if need be.
+        trial: the trial.
+        path: the file; its folder is created if missing.
 
     Raises:
-        DataError: it cannot be written there.
+        DataError: the file cannot be written.
 
     """
     if trial.way_back is not None:
@@ -358,14 +359,14 @@ def write_trial(trial: HandoverTrial, path: str | Path) -> None:
 
 def write_columns(columns: WristColumns, path: str | Path) -> None:
     """
-    Write the wrists of two people as CSV, whole or not at all.
+    Write the wrists of two people as CSV, atomically.
 
     Args:
-        columns: what `read_columns` reads back, to the last bit.
-        path: the file; its folder is made if need be.
+        columns: the columns; `read_columns` reads them back to the last bit.
+        path: the file; its folder is created if missing.
 
     Raises:
-        DataError: it cannot be written there.
+        DataError: the file cannot be written.
 
     """
     turns = zip(TURN_HEADERS, columns[3:], strict=True)
@@ -427,7 +428,7 @@ def _jump_fault(times: Array, positions: Array) -> Fault | None:
 
 
 def _turned_in(path: Path) -> list[tuple[str, ...]]:
-    """Return the columns of orientations that a file has behind those of every trial."""
+    """Return the orientation columns of a file, which follow the columns of every trial."""
     names = header_of(path)
     for turned in ([TURN_HEADERS[0]], [TURN_HEADERS[1]], list(TURN_HEADERS)):
         if names == [*HEADER, *(name for columns in turned for name in columns)]:
@@ -441,6 +442,6 @@ def _from_index(path: Path) -> tuple[str, str, int] | None:
             if row['file'] == path.name:
                 return row['configuration'], row['exchange'], int(row['trial'])
     except (DataError, ValueError):
-        # One trial can be read beside an index that cannot; read_data_set reports on indices.
+        # A faulty index must not prevent reading one trial; read_data_set reports faulty indices.
         return None
     return None

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Trials as bags, which `ros2 bag play` or any other player sends in place of a tracker."""
+"""Trials as bags, so that `ros2 bag play` or another player can replace a tracker."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ import numpy as np
 if TYPE_CHECKING:
     from handover_dmp.mocap import HandoverTrial
 
-# a stamp of zero means in ROS that there is none
+# in ROS a stamp of zero means no stamp
 START_NS = 10**9
 REST_BEFORE_S = 0.5
 REST_AFTER_S = 5.0
-"""As long as a handover may take from where its recording ends."""
+"""Longest duration of a handover after the end of its recording, s."""
 _Row = tuple[int, str, Message]
 
 
@@ -45,17 +45,17 @@ def write_trial_bag(trial: HandoverTrial, folder: Path | str, compression: str =
     """
     Write one trial as a bag: P1's wrist on `/hand/pose`, P2's on `/human/pose`, and the signal.
 
-    The trial begins at 1 s, and there the signal on `/handover/signal` starts the handover. As
-    the node `hand_tracker` shows it, the hand rests before and after: for 0.5 s, so that listeners
-    know it when the signal comes, and for 5 s, so that the handover has a hand to end at. P2 is
-    there during the trial alone, which tells a reader what of the bag is the trial. Stamps are log
-    times; positions are in frame `world`, m; orientations are those of the trial, and where it has
-    none (0, 0, 0, 1).
+    The trial begins at 1 s, where the signal on `/handover/signal` starts the handover. As with
+    the node `hand_tracker`, the hand rests before and after the trial: for 0.5 s, so that
+    subscribers know the hand when the signal comes, and for 5 s, so that the handover can end. P2
+    is only present during the trial, so a reader can find the trial within the bag. Stamps are log
+    times; positions are in frame `world`, m; orientations are those of the trial, or (0, 0, 0, 1)
+    if it has none.
 
     Args:
-        trial: what to write.
-        folder: of the bag; must not exist.
-        compression: of its chunks, `zstd`, `lz4` or `none`.
+        trial: the trial.
+        folder: folder of the bag; must not exist.
+        compression: compression of its chunks, `zstd`, `lz4` or `none`.
 
     Raises:
         DataError: the folder exists or cannot be written, or no package on this machine defines
@@ -79,7 +79,7 @@ def write_trial_bag(trial: HandoverTrial, folder: Path | str, compression: str =
 
 
 def _rows(trial: HandoverTrial) -> Iterator[_Row]:
-    """Give time, topic and message of everything that is to be seen, in order."""
+    """Yield time, topic and message of the whole bag, in order."""
     times_ns = [START_NS + round(time * 1e9) for time in trial.times - trial.times[0]]
     step_ns = round(float(np.median(np.diff(trial.times))) * 1e9)
     before = range(-round(REST_BEFORE_S * 1e9 / step_ns), 0)
@@ -123,16 +123,16 @@ def write_trial_bags(
     Write trials as bags `<configuration>_<exchange>_<number>` within one folder.
 
     Args:
-        trials: what to write.
-        folder: where to; made if need be.
-        compression: of the chunks, `zstd`, `lz4` or `none`.
-        progress: called with the number of bags done.
+        trials: the trials.
+        folder: output folder; created if missing.
+        compression: compression of the chunks, `zstd`, `lz4` or `none`.
+        progress: called with the number of finished bags.
 
     Returns:
         The folders of the bags.
 
     Raises:
-        DataError: one of the bags exists already, and then none is written; or the disk is full.
+        DataError: one of the bags exists already (then none is written), or the disk is full.
 
     """
     from handover_dmp.mocap.data_set import file_name

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Trials of one kind beside each other: over their own durations, and how typical each is."""
+"""Comparison of trials of one kind: time-normalised curves, and how typical each trial is."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from handover_dmp.mocap.trial import HandoverTrial, read_trial
 import numpy as np
 
 SAMPLES = 101
-"""Samples of a time-normalised curve: every hundredth of the duration, both ends included."""
+"""Samples of a time-normalised curve: one per hundredth of the duration, with both ends."""
 
 UNUSUAL = 2.0
-"""A trial is unusual if it is this many times as far from the others as they are in the middle."""
+"""A trial is unusual if its distance exceeds the median distance by this factor."""
 MIN_OTHERS = 3
-"""Fewer trials do not tell what is usual."""
+"""Least number of trials to tell what is usual."""
 
 
 def time_normalise(times: Array, positions: Array, samples: int = SAMPLES) -> Array:
@@ -38,12 +38,12 @@ def time_normalise(times: Array, positions: Array, samples: int = SAMPLES) -> Ar
     Resample a trajectory to equally spaced fractions of its own duration.
 
     Args:
-        times: (n,) s, increasing, uneven ones included.
+        times: (n,) s, increasing, possibly uneven.
         positions: (n, d) m.
-        samples: how many samples to give.
+        samples: number of samples.
 
     Returns:
-        (samples, d) m, linear between the given samples, first and last kept.
+        (samples, d) m, by linear interpolation; first and last sample are kept.
 
     """
     at = np.linspace(times[0], times[-1], samples)
@@ -52,10 +52,10 @@ def time_normalise(times: Array, positions: Array, samples: int = SAMPLES) -> Ar
 
 def demonstrator_curves(trials: Sequence[HandoverTrial]) -> Array:
     """
-    Lay the motions of P2 over each other.
+    Time-normalise the motions of P2.
 
     Args:
-        trials: n of them.
+        trials: n trials.
 
     Returns:
         (n, 101, 3) m.
@@ -66,7 +66,7 @@ def demonstrator_curves(trials: Sequence[HandoverTrial]) -> Array:
 
 def nearest_to_mean(curves: Array) -> int:
     """
-    Find the curve nearest to the mean of all, by its root-mean-square distance.
+    Find the curve with the least root-mean-square distance to the mean of all.
 
     Args:
         curves: (n, samples, d) m.
@@ -80,7 +80,7 @@ def nearest_to_mean(curves: Array) -> int:
 
 def distances_to_others(curves: Array) -> Array:
     """
-    Measure how far each curve is from the mean of all others.
+    Measure the distance of each curve to the mean of all others.
 
     Args:
         curves: (n, samples, d) m, n ≥ 2.
@@ -98,11 +98,11 @@ def is_unusual(trial: HandoverTrial, others: Sequence[HandoverTrial]) -> str:
     Tell whether a trial is far from others of its kind.
 
     Args:
-        trial: the one.
-        others: of the same configuration and exchange.
+        trial: the trial.
+        others: trials of the same configuration and exchange.
 
     Returns:
-        How far, in words; nothing where it is usual, or where the others are too few to tell.
+        The distance in words; empty if it is usual, or if there are too few others to tell.
 
     """
     if len(others) < MIN_OTHERS:
@@ -119,14 +119,14 @@ def is_unusual(trial: HandoverTrial, others: Sequence[HandoverTrial]) -> str:
 
 def trials_beside(file: Path, trial: HandoverTrial) -> list[HandoverTrial]:
     """
-    Read the trials of the same configuration and exchange that lie beside one.
+    Read the trials of the same configuration and exchange in the folder of one.
 
     Args:
-        file: of the trial.
-        trial: what it holds.
+        file: file of the trial.
+        trial: the trial.
 
     Returns:
-        The others; files that hold no trial are none of them.
+        The other trials; files without a trial are skipped.
 
     """
     others = []

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Units of length, in the words that mocap programs and people use for them."""
+"""Units of length, by the names that mocap programs and people use."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ _UNITS = {unit: unit for unit in METRES} | {
 
 def unit_of(text: str) -> str | None:
     """
-    Understand a unit of length.
+    Parse a unit of length.
 
     Args:
-        text: as it stands in a file or was typed, e.g. `mm`, `Meters`, `[cm]`.
+        text: text from a file or a user, e.g. `mm`, `Meters`, `[cm]`.
 
     Returns:
-        `m`, `cm`, `mm`, `in` or `ft`; None where it is none of them.
+        `m`, `cm`, `mm`, `in` or `ft`; None for anything else.
 
     """
     return _UNITS.get(text.strip(' \0\t[]().').lower())
@@ -48,17 +48,17 @@ def unit_of(text: str) -> str | None:
 
 def known_unit(text: str, source: str) -> str:
     """
-    Understand the unit of a file.
+    Parse the unit of a file.
 
     Args:
-        text: as it stands in the file.
+        text: text from the file.
         source: the file, for the error.
 
     Returns:
         `m`, `cm`, `mm`, `in` or `ft`.
 
     Raises:
-        DataError: no unit of length.
+        DataError: the text is no unit of length.
 
     """
     unit = unit_of(text)

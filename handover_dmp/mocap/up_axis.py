@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Which axis of a recording points up, where the file does not tell.
+The up axis of a recording whose file does not name it.
 
-A person's wrists rest between 0.5 m (hanging, of someone small) and 1.6 m (raised to the shoulder)
-above the floor. The origin of a mocap laboratory lies on its floor, so the axis along which both
-wrists rest at such heights is the one that points up, if there is just one; an axis along which a
-wrist passes zero is none. Where there are more, nobody but the user knows.
+A person's wrists rest between 0.5 m (hanging, small person) and 1.6 m (raised to the shoulder)
+above the floor. The origin of a mocap laboratory is on its floor. The up axis is therefore the
+axis along which both wrists rest at such heights, if there is exactly one; an axis along which a
+wrist crosses zero does not count. If there are several, only the user knows.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from handover_dmp.common.errors import DataError
 import numpy as np
 
 RESTING_M = (0.5, 1.6)
-# While they move, they are at least not in the floor nor under the ceiling.
+# Range of heights while the wrists move: above the floor and below the ceiling, m.
 _EVER_M = (0.05, 2.5)
 _EVER_QUANTILES = (0.02, 0.98)
-# Rows: where the new x, y and z come from. All are rotations: right stays right.
+# Rows: origin of the new x, y and z. All are rotations, so frames stay right-handed.
 _TURNS = {
     'z': ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
     '-z': ((1, 0, 0), (0, -1, 0), (0, 0, -1)),
@@ -49,7 +49,7 @@ USUAL_UP = 'usual of the format, no height tells'
 
 def turn_up(positions: Array, up: str) -> Array:
     """
-    Turn a recording so that z points up.
+    Rotate a recording so that z points up.
 
     Args:
         positions: (n, 3), in any unit.
@@ -65,13 +65,13 @@ def turn_up(positions: Array, up: str) -> Array:
 
 def resting_axes(wrists: tuple[Array, ...]) -> list[str]:
     """
-    Find the axes along which all wrists rest as high above zero as a person's do.
+    Find the axes along which all wrists rest at a person's height above zero.
 
     Args:
-        wrists: (n, 3) m each, NaN where it was not seen.
+        wrists: (n, 3) m each, NaN if the wrist was not seen.
 
     Returns:
-        Those of `AXES` that may point up.
+        The axes, of `AXES`, that may point up.
 
     """
     return [axis for axis in AXES if all(_may_point_up(axis, wrist) for wrist in wrists)]
@@ -79,21 +79,21 @@ def resting_axes(wrists: tuple[Array, ...]) -> list[str]:
 
 def find_up_axis(wrists: tuple[Array, ...], usual: str, source: str) -> tuple[str, str]:
     """
-    Find out which axis points up from how high the wrists rest.
+    Find the up axis from the heights of the resting wrists.
 
-    Where they rest at such a height along no axis at all, the origin is not on the floor, heights
-    tell nothing, and the axis that the program uses unless told otherwise is taken.
+    If no axis fits, the origin is not on the floor and heights mean nothing; then the default
+    axis of the program is taken.
 
     Args:
-        wrists: (n, 3) m each, NaN where it was not seen.
-        usual: the axis that the program uses unless told otherwise.
+        wrists: (n, 3) m each, NaN if the wrist was not seen.
+        usual: default up axis of the program.
         source: the file, for the error.
 
     Returns:
         The axis, and in words how it was found.
 
     Raises:
-        DataError: more than one axis may point up.
+        DataError: several axes may point up.
 
     """
     fit = resting_axes(wrists)
@@ -109,16 +109,16 @@ def find_up_axis(wrists: tuple[Array, ...], usual: str, source: str) -> tuple[st
 
 def doubts(wrists: tuple[Array, ...], up: str, *, assumed: bool = False) -> tuple[str, ...]:
     """
-    Doubt an axis that a file or a convention says to point up, by how high the wrists rest.
+    Check an up axis from a file or a convention against the heights of the resting wrists.
 
     Args:
-        wrists: (n, 3) m each, NaN where it was not seen.
+        wrists: (n, 3) m each, NaN if the wrist was not seen.
         up: the axis.
-        assumed: whether it is only the usual one of the format.
+        assumed: whether it is only the default of the format.
 
     Returns:
-        A sentence, where it is assumed, or where the wrists rest as high as a person's along
-        others alone.
+        A warning if the axis is assumed, or if the wrists rest at a person's height only along
+        other axes.
 
     """
     if assumed:
@@ -145,7 +145,7 @@ def _may_point_up(axis: str, wrist: Array) -> bool:
 
 
 def _at_rest(wrist: Array) -> Array:
-    """Return the samples around which the wrist moves least."""
+    """Return the samples around the slowest moment of the wrist."""
     if len(wrist) < 3:
         return wrist
     speed = np.linalg.norm(np.gradient(wrist, axis=0), axis=1)

@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-Reader of the CSV or text that Vicon Nexus exports, and of the objects of Vicon Tracker.
+Reader of CSV or text files of Vicon Nexus, and of the objects of Vicon Tracker.
 
-Sections one after the other: a line with the name of the section, its rate, a line of names, a
-line `Frame,Sub Frame,X,Y,Z,...`, units, then a line a frame, until an empty line. Of devices,
-joints and so on nothing is read. What was not seen has empty cells. Objects and segments have
-their rotation before their position: RX, RY, RZ, RW is a quaternion, and RX, RY, RZ, if it is
-called helical, axis times angle.
+The file is a sequence of sections, each with a line with its name, its rate, a line of names, a
+line `Frame,Sub Frame,X,Y,Z,...`, units, then one line per frame, until an empty line. Sections of
+devices, joints etc. are skipped. Unseen markers have empty cells. Objects and segments have their
+rotation before their position: RX, RY, RZ, RW is a quaternion; RX, RY, RZ, if called helical, is
+axis times angle.
 """
 
 from __future__ import annotations
@@ -49,14 +49,14 @@ _Lines = Iterator[tuple[int, str]]
 
 class _Columns(NamedTuple):
     """
-    What stands where in a section.
+    The columns of a section.
 
     Attributes:
-        names: of its markers or objects.
+        names: names of its markers or objects.
         firsts: column of the x of each.
-        turns: how many columns before it, if any, tell of its rotation.
+        turns: number of columns with its rotation before that, possibly 0.
         width: number of columns.
-        delimiter: between them.
+        delimiter: delimiter of the columns.
 
     """
 
@@ -73,13 +73,13 @@ def read_vicon(path: str | Path, markers: Sequence[str] | None = None) -> Marker
 
     Args:
         path: the file.
-        markers: which ones to read, of those that are there; all if left out.
+        markers: names of the markers to read; default: all.
 
     Returns:
         The markers or objects, in the unit of the file.
 
     Raises:
-        DataError: the file is missing or no such file; names file, line and fault.
+        DataError: the file is missing or not of this format; names file, line and fault.
 
     """
     path = Path(path)
@@ -136,7 +136,7 @@ def _read_section(
 
 
 def _quaternions(values: Array, unit: str) -> Array:
-    """Make quaternions of what stands in three or four columns."""
+    """Make quaternions from three or four columns."""
     if values.shape[1] == 4:
         return values
     scale = np.radians(1.0) if unit == 'deg' else 1.0
@@ -172,7 +172,7 @@ def _columns(labels: str, titles: str, where: str) -> _Columns:
 
 
 def _turn_before(axes: Sequence[str], named: Sequence[str], column: int) -> int:
-    """Return how many columns before a position hold a rotation that can be read."""
+    """Return the number of columns with a readable rotation before a position."""
     for turn in _TURNS:
         first = column - len(turn)
         if first >= 0 and list(axes[first:column]) == turn:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The part that text files of all mocap programs share: a line a frame, three cells a marker."""
+"""Common part of the text files of mocap programs: a line per frame, three cells per marker."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ _NOT_SEEN = {'', 'nan', '-nan', 'nan(ind)', '-nan(ind)', 'null', '-', 'no data',
 @dataclass(eq=False)
 class WideTable:
     """
-    The frames of a recording as they are read, line by line.
+    The frames of a recording, read line by line.
 
     Attributes:
-        columns: name of a marker that is wanted to the column of its x.
-        width: cells that a line must have.
-        time: column of the time in s; None where the file has none.
-        frame: column of the number of the frame; None where the file has none.
-        period_s: time from frame to frame; used where the file has no times.
-        residuals: name of a marker to the column that is below 0 where it was not seen.
-        turns: name of a body to the columns that tell how it is turned.
+        columns: by name of each wanted marker, the column of its x.
+        width: required number of cells of a line.
+        time: column of the time in s; None if the file has none.
+        frame: column of the frame number; None if the file has none.
+        period_s: time from frame to frame, s; used if the file has no times.
+        residuals: by name of a marker, the column that is below 0 if it was not seen.
+        turns: by name of a body, the columns of its rotation.
 
     """
 
@@ -70,7 +70,7 @@ class WideTable:
             where: file and line, for the error.
 
         Raises:
-            DataError: too few or too many cells, or one that is no number.
+            DataError: there are too few or too many cells, or a cell is no number.
 
         """
         beyond = ''.join(cells[self.width:])  # fmt: skip
@@ -85,13 +85,13 @@ class WideTable:
                 parse_numbers(place, (name,) * 3, where) if seen else (np.nan,) * 3
             )
         for columns in self.turns.values():
-            # nobody depends on them, so what is no number is no reason to refuse the file
+            # rotations are optional, so an invalid number does not refuse the file
             self._turned.extend(float(c) if is_number(c := cells[k]) else np.nan for k in columns)
         self._stamps.append(self._stamp(cells, where))
 
     def times(self) -> Array:
         """
-        Give the time of every frame; where frames are missing, time goes on without them.
+        Return the time of every frame; missing frames leave a gap in time.
 
         Returns:
             (n,) s.
@@ -101,18 +101,18 @@ class WideTable:
         return stamps if self.time is not None else (stamps - stamps[:1]) * self.period_s
 
     def frame_span(self) -> int:
-        """Return the number of frames from the first to the last, with those that are missing."""
+        """Return the number of frames from the first to the last, including missing ones."""
         if self.time is not None or not self._stamps:
             return len(self._stamps)
         return round(self._stamps[-1] - self._stamps[0]) + 1
 
     def positions(self) -> dict[str, Array]:
-        """Give (n, 3) for every marker, NaN where it was not seen."""
+        """Return (n, 3) for every marker, NaN if it was not seen."""
         table = np.array(self._values).reshape(len(self._stamps), len(self.columns), 3)
         return {name: table[:, k] for k, name in enumerate(self.columns)}
 
     def turned(self) -> dict[str, Array]:
-        """Give (n, columns) for every body whose turns were read, NaN where there was none."""
+        """Return (n, columns) for every body with rotations, NaN if there was none."""
         sizes = [len(columns) for columns in self.turns.values()]
         table = np.array(self._turned).reshape(len(self._stamps), sum(sizes))
         parts = np.split(table, np.cumsum(sizes)[:-1], axis=1) if sizes else []
@@ -133,12 +133,12 @@ class WideTable:
 
 
 def is_unseen(cell: str) -> bool:
-    """Tell whether a cell says that there is nothing in it."""
+    """Tell whether a cell means that nothing was seen."""
     return cell.strip().lower() in _NOT_SEEN
 
 
 def is_number(cell: str) -> bool:
-    """Tell whether a cell holds a number, or the word for none."""
+    """Tell whether a cell holds a number, or a word for a missing one."""
     try:
         float(cell)
     except ValueError:
@@ -152,14 +152,14 @@ def period_of_rate(text: str, name: str, where: str) -> float:
 
     Args:
         text: the rate, Hz.
-        name: what the file calls it, for the error.
+        name: its name in the file, for the error.
         where: file and line, for the error.
 
     Returns:
         The period, s.
 
     Raises:
-        DataError: no number, or not a rate.
+        DataError: the text is no number, or no rate.
 
     """
     rate = parse_number(text, name, where)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Both wrists over a recording of any length, and what is known of how they were recorded."""
+"""Both wrists over a recording of any length, and how they were recorded."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ from handover_dmp.mocap.trial import find_fault, HandoverTrial
 import numpy as np
 from numpy.typing import NDArray
 
-# Unseen for longer than this, a hand may have been anywhere.
+# After a longer gap, a hand may have been anywhere, s.
 MAX_HIDDEN_S = 0.25
-# P2 reaches farther than this, and two people need more room than this to hand over. P1 may hold
+# P2 reaches farther than the first, and a handover takes more room than the second. P1 may hold
 # still.
 MIN_REACH_M = 0.02
 MIN_WORKSPACE_M = 0.05
-# A unit that is only assumed has to be confirmed by a reach of this.
+# A unit that is only assumed must be confirmed by a reach of this length.
 SURE_REACH_M = 0.1
-# A sample is missing where the next comes later than this many periods.
+# A sample is missing if the next one is later than this number of periods.
 _MISSED_PERIODS = 1.8
-# What programs write where they saw nothing; 9999999 is what Cortex does.
+# Numbers that programs write for unseen markers; 9999999 is from Cortex.
 _EMPTY = 9_999_999.0
-# Why something is known of a recording.
+# Sources of knowledge about a recording.
 ASSUMED = 'assumed'
 AS_TOLD = 'as told'
 IN_FILE = 'in the file'
@@ -50,8 +50,8 @@ class Gap(NamedTuple):
 
     Attributes:
         who: `P1` or `P2`.
-        start_s: when it was last seen before, s.
-        end_s: when it was first seen after, s.
+        start_s: last time before the gap at which it was seen, s.
+        end_s: first time after the gap at which it was seen, s.
 
     """
 
@@ -62,11 +62,11 @@ class Gap(NamedTuple):
 
 class Known(NamedTuple):
     """
-    Something known of a recording.
+    A known property of a recording.
 
     Attributes:
-        value: what it is.
-        why: where it is known from, in words.
+        value: its value.
+        why: source of the knowledge, in words.
 
     """
 
@@ -84,16 +84,16 @@ class WristMotion:
     Both wrists over a recording of any length, of one handover or of many.
 
     Attributes:
-        times: (n,) s, strictly increasing; gaps are where not both were seen.
+        times: (n,) s, strictly increasing; samples are missing if not both wrists were seen.
         partner: (n, 3) m, z up.
         demonstrator: (n, 3) m, z up.
-        source: where it comes from, in words.
-        unit: of length in the recording.
+        source: origin of the recording, in words.
+        unit: unit of length in the recording.
         up: axis that points up in the recording.
-        gaps: when one of the wrists was not seen.
-        remarks: what else is to be known of it.
-        partner_orientation: (n, 4) unit quaternions x, y, z, w; None where they are not known.
-        demonstrator_orientation: the same of P2.
+        gaps: times in which one of the wrists was not seen.
+        remarks: further remarks.
+        partner_orientation: (n, 4) unit quaternions x, y, z, w; None if unknown.
+        demonstrator_orientation: the same for P2.
 
     """
 
@@ -116,7 +116,7 @@ class WristMotion:
             The motion itself.
 
         Raises:
-            DataError: too few samples, or some that make no sense.
+            DataError: there are too few samples, or some are invalid.
 
         """
         if len(self.times) < 2:
@@ -133,7 +133,7 @@ class WristMotion:
         return self
 
     def spans(self) -> list[tuple[int, int]]:
-        """Return first index and end of every stretch without a gap."""
+        """Return first and end index of every stretch without a gap."""
         breaks = np.flatnonzero(np.diff(self.times) > MAX_HIDDEN_S) + 1
         edges = [0, *breaks.tolist(), len(self.times)]
         return list(pairwise(edges))
@@ -149,13 +149,13 @@ class WristMotion:
             end: index after its last sample.
             configuration: where it took place.
             direction: `give` or `take`.
-            number: of the trial.
+            number: number of the trial.
 
         Returns:
-            The trial, its time starting at 0.
+            The trial; its time starts at 0.
 
         Raises:
-            DataError: a wrist was out of sight for too long, or the samples make no trial.
+            DataError: a wrist was out of sight for too long, or the samples are no valid trial.
 
         """
         if end - first < 1:
@@ -178,7 +178,7 @@ class WristMotion:
         )
 
     def _check_size(self) -> None:
-        """Refuse what is too small for people, as a recording in the wrong unit is."""
+        """Refuse a motion that is too small for people, as in a wrong unit."""
         unit = f'if the unit is {self.unit.value}; say which with --unit'
         moved = extent(self.demonstrator)
         if moved < (SURE_REACH_M if self.unit.why == ASSUMED else MIN_REACH_M):
@@ -193,19 +193,20 @@ def _part(quaternions: Array | None, first: int, end: int) -> Array | None:
 
 
 def extent(positions: Array) -> float:
-    """Return how large a box about positions (n, 3) is, along its diagonal."""
+    """Return the diagonal of the bounding box of positions (n, 3)."""
     return float(np.linalg.norm(np.ptp(positions, axis=0)))
 
 
 def mark_unseen(positions: Array) -> Array:
     """
-    Mark what stands for a marker or body that was not seen.
+    Replace placeholders for an unseen marker or body by NaN.
 
     Args:
-        positions: (..., 3); NaN, the very origin, and numbers that programs write for nothing.
+        positions: (..., 3); placeholders are NaN, the exact origin, and numbers that programs
+            write for unseen markers.
 
     Returns:
-        A copy, all three coordinates NaN where it was not seen.
+        A copy; all three coordinates are NaN if the marker was not seen.
 
     """
     unseen = ~np.isfinite(positions).all(axis=-1)
@@ -216,18 +217,18 @@ def mark_unseen(positions: Array) -> Array:
 
 def middle(markers: list[Array], names: str) -> Array:
     """
-    Follow the middle between markers of one wrist, also while some of them are not seen.
+    Follow the middle between markers of one wrist, even while some of them are not seen.
 
-    The middle is learnt from the samples in which all are seen: how far each marker is from it.
-    While some are not seen, the others tell where it is, each by its own distance, which is
-    interpolated from before to after; so the wrist does not jump when a marker is lost.
+    Samples with all markers give the offset of each marker from the middle. While some markers
+    are missing, the others give the middle, each by its own offset, interpolated over the gap. The
+    wrist therefore does not jump when a marker is lost.
 
     Args:
-        markers: (n, 3) each, NaN where it was not seen.
-        names: of the markers, for the error.
+        markers: (n, 3) each, NaN if the marker was not seen.
+        names: names of the markers, for the error.
 
     Returns:
-        (n, 3), NaN where none was seen.
+        (n, 3), NaN if no marker was seen.
 
     Raises:
         DataError: the markers are never all seen at once.
@@ -254,15 +255,15 @@ def middle(markers: list[Array], names: str) -> Array:
 
 def find_gaps(times: Array, seen: NDArray[Any], who: str) -> list[Gap]:
     """
-    Find when a wrist was not seen.
+    Find the gaps of a wrist.
 
     Args:
-        times: (n,) s, of all samples; where samples are missing, it was not seen either.
-        seen: (n,) whether it was.
+        times: (n,) s, of all samples; missing samples are gaps, too.
+        seen: (n,) whether the wrist was seen.
         who: `P1` or `P2`.
 
     Returns:
-        The gaps between the first time it was seen and the last.
+        The gaps between the first and the last time at which it was seen.
 
     """
     if len(times) < 3:

@@ -309,5 +309,5 @@ def test_bodies_on_one_topic_are_never_mixed(tmp_path, bag, which):
     folder = bag.write(tmp_path / 'bag')
     asked = [*names(bag)]
     asked[which] = '/bodies'
-    with pytest.raises(DataError, match=r'holds several bodies; say /bodies:NAME, of .*hand'):
+    with pytest.raises(DataError, match=r'holds several bodies; choose /bodies:NAME, of .*hand'):
         read_bag_wrists(folder, *asked)

@@ -380,7 +380,7 @@ def test_several_bodies_on_one_topic(tmp_path, trial, kind):
     with pytest.raises(DataError, match=f'/bodies holds several bodies.*of {known}'):
         read_bag_wrists(folder, '/bodies', '/bodies')
     with pytest.raises(
-        DataError, match=f'both wrists are /bodies:{first}; they are of two people'
+        DataError, match=f'P1 and P2 are both /bodies:{first}; choose two bodies'
     ):
         read_bag_wrists(folder, f'/bodies:{first}', f'/bodies:{first}')
     with pytest.raises(DataError, match=f"no 'p3' on /bodies; there are {known}"):
@@ -395,7 +395,7 @@ def test_two_bodies_without_names_at_one_time(tmp_path, trial):
     woven = [row for two in zip(first, rows(trial.times, trial.demonstrator), strict=True)
              for row in two]  # fmt: skip
     folder = write(tmp_path / 'bag', [('/a', POSE, 'world', woven), ('/b', POSE, 'world', first)])
-    with pytest.raises(DataError, match='two poses of one time that lie'):
+    with pytest.raises(DataError, match='two poses with one stamp are'):
         read_bag_wrists(folder, '/a', '/b')
 
 

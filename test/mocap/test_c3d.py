@@ -129,7 +129,7 @@ def test_scaled_integers(tmp_path):
 def test_files_that_are_broken(tmp_path):
     good = write(tmp_path / 'good.c3d').read_bytes()
     (tmp_path / 'half.c3d').write_bytes(good[: len(good) - 1500])
-    with pytest.raises(DataError, match=r'half.c3d: broken off after \d+ of 60 frames'):
+    with pytest.raises(DataError, match=r'half.c3d: truncated after \d+ of 60 frames'):
         read_c3d(tmp_path / 'half.c3d')
     for content in (good[:300], good[:700], b'\0' * 4096, b'\xff' * 4096, b'PK\3\4' * 600):
         (tmp_path / 'bad.c3d').write_bytes(content)

@@ -231,5 +231,5 @@ def test_a_marker_that_others_stood_in_for_is_told():
     one, other = pair(np.random.default_rng(1), slice(40, 60), np.nan)
     made = recording(positions={'a': one, 'b': other, 'c': P1}, unit='m').wrists(['c'], ['a', 'b'])
     assert made.remarks == (
-        "'a' is not seen in 20 of 100 frames: other markers carry the wrist on",
+        "'a' is missing in 20 of 100 frames: other markers replace it",
     )

@@ -160,7 +160,7 @@ def test_faulty_lines_are_named(tmp_path):
         broken = [*lines[:row], text, *lines[row + 1:]]  # fmt: skip
         with pytest.raises(DataError, match=message):
             read(tmp_path, '\n'.join(broken))
-    with pytest.raises(DataError, match='11 frames, the header tells of 12'):
+    with pytest.raises(DataError, match='11 frames, but the header says 12'):
         read(tmp_path, '\n'.join(lines[:-2]))
     with pytest.raises(DataError, match='holds no frames'):
         read(tmp_path, '\n'.join(lines[:13]))
@@ -171,7 +171,7 @@ def test_faulty_lines_are_named(tmp_path):
         read(tmp_path, '')
     with pytest.raises(DataError, match='more than 500000 lines'):
         read(tmp_path, 'x\n' * 500_001)
-    with pytest.raises(DataError, match='still no frames'):
+    with pytest.raises(DataError, match='no frames up to here'):
         read(tmp_path, ''.join(f'x{k}\ty\n' for k in range(20_000)))
     with pytest.raises(DataError, match='line 1: longer than'):
         read(tmp_path, 'x' * 2_000_000)

@@ -338,7 +338,7 @@ def test_trial_csv(tmp_path, data):
 
 
 FOREIGN = {
-    'an old Motive': (read_motive, 'info,version,1.0\n', 'which begins with Format Version'),
+    'an old Motive': (read_motive, 'info,version,1.0\n', 'which would begin with Format Version'),
     'an older Motive': (read_motive, 'Format Version,1.1,x,y\n', 'version 1.1; 1.2 or later'),
     'Motive without positions': (
         read_motive,
@@ -372,7 +372,7 @@ def test_files_that_are_broken_off(tmp_path):
         lines = text.splitlines()
         for shorter in (lines[:-3], [*lines[:-1], lines[-1][:15]]):
             with pytest.raises(
-                DataError, match=r'frames, the header tells of 60|values instead of'
+                DataError, match=r'frames, but the header says 60|values instead of'
             ):
                 read(reader, tmp_path / 'short', '\n'.join(shorter))
 
