@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Bags: rosbag2 folders with MCAP files, written and read without ROS running."""
+"""Bags: rosbag2 folders with MCAP files, written and read without a running ROS."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""One file of a bag, whatever it is stored as and however it is compressed, as MCAP records."""
+"""One file of a bag, of any storage and compression, as MCAP records."""
 
 from __future__ import annotations
 
@@ -34,22 +34,22 @@ COMPRESSED = '.zstd'
 STORAGES = {'mcap': MCAP, 'sqlite3': SQLITE3}
 FILE_LIMIT = 8 * 2**30
 _BUFFER = 2**20
-# What begins a zstd frame can begin no message: those begin with a zero.
+# First bytes of a zstd frame; a message begins with a zero.
 _ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 
 
 def is_bag_file(path: Path) -> bool:
-    """Tell by its name whether a file may be one of a bag."""
+    """Tell by its name whether a file may belong to a bag."""
     return storage_suffix(path) in STORAGES.values()
 
 
 def storage_suffix(path: Path) -> str:
-    """Return the ending that tells what a file is stored as, without that of its compression."""
+    """Return the suffix of a file's storage, without the suffix of its compression."""
     return Path(path.name.removesuffix(COMPRESSED)).suffix
 
 
 def is_whole(path: Path) -> bool:
-    """Return whether the file was closed by its recorder, as far as its end tells."""
+    """Return whether the end of the file shows that its recorder closed it."""
     return path.suffix != MCAP or is_complete(path)
 
 
@@ -64,7 +64,7 @@ def read_bag_file(path: Path) -> Iterator[McapRecord]:
         Its records in the order of the file.
 
     Raises:
-        DataError: no such file, or a broken one.
+        DataError: the file is missing or damaged.
 
     """
     with _unpacked(path) as plain:
@@ -76,7 +76,7 @@ def read_bag_file(path: Path) -> Iterator[McapRecord]:
 
 @contextmanager
 def _unpacked(path: Path) -> Iterator[Path]:
-    """Give the file itself, or one that holds what was compressed in it."""
+    """Yield the file itself, or a file with its decompressed content."""
     if path.suffix != COMPRESSED:
         yield path
         return
@@ -93,7 +93,7 @@ def _inflate_file(path: Path, plain: Path) -> None:
     written = 0
     inflator = zstandard.ZstdDecompressor()
     with path.open('rb') as packed, plain.open('wb') as stream:
-        # rosbag2 writes one frame; a file of several is legal all the same.
+        # rosbag2 writes one frame, but several frames are legal.
         reader = inflator.stream_reader(packed, read_across_frames=True)
         while piece := reader.read(_BUFFER):
             written += len(piece)

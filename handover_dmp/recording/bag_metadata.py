@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`metadata.yaml` of a bag, as rosbag2 of ROS 2 Jazzy writes it (version 9)."""
+"""`metadata.yaml` of a bag, in the format of rosbag2 of ROS 2 Jazzy (version 9)."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from handover_dmp.recording.qos import Qos
 METADATA_FILE = 'metadata.yaml'
 ROOT = 'rosbag2_bagfile_information'
 VERSION = 9
-# what rosbag2 writes where there is no message and so no first one
+# rosbag2 writes this for the time of the first message if there is none
 NO_TIME = 2**63 - 1
 
 
@@ -42,8 +42,8 @@ class TopicMetadata:
     Attributes:
         name: e.g. `/hand/pose`.
         type_name: e.g. `geometry_msgs/msg/PoseStamped`.
-        type_hash: `RIHS01_…`; empty where it is not known.
-        qos: what its publishers offered.
+        type_hash: `RIHS01_…`; empty if unknown.
+        qos: quality of service offered by its publishers.
 
     """
 
@@ -53,7 +53,7 @@ class TopicMetadata:
     qos: tuple[Qos | dict[str, Any], ...] = ()
 
     def as_rosbag2(self) -> dict[str, Any]:
-        """Return it as it stands in the file."""
+        """Return the entry of the file."""
         return {
             'name': self.name,
             'type': self.type_name,
@@ -69,13 +69,13 @@ class TopicMetadata:
 @dataclass
 class FileStatistics:
     """
-    What one file of a bag holds; grows while it is written.
+    Statistics of one file of a bag, updated while it is written.
 
     Attributes:
-        name: of the file, within the folder of the bag.
-        first_ns: least log time; `NO_TIME` where there is no message.
-        last_ns: greatest log time.
-        counts: topic name to number of messages.
+        name: name of the file, within the folder of the bag.
+        first_ns: least log time, ns; `NO_TIME` if there is no message.
+        last_ns: greatest log time, ns.
+        counts: number of messages by topic.
 
     """
 
@@ -99,7 +99,7 @@ class FileStatistics:
 
     @property
     def duration_ns(self) -> int:
-        """Time from the first to the last message."""
+        """Time from the first to the last message, ns."""
         return max(0, self.last_ns - self.first_ns) if self.counts else 0
 
 
@@ -109,11 +109,11 @@ def rosbag2_information(
     custom_data: dict[str, str] | None = None,
 ) -> dict[str, Any]:
     """
-    Put together what `metadata.yaml` says, in the order of rosbag2.
+    Compose the content of `metadata.yaml`, in the order of rosbag2.
 
     Args:
-        topics: of the bag.
-        files: of the bag.
+        topics: topics of the bag.
+        files: files of the bag.
         custom_data: pairs of text kept with the bag.
 
     Returns:
@@ -154,12 +154,12 @@ def rosbag2_information(
 
 
 def dump_information(information: dict[str, Any]) -> str:
-    """Return the YAML text of it, as it also stands within each file."""
+    """Return the YAML text, which each file contains, too."""
     return dump_plain(information)
 
 
 def write_metadata(folder: Path, information: dict[str, Any]) -> None:
-    """Write `metadata.yaml`, whole or not at all."""
+    """Write `metadata.yaml` atomically."""
     write_text(folder / METADATA_FILE, dump_information({ROOT: information}))
 
 
@@ -168,13 +168,13 @@ def read_metadata(folder: Path) -> dict[str, Any]:
     Read `metadata.yaml`.
 
     Args:
-        folder: of the bag.
+        folder: folder of the bag.
 
     Returns:
         The content below the key `rosbag2_bagfile_information`.
 
     Raises:
-        DataError: not readable, not YAML, or of something else.
+        DataError: the file is not readable, not YAML, or not the metadata of a bag.
 
     """
     path = folder / METADATA_FILE

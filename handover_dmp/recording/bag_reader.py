@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Reading bags, of this package or of rosbag2, without ROS, whole or broken off."""
+"""Reading bags of this package or of rosbag2, complete or truncated, without ROS."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ from mcap.records import Channel, Metadata, Schema
 from mcap.records import Message as McapMessage
 from mcap_ros2.decoder import DecoderFactory
 
-# far above the largest definition there is, far below what the parser gets slow at
+# far above the largest real definition, far below the size at which the parser gets slow
 DEFINITION_LINES = 4000
 LINE_LENGTH = 1000
-# what the decoder raises at bytes or definitions that do not fit together; its parser has errors
-# without a common base
+# exceptions of the decoder for bytes that do not fit the definition; the errors of its parser have
+# no common base
 MISFIT = (Exception,)
 
 
@@ -55,7 +55,7 @@ class BagMessage(NamedTuple):
     Attributes:
         topic: its topic.
         message: the decoded message; its fields are attributes, as in ROS.
-        log_time_ns: when it was recorded, ns.
+        log_time_ns: time of recording, ns.
 
     """
 
@@ -67,13 +67,13 @@ class BagMessage(NamedTuple):
 @dataclass
 class TopicInformation:
     """
-    What a bag holds of one topic.
+    The content of a bag on one topic.
 
     Attributes:
         type_name: type of its messages.
         count: number of messages.
-        first_ns: least log time.
-        last_ns: greatest log time.
+        first_ns: least log time, ns.
+        last_ns: greatest log time, ns.
 
     """
 
@@ -84,7 +84,7 @@ class TopicInformation:
 
     @property
     def rate_hz(self) -> float:
-        """Mean rate; 0 where there are fewer than two messages."""
+        """Mean rate, Hz; 0 if there are fewer than two messages."""
         elapsed_s = (self.last_ns - self.first_ns) * 1e-9
         return (self.count - 1) / elapsed_s if self.count > 1 and elapsed_s > 0 else 0.0
 
@@ -92,13 +92,13 @@ class TopicInformation:
 @dataclass(frozen=True)
 class BagInformation:
     """
-    What a bag holds.
+    The content of a bag.
 
     Attributes:
-        files: its MCAP files.
-        topics: topic name to what is known of it.
-        complete: whether every file was closed by its recorder and `metadata.yaml` is there.
-        size: bytes of all files.
+        files: its files.
+        topics: information by topic.
+        complete: whether the recorder closed every file and wrote `metadata.yaml`.
+        size: size of all files, bytes.
 
     """
 
@@ -136,10 +136,10 @@ def bag_files(path: Path | str) -> list[Path]:
         path: a file or the folder of a bag, or the folder of a run with its bag in `bag/`.
 
     Returns:
-        The files, in the order they were written in.
+        The files, in the order of writing.
 
     Raises:
-        DataError: there is no bag, or one of another storage than MCAP and sqlite3.
+        DataError: there is no bag, or its storage is neither MCAP nor sqlite3.
 
     """
     path = Path(path)
@@ -165,15 +165,15 @@ def read_bag(path: Path | str, topics: Collection[str] | None = None) -> Iterato
 
     Args:
         path: a file or the folder of a bag, or the folder of a run with its bag in `bag/`.
-        topics: those wanted; all if left out. Others are not decoded, so it does not matter what
-            they hold.
+        topics: topics to read; default: all. Other topics are not decoded, so errors in them do
+            not matter.
 
     Yields:
-        Messages in the order they stand in the bag, which is the order they were received in.
+        Messages in the order of the bag, which is the order of reception.
 
     Raises:
-        DataError: there is no such bag, or it is damaged. A bag whose recorder was killed is not
-            damaged, it just ends.
+        DataError: the bag is missing or damaged. A bag whose recorder was killed is not damaged;
+            it just ends.
 
     """
     for file in bag_files(path):
@@ -182,7 +182,7 @@ def read_bag(path: Path | str, topics: Collection[str] | None = None) -> Iterato
 
 def bag_information(path: Path | str) -> BagInformation:
     """
-    Find out what a bag holds, by reading it from one end to the other.
+    Summarise the content of a bag by reading all of it.
 
     Args:
         path: a file or the folder of a bag, or the folder of a run with its bag in `bag/`.
@@ -220,13 +220,13 @@ def bag_information(path: Path | str) -> BagInformation:
 
 def bag_custom_data(path: Path | str) -> dict[str, str]:
     """
-    Read the pairs of text that a bag carries along.
+    Read the pairs of text that a bag contains.
 
     Args:
         path: a file or the folder of a bag, or the folder of a run with its bag in `bag/`.
 
     Returns:
-        The `custom_data` of its first file; empty where there is none.
+        The `custom_data` of its first file; empty if there is none.
 
     Raises:
         DataError: there is no such bag, or it is damaged.
@@ -237,14 +237,14 @@ def bag_custom_data(path: Path | str) -> dict[str, str]:
         if isinstance(record, Metadata):
             return custom_data(record)
     if Path(path).is_dir() and (file.parent / METADATA_FILE).is_file():
-        # sqlite3 files have it nowhere else.
+        # sqlite3 files have no other place for it.
         pairs = read_metadata(file.parent).get('custom_data')
         return {str(key): str(value) for key, value in dict(pairs or {}).items()}
     return {}
 
 
 def custom_data(record: Metadata) -> dict[str, str]:
-    """Return the pairs of text within the record that rosbag2 keeps its metadata in."""
+    """Return the pairs of text in the metadata record of rosbag2."""
     try:
         information = load_plain(record.metadata.get('serialized_metadata', ''))
         pairs = information['custom_data'] or {}
@@ -254,7 +254,7 @@ def custom_data(record: Metadata) -> dict[str, str]:
 
 
 def numbered_files(folder: Path, pattern: str = f'*{MCAP}') -> list[Path]:
-    """Return the files of a folder in the order of the numbers that their names end with."""
+    """Return the files of a folder, sorted by the number at the end of their names."""
     return sorted(folder.glob(pattern), key=_file_number)
 
 
@@ -290,7 +290,7 @@ def _decoder(
     if schema is None:
         raise DataError(f'{file}: {_plain(channel.topic)}: the definition of its type is missing')
     try:
-        # the parser tells its complaints to the terminal before it raises them
+        # the parser prints its errors to the terminal before it raises them
         with redirect_stderr(StringIO()):
             plain = replace(schema, data=_without_comments(schema.data))
             decode = factory.decoder_for(channel.message_encoding, plain)
@@ -308,7 +308,7 @@ def _decoder(
 
 
 def _without_comments(definition: bytes) -> bytes:
-    """Return a definition without its comments, on which the parser wastes most of its time."""
+    """Return a definition without comments, which would take most of the parser's time."""
     lines = [line.split('#')[0].rstrip() for line in definition.decode().splitlines()]
     lines = [line for line in lines if line]
     if len(lines) > DEFINITION_LINES or max(map(len, lines), default=0) > LINE_LENGTH:
@@ -317,7 +317,7 @@ def _without_comments(definition: bytes) -> bytes:
 
 
 class _Checked(bytes):
-    """Bytes of which no more can be taken than there are; the decoder takes without asking."""
+    """Bytes that refuse reads beyond their end; the decoder does not check."""
 
     def __getitem__(self, key: Any) -> Any:
         if isinstance(key, slice) and key.stop is not None and key.stop > len(self):
@@ -350,10 +350,10 @@ def _listed_files(folder: Path) -> list[Path]:
         raise DataError(f'{folder / METADATA_FILE}: names no files')
     files = []
     for name in names:
-        # a bag consists of files beside its metadata; anything else is not ours to open
+        # the files of a bag are beside its metadata; others must not be opened
         if not isinstance(name, str) or Path(name).name != name:
             raise DataError(f'{folder / METADATA_FILE}: {name!r} is not the name of a file')
-        # Some versions name a file as it was before it was compressed.
+        # Some versions give the name that a file had before compression.
         found = [file for file in (name, name + COMPRESSED) if (folder / file).is_file()]
         if not found:
             raise DataError(f'{folder / _plain(name)}: missing, though {METADATA_FILE} names it')
@@ -367,5 +367,5 @@ def _file_number(file: Path) -> tuple[int, str]:
 
 
 def _plain(text: str) -> str:
-    """Return a text out of a file as one line that a terminal takes for nothing else."""
+    """Return a text from a file as one line without control characters."""
     return repr(text)[1:-1][:100]

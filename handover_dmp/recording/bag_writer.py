@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Writing bags: a folder with MCAP files and `metadata.yaml`, as rosbag2 writes them."""
+"""Writing bags: a folder with MCAP files and `metadata.yaml`, in the format of rosbag2."""
 
 from __future__ import annotations
 
@@ -45,32 +45,32 @@ COMPRESSIONS = {
     'none': CompressionType.NONE,
 }
 LIBRARY = f'handover_dmp {__version__}; {LIBRARY_IDENTIFIER}'
-# name of the record that rosbag2 keeps its metadata under within each file
+# name of the record with rosbag2's metadata within each file
 METADATA_RECORD = 'rosbag2'
 
 
 class BagWriter(Closing):
     """
-    Writes one bag. Needs no ROS running, only the definitions of the messages.
+    Writes one bag. It needs no running ROS, only the definitions of the messages.
 
-    Not for several threads at a time. What was written reaches the file when a chunk is full or
-    when the oldest message of the open chunk is `flush_period_s` old; a recorder of topics that
-    may fall silent calls `flush` from a timer. A process that is killed loses no more than that.
+    Not thread-safe. Messages reach the file when a chunk is full or when the oldest message of the
+    open chunk is `flush_period_s` old; a recorder of topics that may fall silent calls `flush`
+    from a timer. A killed process loses no more than that.
 
     Args:
-        folder: of the bag; must not exist, for a recording is never overwritten.
-        compression: of the chunks, `zstd`, `lz4` or `none`.
-        chunk_size: bytes, before compression, after which a chunk is closed.
-        flush_period_s: age at which a chunk is closed though it is not full.
-        split_size: bytes after which the next file is begun; 0 for never.
-        split_duration_s: seconds of log time after which the next file is begun; 0 for never.
-        custom_data: pairs of text that `metadata.yaml` carries along.
+        folder: folder of the bag; must not exist, because a recording is never overwritten.
+        compression: compression of the chunks, `zstd`, `lz4` or `none`.
+        chunk_size: size before compression at which a chunk is closed, bytes.
+        flush_period_s: age at which a chunk is closed even if it is not full, s.
+        split_size: size at which a new file is begun, bytes; 0: never.
+        split_duration_s: log time after which a new file is begun, s; 0: never.
+        custom_data: pairs of text for `metadata.yaml`.
 
-    Where an argument is left out it is the parameter of the node `recorder`.
+    The defaults are the parameters of the node `recorder`.
 
     Raises:
         DataError: the folder exists or cannot be made.
-        UsageError: no such compression.
+        UsageError: the compression is unknown.
 
     """
 
@@ -127,15 +127,15 @@ class BagWriter(Closing):
 
     def add_topic(self, name: str, type_name: str, qos: Qos | Iterable[Qos] = COMMAND) -> None:
         """
-        Make a topic known; one that is known already is left as it is.
+        Add a topic; an existing topic is left unchanged.
 
         Args:
-            name: of the topic.
-            type_name: of its messages, e.g. `geometry_msgs/msg/PoseStamped`.
-            qos: what its publisher offered, or its publishers.
+            name: name of the topic.
+            type_name: type of its messages, e.g. `geometry_msgs/msg/PoseStamped`.
+            qos: quality of service offered by its publishers.
 
         Raises:
-            DataError: no package on this machine defines the type; or the file cannot be written.
+            DataError: no package on this machine defines the type, or the file cannot be written.
 
         """
         if name in self._topics:
@@ -151,14 +151,14 @@ class BagWriter(Closing):
 
     def set_offered(self, name: str, profiles: Iterable[Qos]) -> None:
         """
-        Correct what the publishers of a topic offered; of one that is not known, nothing.
+        Correct the quality of service of a topic; unknown topics are ignored.
 
-        `metadata.yaml` and the files still to be begun tell it; what stands in the present file
-        since the first message stays.
+        The change appears in `metadata.yaml` and in later files; the entry in the present file
+        stays.
 
         Args:
-            name: of the topic.
-            profiles: of its publishers.
+            name: name of the topic.
+            profiles: profiles of its publishers.
 
         """
         if name in self._topics:
@@ -172,14 +172,14 @@ class BagWriter(Closing):
 
         Args:
             topic: name of a topic that was added.
-            data: the message, CDR with its header, as a raw subscription gives it.
-            log_time_ns: when it was received, ns.
-            publish_time_ns: when it was sent, ns; the same if left out.
+            data: the message, CDR with its header, as from a raw subscription.
+            log_time_ns: time of reception, ns.
+            publish_time_ns: time of publication, ns; default: the same.
 
         Raises:
-            DataError: the topic is not known, a time is negative or beyond 64 bits, or the file
+            DataError: the topic is unknown, a time is negative or beyond 64 bits, or the file
                 cannot be written, e.g. because the disk is full. After that nothing more can be
-                written, and what had reached the file stays readable.
+                written; the file stays readable.
 
         """
         self._check_usable()
@@ -205,12 +205,12 @@ class BagWriter(Closing):
 
         Args:
             topic: name of a topic that was added.
-            message: nested dictionaries of its fields, as `handover_dmp.recording.messages` makes.
-            log_time_ns: when it was received, ns.
-            publish_time_ns: when it was sent, ns; the same if left out.
+            message: nested dictionaries of its fields, as from `handover_dmp.recording.messages`.
+            log_time_ns: time of reception, ns.
+            publish_time_ns: time of publication, ns; default: the same.
 
         Raises:
-            DataError: as `write`.
+            DataError: as in `write`.
 
         """
         if topic not in self._topics:
@@ -220,7 +220,7 @@ class BagWriter(Closing):
 
     def flush(self) -> None:
         """
-        Hand everything written so far to the operating system.
+        Pass everything written so far to the operating system.
 
         Raises:
             DataError: the file cannot be written.
@@ -244,7 +244,7 @@ class BagWriter(Closing):
             return
         self._closed = True
         if self._failure is not None:
-            # the error was raised when it happened; here there is only the file to let go of
+            # the error was raised when it occurred; here only the file is closed
             self._file.abandon()
             return
         try:
@@ -260,8 +260,8 @@ class BagWriter(Closing):
         name = f'{self.folder.name}_{len(self._ended)}.mcap'
         try:
             file = _BagFile(self.folder / name, self._compression, self._chunk_size)
-            # without it a reader of a bag that was never closed cannot know the version, and so
-            # not how quality of service is written
+            # without it, a reader of an unclosed bag does not know the version, which sets the
+            # format of the quality of service
             file.add_metadata(self._describe(file.statistics))
             for topic in self._topics.values():
                 file.add_topic(topic, message_definition(topic.type_name))
@@ -369,7 +369,7 @@ class _BagFile:
         self._writer.flush()  # type: ignore[no-untyped-call]
 
     def finish(self, metadata: Callable[[FileStatistics], str]) -> None:
-        # behind all messages, as the metadata tells of them
+        # after all messages, because the metadata describe them
         self._writer.flush()  # type: ignore[no-untyped-call]
         self.add_metadata(metadata(self.statistics))
         self._writer.finish()  # type: ignore[no-untyped-call]
@@ -381,10 +381,10 @@ class _BagFile:
 
 class _Sink:
     """
-    A file that holds nothing back.
+    An unbuffered file.
 
-    It is handed whole chunks, so a buffer between it and the operating system would spare
-    nothing, but a killed process would lose what is in it.
+    It receives whole chunks, so a buffer would save nothing, but a killed process would lose its
+    content.
     """
 
     def __init__(self, path: Path) -> None:
@@ -402,7 +402,7 @@ class _Sink:
         return self._size
 
     def flush(self) -> None:
-        """Do nothing, as nothing is held back."""
+        """Do nothing; there is no buffer."""
 
     def close(self) -> None:
         self._file.close()

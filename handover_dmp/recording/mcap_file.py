@@ -15,9 +15,9 @@
 """
 The records of an MCAP file, read so that no file can do harm.
 
-Python's MCAP library believes every length that stands in a file. Here each is held against what
-is really there before anything of that size is made, chunks are inflated no further than a limit,
-and check sums are checked. What a killed recorder leaves is not an error: the file just ends.
+Python's MCAP library trusts every length in a file. This reader compares each length with the
+available data before it allocates memory, inflates chunks only up to a limit, and verifies check
+sums. A file of a killed recorder is not an error: it just ends.
 """
 
 from __future__ import annotations
@@ -40,24 +40,24 @@ from mcap.stream_reader import StreamReader
 import zstandard
 
 MAGIC = b'\x89MCAP0\r\n'
-# rosbag2 closes a chunk at 768 kB, so one as large as this holds a message as large as this
+# rosbag2 closes a chunk at 768 kB, so a chunk of this size holds a message of this size
 RECORD_LIMIT = 128 * 2**20
-# of a chunk that cannot be inflated or whose check sum is wrong
+# exceptions of a chunk that cannot be inflated or has a wrong check sum
 DAMAGE = (McapError, ValueError, struct.error, zstandard.ZstdError, RuntimeError, OverflowError)
 
 
 class EndOfDataError(Exception):
-    """More was asked for than is left: the file ends here, or a length in it is wrong."""
+    """A read beyond the end: the file ends here, or a length in it is wrong."""
 
 
 @dataclass
 class Damage:
     """
-    What was found wrong while reading, for those who go on in spite of it.
+    Damage found while reading, for callers that continue in spite of it.
 
     Attributes:
-        dropped_chunks: how many chunks could not be read.
-        complete: whether the file was closed by its writer.
+        dropped_chunks: number of unreadable chunks.
+        complete: whether the writer closed the file.
 
     """
 
@@ -66,7 +66,7 @@ class Damage:
 
 
 def is_complete(path: Path) -> bool:
-    """Return whether the file ends as a writer ends it."""
+    """Return whether the file has a complete end."""
     with _opened(path) as stream:
         if stream.seek(0, os.SEEK_END) < 2 * len(MAGIC):
             return False
@@ -76,19 +76,19 @@ def is_complete(path: Path) -> bool:
 
 def read_mcap_records(path: Path, damage: Damage | None = None) -> Iterator[McapRecord]:
     """
-    Read the records of an MCAP file from its beginning to its end or to where it breaks off.
+    Read the records of an MCAP file from its beginning to its end or truncation.
 
     Args:
         path: the file.
-        damage: if given, chunks that cannot be read are left out and counted here, and whatever
-            comes after a place that makes no sense is left out too; otherwise both are errors,
-            unless the file was never closed by its writer.
+        damage: if given, unreadable chunks are skipped and counted here, and everything after an
+            invalid position is skipped, too; otherwise both are errors, unless the writer never
+            closed the file.
 
     Yields:
-        Records in the order of the file, those within chunks in place of their chunk.
+        Records in the order of the file; chunks are replaced by their records.
 
     Raises:
-        DataError: no MCAP file, or a broken one; names file and position.
+        DataError: the file is not MCAP or damaged; names file and position.
 
     """
     complete = is_complete(path)
@@ -134,7 +134,7 @@ def _read_chunk(chunk: Chunk) -> Iterator[McapRecord]:
     if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
         raise ValueError('wrong check sum')
     stream = _Bounded(BytesIO(data), len(data))
-    # a chunk within a chunk is not legal and is passed over
+    # a chunk within a chunk is illegal and is skipped
     records = StreamReader(cast(IO[bytes], stream), skip_magic=True, emit_chunks=True).records
     while stream.position < len(data):
         yield next(records)
@@ -159,7 +159,7 @@ def _inflate(chunk: Chunk) -> bytes:
 
 
 class _Bounded:
-    """A stream that refuses to read past its end, whatever length a file claims."""
+    """A stream that refuses to read beyond its end, whatever length a file claims."""
 
     def __init__(self, stream: IO[bytes], size: int) -> None:
         self._stream = stream

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-The definition of a ROS message: its full text, and the hash that ROS 2 knows the type by.
+The definition of a ROS message: its full text, and the hash by which ROS 2 identifies the type.
 
-A bag is worth reading in ten years only if it carries the definitions of what is in it. They come
-from the message packages: from `share/<package>/msg` below every prefix of a sourced ROS 2
-(`AMENT_PREFIX_PATH`) or of this Python environment, where the wheels put them. Where neither is,
-the library `rosbags` is asked, which knows the standard packages.
+A bag stays readable only if it contains the definitions of its messages. They come from the
+message packages: from `share/<package>/msg` below every prefix of a sourced ROS 2
+(`AMENT_PREFIX_PATH`) or of this Python environment, where the wheels install them. Without either,
+they come from the library `rosbags`, which knows the standard packages.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ TYPE_NAME = re.compile(r'([A-Za-z]\w*)/msg/([A-Za-z]\w*)')
 @dataclass(frozen=True)
 class MessageDefinition:
     """
-    A message type as a bag carries it.
+    A message type as stored in a bag.
 
     Attributes:
         type_name: e.g. `geometry_msgs/msg/PoseStamped`.
-        text: definition of the type and of every type within it, in the encoding `ros2msg`.
+        text: definition of the type and of all nested types, in the encoding `ros2msg`.
         type_hash: REP 2016 hash, `RIHS01_` and 64 hexadecimal digits.
 
     """
@@ -67,7 +67,8 @@ def message_definition(type_name: str) -> MessageDefinition:
         Its definition.
 
     Raises:
-        DataError: not the name of a message type, or no package on this machine defines it.
+        DataError: the name is not that of a message type, or no package on this machine defines
+            it.
 
     """
     if TYPE_NAME.fullmatch(type_name) is None:
@@ -80,7 +81,7 @@ def message_definition(type_name: str) -> MessageDefinition:
 
 
 def search_prefixes() -> list[Path]:
-    """Return the prefixes that are searched, those of a sourced ROS 2 first."""
+    """Return the search prefixes, those of a sourced ROS 2 first."""
     sourced = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
     return [Path(prefix) for prefix in [*sourced, sys.prefix] if prefix]
 
@@ -102,12 +103,12 @@ def _message_text(type_name: str) -> str:
 
 
 def _hash(description: dict[str, Any]) -> str:
-    # the first of the list is the type itself, the others are those within it
+    # the first entry is the type itself, the others are nested types
     return str(description['type_hashes'][0]['hash_string'])
 
 
 def _full_text(type_name: str, description: dict[str, Any]) -> str:
-    """Put the texts together in the order of rosbag2: depth first, by name, each once."""
+    """Join the texts in the order of rosbag2: depth first, by name, each once."""
     described = description['type_description_msg']
     members = {
         one['type_name']: sorted(
@@ -138,7 +139,7 @@ def _from_rosbags(type_name: str) -> MessageDefinition:
         text, _ = store.generate_msgdef(type_name, ros_version=2)
         return MessageDefinition(type_name, text, store.hash_rihs01(type_name))
     except Exception as error:
-        # whichever way the library fails, the way out is the same
+        # all failures of the library have the same remedy
         raise DataError(
             f'{type_name}: no package on this machine defines it; {GET_ROS}'
         ) from error

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Messages without ROS: from plain values to the bytes that go over the wire and into bags."""
+"""Messages without ROS: from plain values to the bytes on the wire and in bags."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from typing import Any
 from handover_dmp.recording.message_definitions import message_definition
 from handover_dmp.topics import label_of, position_covariance
 
-# The library that decodes also encodes, but shows only a writer of whole files. Ours must put
-# quality of service and type hashes into them too, so its encoder is taken from within.
+# The library that decodes can also encode, but its public interface only writes whole files. Our
+# files also need quality of service and type hashes, so we use its internal encoder.
 from mcap_ros2._dynamic import serialize_dynamic
 
 Message = Mapping[str, Any]
@@ -40,7 +40,7 @@ def encoder(type_name: str) -> Callable[[Message], bytes]:
 
     Returns:
         Function from the message, as nested dictionaries of its fields, to CDR bytes, little
-        endian, with the four bytes of header. Fields left out are zero or empty.
+        endian, with the header of four bytes. Missing fields are zero or empty.
 
     Raises:
         DataError: no package on this machine defines the type.
@@ -51,7 +51,7 @@ def encoder(type_name: str) -> Callable[[Message], bytes]:
 
 
 def time_message(time_ns: int) -> dict[str, int]:
-    """Return a `builtin_interfaces/Time` or `Duration` of so many nanoseconds."""
+    """Return a `builtin_interfaces/Time` or `Duration` from nanoseconds."""
     seconds, nanoseconds = divmod(int(time_ns), 10**9)
     return {'sec': seconds, 'nanosec': nanoseconds}
 
@@ -79,7 +79,7 @@ def pose_stamped(
         time_ns: stamp in nanoseconds.
         position: (3,), m.
         orientation: quaternion x, y, z, w.
-        frame: frame that the pose is given in.
+        frame: frame of the pose.
 
     """
     return {
@@ -95,13 +95,13 @@ def pose_with_covariance_stamped(
     time_ns: int, position: Sequence[float], deviation_m: float, frame: str = 'world'
 ) -> dict[str, Any]:
     """
-    Return a `geometry_msgs/PoseWithCovarianceStamped` whose orientation is not known.
+    Return a `geometry_msgs/PoseWithCovarianceStamped` with unknown orientation.
 
     Args:
         time_ns: stamp in nanoseconds.
         position: (3,), m.
         deviation_m: standard deviation of the position on each axis, m.
-        frame: that it is told in.
+        frame: frame of the position.
 
     Returns:
         The message.
@@ -125,7 +125,7 @@ def twist_stamped(
         time_ns: stamp in nanoseconds.
         linear: (3,), m/s.
         angular: (3,), rad/s.
-        frame: frame that the twist is given in.
+        frame: frame of the twist.
 
     """
     return {
@@ -144,7 +144,7 @@ def wrench_stamped(
         time_ns: stamp in nanoseconds.
         force: (3,), N.
         torque: (3,), Nm.
-        frame: frame that the wrench is given in.
+        frame: frame of the wrench.
 
     """
     return {
@@ -165,10 +165,10 @@ def joint_state(
 
     Args:
         time_ns: stamp in nanoseconds.
-        names: of the joints.
-        positions: rad.
-        velocities: rad/s.
-        efforts: Nm.
+        names: names of the joints.
+        positions: joint positions, rad.
+        velocities: joint velocities, rad/s.
+        efforts: joint torques, Nm.
 
     """
     return {
@@ -186,8 +186,8 @@ def transforms(time_ns: int, frames: Iterable[Sequence[Any]]) -> dict[str, Any]:
 
     Args:
         time_ns: stamp in nanoseconds.
-        frames: for each the names of parent and child, the position of the child in the parent,
-            (3,) m, and the quaternion x, y, z, w from the child's axes to the parent's.
+        frames: for each transform, the names of parent and child, the position of the child in
+            the parent, (3,) m, and the quaternion x, y, z, w from child to parent axes.
 
     """
     return {
@@ -211,7 +211,7 @@ def float_array(values: Sequence[float], labels: Sequence[str] = ()) -> dict[str
 
     Args:
         values: the data.
-        labels: name of each value, or one of all; kept as the label of the one dimension.
+        labels: name of each value, or one for all; stored as the label of the single dimension.
 
     """
     size = len(values)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which graph a bag was recorded of: it may hold several, each in a namespace of its own."""
+"""The graph of a bag; a bag may contain several, each in its own namespace."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ def recorded_namespace(
     path: Path | str, topics: Sequence[Topic], namespace: str | None = None
 ) -> str:
     """
-    Find the namespace of the graph that a bag was recorded of.
+    Find the namespace of the graph in a bag.
 
     Args:
         path: a file or the folder of a bag, or the folder of a run with its bag in `bag/`.
-        topics: what the graph has to have said something on.
-        namespace: which graph is meant, where there are several; None: the only one.
+        topics: topics on which the graph must have messages.
+        namespace: namespace of the graph if there are several; None: the only one.
 
     Returns:
-        The namespace, `/` for the root; that is also the answer where there is no such graph.
+        The namespace, `/` for the root, also if there is no such graph.
 
     Raises:
-        DataError: there is no such bag, it is damaged, it holds several graphs of which none is
-            chosen, or not the one that is.
+        DataError: the bag is missing or damaged, or none of several graphs is chosen, or the
+            chosen one is missing.
 
     """
     recorded = {name for name, topic in bag_information(path).topics.items() if topic.count}

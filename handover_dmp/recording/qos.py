@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Quality of service of a recorded topic, in the words that rosbag2 uses in its files."""
+"""Quality of service of a recorded topic, in the terms of rosbag2's files."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ INFINITE = (9223372036, 854775807)
 @dataclass(frozen=True)
 class Qos:
     """
-    What one publisher offered.
+    The profile that one publisher offers.
 
-    The defaults are those that rosbag2 finds when it asks a running graph, where the history and
-    the depth of a publisher are not told.
+    The defaults are what rosbag2 gets from a running graph, which does not reveal history and
+    depth of a publisher.
 
     Attributes:
         reliability: `reliable` or `best_effort`.
@@ -58,13 +58,13 @@ class Qos:
     @classmethod
     def from_profile(cls, profile: Any) -> Qos:
         """
-        Take over a `rclpy.qos.QoSProfile`.
+        Convert a `rclpy.qos.QoSProfile`.
 
         Args:
             profile: the profile, e.g. of an entry of `get_publishers_info_by_topic`.
 
         Returns:
-            The same in the words of rosbag2.
+            The profile in the terms of rosbag2.
 
         """
 
@@ -84,7 +84,7 @@ class Qos:
         )
 
     def as_rosbag2(self) -> dict[str, Any]:
-        """Return the profile as rosbag2 writes it in `metadata.yaml` of version 9."""
+        """Return the profile in the format of rosbag2's `metadata.yaml`, version 9."""
 
         def time(duration: tuple[int, int]) -> dict[str, int]:
             return {'sec': duration[0], 'nsec': duration[1]}
@@ -108,7 +108,7 @@ LATCHED = Qos(durability='transient_local')
 
 
 def dump_profiles(profiles: Iterable[Qos]) -> str:
-    """Return the YAML text that rosbag2 keeps with each channel."""
+    """Return the YAML text that rosbag2 stores with each channel."""
     return _dump(tuple(profiles))
 
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Repairing bags whose recorder was killed, or whose disk lost a part of them."""
+"""Repair of bags whose recorder was killed, or that lost data on disk."""
 
 from __future__ import annotations
 
@@ -42,14 +42,14 @@ from mcap.writer import CompressionType, Writer
 @dataclass(frozen=True)
 class Repair:
     """
-    What was done to a bag.
+    The result of a repair.
 
     Attributes:
-        files: its MCAP files.
-        rewritten: those of them that had to be written anew.
-        message_count: messages that the bag holds now.
-        dropped_chunks: pieces in the middle that could not be read and are lost.
-        metadata_written: whether `metadata.yaml` was missing or wrong.
+        files: MCAP files of the bag.
+        rewritten: files that had to be rewritten.
+        message_count: number of messages in the repaired bag.
+        dropped_chunks: number of unreadable chunks, which are lost.
+        metadata_written: whether `metadata.yaml` was missing or wrong and has been written.
 
     """
 
@@ -62,17 +62,17 @@ class Repair:
 
 def repair_bag(path: Path | str) -> Repair:
     """
-    Make a bag whole again: every file with its indexes and its end, and `metadata.yaml`.
+    Repair a bag: give every file its indexes and its end, and write `metadata.yaml`.
 
-    Files that are whole stay as they are. The others are written anew beside the old one, from
-    all that can be read of it, and take its place when they are complete. What the bag of a
-    killed recorder lacks is what it had in memory.
+    Complete files stay unchanged. The others are rewritten beside the old file, from all readable
+    data, and replace it when they are complete. The bag of a killed recorder lacks only the data
+    that were still in memory.
 
     Args:
         path: the folder of a bag, the folder of a run with its bag in `bag/`, or one MCAP file.
 
     Returns:
-        What was done.
+        The result of the repair.
 
     Raises:
         DataError: there is no bag, or it cannot be written.
@@ -110,7 +110,7 @@ def repair_bag(path: Path | str) -> Repair:
 
 
 def _files_to_repair(path: Path) -> list[Path]:
-    """Find the files of a bag whose `metadata.yaml` may be what is broken."""
+    """Find the files of a bag without relying on `metadata.yaml`, which may be damaged."""
     try:
         return bag_files(path)
     except DataError:
@@ -129,7 +129,7 @@ def _described(folder: Path) -> bool:
 
 
 class _File:
-    """What one file holds, gathered while its records pass."""
+    """The content of one file, collected from its records."""
 
     def __init__(self, topics: dict[str, TopicMetadata], statistics: FileStatistics) -> None:
         self.statistics = statistics
@@ -203,7 +203,7 @@ def _rewrite(file: Path) -> None:
                     record.media_type,
                     record.data,
                 )
-        # the writer ends the file but leaves closing it to whom it belongs
+        # the writer finishes the file but does not close it
         writer.finish()  # type: ignore[no-untyped-call]
 
 

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-The records of a bag that is stored as sqlite3, as ROS 2 Humble does by default.
+The records of a bag in sqlite3 storage, the default of ROS 2 Humble.
 
-They come as the records of an MCAP file, in the order they were written in, so that whoever reads
-one reads the other. (The library `rosbags` sorts by the time of recording, by which a recording on
-simulated time that was reset would be woven into one.) Before ROS 2 Iron these files hold no
-definitions of their messages; the packages of this machine have them, or `rosbags`.
+They are returned as records of an MCAP file, in the order of writing, so that callers can read
+both. (The library `rosbags` sorts by time of recording, which would mix the parts of a recording
+on simulated time that was reset.) Before ROS 2 Iron these files contain no definitions of their
+messages; then these come from the packages of this machine, or from `rosbags`.
 """
 
 from __future__ import annotations
@@ -47,23 +47,23 @@ def read_sqlite3(path: Path) -> Iterator[McapRecord]:
         A schema and a channel for each topic, then the messages.
 
     Raises:
-        DataError: no such file of rosbag2, or a damaged one.
+        DataError: the file is missing, damaged, or not of rosbag2.
 
     """
-    # What a recorder that was killed left beside the file belongs to it.
+    # Files that a killed recorder left beside the file belong to it.
     unfinished = path.with_name(f'{path.name}-wal').exists()
     place = path.absolute().as_uri() + ('?mode=ro' if unfinished else '?immutable=1')
     try:
         with closing(sqlite3.connect(place, uri=True)) as connection:
             yield from _read(connection, path)
     except (sqlite3.Error, ValueError, TypeError, OverflowError, MemoryError) as error:
-        # The library quotes what stands in the file; of lengths beyond all bounds it says nothing.
+        # The library's errors quote the content of the file, without a limit on the length.
         what = repr(str(error))[1:-1] or 'damaged'
         raise DataError(f'{path}: not a sqlite3 bag that can be read: {what}'[:300]) from error
 
 
 def _read(connection: sqlite3.Connection, path: Path) -> Iterator[McapRecord]:
-    # Of tables alone: a view could have a query without end behind it.
+    # Only tables: a view could contain an endless query.
     query = "SELECT name FROM sqlite_master WHERE type = 'table'"
     tables = {name for (name,) in connection.execute(query)}
     if not tables.issuperset(_TABLES):
@@ -74,7 +74,7 @@ def _read(connection: sqlite3.Connection, path: Path) -> Iterator[McapRecord]:
         definitions = {name: (how, text) for name, how, text in connection.execute(query)}
     query = 'SELECT id, name, type, serialization_format FROM topics'
     for number, name, type_name, encoding in connection.execute(query).fetchall():
-        # A column of sqlite3 may hold anything, whatever its type.
+        # A column of sqlite3 may hold any value, whatever its type.
         if not isinstance(number, int) or not all(
             isinstance(text, str) for text in (name, type_name, encoding)
         ):
@@ -103,5 +103,5 @@ def _known_definition(type_name: str) -> str:
     try:
         return message_definition(type_name).text
     except DataError:
-        # It matters only if somebody wants to know what is in it.
+        # A missing definition matters only if its messages are decoded.
         return ''

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The bag of a lockstep run: the messages that the graph would have sent, on the same topics."""
+"""The bag of a lockstep run: the messages that the graph would have published."""
 
 from __future__ import annotations
 
@@ -88,11 +88,11 @@ def write_run_bag(
     Write the bag of a run.
 
     Args:
-        folder: of the bag, which must not exist.
-        scenario: what was run.
-        periods: what every period saw and said.
-        info: what `/handover/info` says.
-        topics: of the poses of each tracker.
+        folder: folder of the bag; must not exist.
+        scenario: the scenario.
+        periods: inputs and outputs of every period.
+        info: content of `/handover/info`.
+        topics: topic of the poses of each tracker.
 
     Raises:
         DataError: the folder exists or cannot be written.
@@ -117,11 +117,11 @@ def write_session_bag(
     Write the bag of a session.
 
     Args:
-        folder: of the bag, which must not exist.
-        scenario: what was run.
-        periods: what every period saw and said.
-        info: what `/handover/info` says.
-        topics: of the poses of each tracker.
+        folder: folder of the bag; must not exist.
+        scenario: the scenario.
+        periods: inputs and outputs of every period.
+        info: content of `/handover/info`.
+        topics: topic of the poses of each tracker.
 
     Raises:
         DataError: the folder exists or cannot be written.
@@ -151,7 +151,7 @@ def _write_bag(
     topics: Sequence[str],
     further: Sequence[Sequence[tuple[Topic, Message]]] | None = None,
 ) -> None:
-    """Write all periods, where P1 and P2 were in each, and what else was said in each."""
+    """Write all periods, with the positions of P1 and P2 and further messages in each."""
     with BagWriter(folder) as bag:
         start_ns = periods[0].time_ns
         described = published_description(robot.urdf_text, robot.urdf_path.parent, FRAME)
@@ -192,7 +192,7 @@ def _write_bag(
 
 
 def _path(scenario: Scenario, periods: Sequence[Period], positions: Array) -> list[list[float]]:
-    """Where somebody was in the recording at each period, at rest before and after."""
+    """Return a recorded path at each period, at rest before and after the recording."""
     trial = scenario.trial
     since = np.array([period.time_ns for period in periods]) / NANOSECONDS - REPLAY_AT_S
     times = trial.times[0] + np.clip(since, 0.0, trial.duration_s)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What every run leaves behind: a folder with the bag, the report and the pictures."""
+"""The folder of a run, with the bag, the report and the pictures."""
 
 from __future__ import annotations
 
@@ -46,18 +46,18 @@ if TYPE_CHECKING:
 
 def new_run_folder(output: Path | None, what: str, configuration: str) -> Path:
     """
-    Make the folder of a run.
+    Create the folder of a run.
 
     Args:
-        output: where; none: `runs/<date-time>_<exchange>_<configuration>`.
-        what: is run, `give`, `take` or `session`.
-        configuration: where.
+        output: the folder; None: `runs/<date-time>_<exchange>_<configuration>`.
+        what: kind of run, `give`, `take` or `session`.
+        configuration: configuration of the run.
 
     Returns:
-        The folder, empty.
+        The empty folder.
 
     Raises:
-        DataError: it exists and is not empty, or cannot be made.
+        DataError: the folder exists and is not empty, or cannot be made.
 
     """
     if output is None:
@@ -74,11 +74,11 @@ def new_run_folder(output: Path | None, what: str, configuration: str) -> Path:
 
 def keep_inputs(folder: Path, scenario: Scenario) -> None:
     """
-    Write down what is run: the recorded handover and the learnt movement.
+    Save the inputs of a run: the recorded handover and the learnt movement.
 
     Args:
-        folder: of the run.
-        scenario: what is run.
+        folder: folder of the run.
+        scenario: the scenario.
 
     """
     write_trial(scenario.trial, folder / 'trial.csv')
@@ -92,9 +92,9 @@ def run_info(
     Describe a run, for `/handover/info`.
 
     Args:
-        scenario: what is run.
-        scale: of the recorded motion.
-        trackers: name to topic of those that see the hand; none: one, on the usual topic.
+        scenario: the scenario.
+        scale: scale of the recorded motion.
+        trackers: topic by name of the trackers; None: one, on the default topic.
 
     Returns:
         Plain types.
@@ -125,12 +125,12 @@ def session_info(
     Describe a run of a session, for `/handover/info`.
 
     Args:
-        scenario: what is run.
-        mass_kg: of the object.
-        trackers: name to topic of those that see the hand; none: one, on the usual topic.
+        scenario: the scenario.
+        mass_kg: mass of the object, kg.
+        trackers: topic by name of the trackers; None: one, on the default topic.
 
     Returns:
-        Plain types; `legs` has what differs from leg to leg.
+        Plain types; `legs` has the entries that differ from leg to leg.
 
     """
     session, models = scenario.session, scenario.models
@@ -167,7 +167,7 @@ def session_info(
 def _setting(
     scenario: Scenario | SessionScenario, trackers: Mapping[str, str] | None
 ) -> dict[str, Any]:
-    """Describe what a run has whatever is run: seed, trackers, arm, command, versions."""
+    """Describe what all runs have: seed, trackers, arm, command, versions."""
     robot = scenario.robot
     limits = robot.limits
     return {
@@ -197,17 +197,17 @@ def _setting(
 
 
 def _finite(numbers: Array) -> list[float | None]:
-    """Return them as JSON has them, which knows of no limit that is infinite."""
+    """Convert limits for JSON, which has no infinity."""
     return [number if math.isfinite(number) else None for number in numbers.tolist()]
 
 
 def keep_session(folder: Path, scenario: SessionScenario) -> Path:
     """
-    Write down what is run: the recorded session and the learnt movements.
+    Save the inputs of a session: the recorded session and the learnt movements.
 
     Args:
-        folder: of the run.
-        scenario: what is run.
+        folder: folder of the run.
+        scenario: the scenario.
 
     Returns:
         The file of the session.
@@ -228,15 +228,15 @@ def finish(
     Draw the pictures of a run and write its report, from its bag; film a session.
 
     Args:
-        folder: of the run.
-        scenario: what was run.
-        progress: is told the share of the film that is done.
+        folder: folder of the run.
+        scenario: the scenario.
+        progress: called with the finished share of the film.
 
     Returns:
         The report, plain types.
 
     """
-    # imported here, since what draws takes seconds, and who starts nodes should not wait for it
+    # imported here, because drawing libraries take seconds to load and nodes do not need them
     from handover_dmp.report import write_report
     from handover_dmp.report.session import is_session
     from handover_dmp.view.session_film import film_session
@@ -256,7 +256,7 @@ def finish(
 
 
 def _scenes(stage: Stage) -> Iterator[tuple[str, Any]]:
-    """Draw start, middle and exchange of a handover; of a session, what is done in turn."""
+    """Draw start, middle and exchange of a handover, or the stages of a session."""
     from handover_dmp.report.session import is_session
 
     scene = stage.scene
@@ -282,11 +282,11 @@ def _scenes(stage: Stage) -> Iterator[tuple[str, Any]]:
 
 def save_json(report: dict[str, Any], path: Path | None) -> None:
     """
-    Write a result for machines, if that was asked for.
+    Write a result as JSON, if requested.
 
     Args:
         report: plain types.
-        path: where; none: nowhere.
+        path: output file; None: none.
 
     """
     if path is not None:
