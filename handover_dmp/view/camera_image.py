@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-What PyBullet's software renderer sees, as arrays, whichever build of PyBullet it is.
+Images of PyBullet's software renderer as arrays, for any build of PyBullet.
 
-A build without NumPy gives tuples of millions of numbers, which takes longer than to render them.
-Most of a picture is empty, so there only those windows are rendered in which a coarse look finds
-bodies.
+A build without NumPy returns tuples of millions of numbers, which takes longer than rendering.
+Since most of a picture is empty, only the windows in which a coarse image shows bodies are then
+rendered.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 COARSE = 8
-"""Pixels, in width and in height, for one of the coarse look."""
+"""Pixels per coarse pixel, in width and in height."""
 MARGIN = 2
-"""Pixels of the coarse look around what it finds; what it missed is thinner than one."""
+"""Margin around found bodies, coarse pixels; missed parts are thinner than one."""
 STRIPS = 4
-"""Windows side by side, each as high as what is in it."""
+"""Number of windows side by side, each as high as its content."""
 MIN_PIXELS = 500_000
-"""In a smaller picture, to render it several times takes longer than the tuples of the whole."""
+"""In a smaller picture, several renderings take longer than the tuples of the whole."""
 
 Pixels = NDArray[np.uint8]
 Seen = NDArray[np.int32]
@@ -58,17 +58,17 @@ def camera_image(
     Render the bodies of a world.
 
     Args:
-        width: of the picture, pixels.
-        height: of the picture, pixels.
-        view: 16 numbers, column by column.
-        projection: 16 numbers, column by column.
+        width: width of the picture, pixels.
+        height: height of the picture, pixels.
+        view: view matrix, 16 numbers, column by column.
+        projection: projection matrix, 16 numbers, column by column.
         client: PyBullet's number of the world.
-        by_windows: whether to leave out what is empty; None: where that is faster.
-        lighting: as `pybullet.getCameraImage` names it.
+        by_windows: whether to skip empty parts; None: if that is faster.
+        lighting: arguments of `pybullet.getCameraImage`.
 
     Returns:
-        Red, green, blue and alpha, (height, width, 4), zero where there is no body, and what is
-        seen, (height, width): the number of the body in its lower 24 bits, −1 where there is none.
+        Red, green, blue and alpha, (height, width, 4), zero without a body; and the body of each
+        pixel, (height, width), its number in the lower 24 bits, −1 without a body.
 
     """
     if by_windows is None:
@@ -88,11 +88,11 @@ def camera_image(
 def _windows(
     width: int, height: int, view: Matrix, projection: Matrix, client: int
 ) -> Iterator[tuple[slice, slice]]:
-    """Find the rows and columns in which there are bodies, in windows side by side."""
+    """Find the rows and columns with bodies, in windows side by side."""
     columns, rows = ceil(width / COARSE), ceil(height / COARSE)
     found = _render(columns, rows, view, projection, client)[1] >= 0
     if not found.any():
-        # what is there may be smaller than what was looked at
+        # bodies may be smaller than a coarse pixel
         yield slice(0, height), slice(0, width)
         return
     whole = _around(np.flatnonzero(found.any(axis=0)), columns)
@@ -110,19 +110,19 @@ def _windows(
 
 
 def _around(indices: NDArray[np.intp], size: int) -> slice:
-    """Give the range of some indices, with a margin, within 0 to `size`."""
+    """Return the range of some indices with a margin, within 0 to `size`."""
     return slice(max(int(indices[0]) - MARGIN, 0), min(int(indices[-1]) + 1 + MARGIN, size))
 
 
 def _enlarged(part: slice, factor: float, size: int) -> slice:
-    """Turn a range of coarse pixels into one of pixels."""
+    """Convert a range of coarse pixels to pixels."""
     return slice(floor(part.start * factor), min(floor(part.stop * factor), size))
 
 
 def _of_window(
     projection: Matrix, width: int, height: int, rows: slice, columns: slice
 ) -> list[float]:
-    """Change a projection so that a window of its picture, the first row on top, is all of it."""
+    """Change a projection so that a window fills the picture; the first row is on top."""
     matrix = np.reshape(projection, (4, 4)).T.copy()
     middle_x = (columns.start + columns.stop) / width - 1.0
     middle_y = 1.0 - (rows.start + rows.stop) / height
@@ -150,7 +150,7 @@ def _render(
 
 def bytes_of(values: Any) -> Pixels:
     """
-    Take in numbers from 0 to 255.
+    Convert numbers from 0 to 255 to an array.
 
     Args:
         values: an array, or a tuple from a PyBullet that was built without NumPy.
@@ -159,13 +159,13 @@ def bytes_of(values: Any) -> Pixels:
         An array, of the same shape or flat.
 
     """
-    # from a tuple of millions, a tenth of the time that NumPy takes
+    # ten times as fast as NumPy for a tuple of millions
     return np.frombuffer(bytes(values) if isinstance(values, tuple) else values, np.uint8)
 
 
 def integers_of(values: Any) -> Seen:
     """
-    Take in integers.
+    Convert integers to an array.
 
     Args:
         values: an array, or a tuple from a PyBullet that was built without NumPy.

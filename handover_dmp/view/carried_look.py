@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the object that changes hands looks like, by what the run says of it."""
+"""The shape of the carried object, from the description of the run."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class ObjectPart:
 
     Attributes:
         middle: (3,), m, in the axes of the object.
-        size: (3,), m, along x, y and z; of a cylinder, diameter, diameter and length.
+        size: (3,), m, along x, y and z; for a cylinder, diameter, diameter and length.
         colour: red, green, blue, 0 to 1.
         is_round: whether it is a cylinder.
 
@@ -53,13 +53,13 @@ class ObjectPart:
 @dataclass(frozen=True)
 class CarriedLook:
     """
-    An object in parts.
+    The shape of an object.
 
     Attributes:
-        parts: the first one about the origin, which is the middle of the object.
-        length_m: along its z axis; None: as far as from hand to hand.
-        stands: whether z is up; else it points from the giver to the receiver.
-        depth_m: of an object that stands, from the robot to the partner.
+        parts: its parts; the first is around the origin, which is the middle of the object.
+        length_m: length along its z axis, m; None: the distance between the hands.
+        stands: whether z points up; otherwise it points from the giver to the receiver.
+        depth_m: size of a standing object from the robot to the partner, m.
 
     """
 
@@ -70,10 +70,10 @@ class CarriedLook:
 
     def parts_of(self, length_m: float) -> tuple[ObjectPart, ...]:
         """
-        Give the parts in their size.
+        Return the parts in their final size.
 
         Args:
-            length_m: of what has no length of its own, m.
+            length_m: length of an object without its own length, m.
 
         Returns:
             The parts.
@@ -89,14 +89,14 @@ class CarriedLook:
 
 def look_of(told: Any, radius_m: float) -> CarriedLook:
     """
-    Make the look of what was carried.
+    Make the shape of the carried object.
 
     Args:
-        told: what `/handover/info` says of it; a rod where it says nothing that can be drawn.
-        radius_m: of a rod, m.
+        told: its description in `/handover/info`; without a drawable one, a rod.
+        radius_m: radius of a rod, m.
 
     Returns:
-        Its parts; of a rod one of length 1, to be made as long as need be.
+        The shape; a rod has length 1 and is scaled.
 
     """
     known = told if isinstance(told, Mapping) else {}
@@ -121,7 +121,7 @@ def look_of(told: Any, radius_m: float) -> CarriedLook:
         handle = HANDLE_SHARE * length
         blade = (0.004, 1.3 * width, length - handle)
         parts = (
-            # within the blade, so that the first is about the middle
+            # inside the blade, so that the first part is around the middle
             ObjectPart((0.0, 0.0, 0.0), (0.006, 0.5 * width, 0.02), STEEL),
             ObjectPart((0.0, 0.0, -0.5 * handle), blade, STEEL),
             ObjectPart((0.0, 0.0, 0.5 * (length - handle)), (thickness, width, handle), colour),

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a robot is drawn by: its own shapes, and capsules in place of those that it lacks."""
+"""The shapes of a drawn robot: its own, and capsules for missing ones."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ from handover_dmp.robot.plain_description import add_capsule
 import numpy as np
 
 ROD_RADIUS_M = 0.03
-"""Of a part of the arm that has no shape at all, drawn from joint to joint."""
+"""Radius of a rod for a link without any shape, drawn from joint to joint, m."""
 GREY = '0.62 0.65 0.70 1'
 
 
 def drawn_description(model: RobotModel) -> str:
     """
-    Write the description that pictures are made from.
+    Write the description for pictures.
 
-    A part of the arm that shows no shape, since it has none or since its mesh is missing, is
-    drawn by the capsules that it is kept off the rest with; without those, as a rod.
+    A link without a visual shape or with a missing mesh is drawn by its collision capsules;
+    without those, as a rod.
 
     Args:
         model: the robot.
 
     Returns:
-        Its URDF, with what is seen and nothing to collide with.
+        Its URDF, with visual shapes and without collision shapes.
 
     """
     robot = ElementTree.fromstring(model.chain_text)
@@ -63,13 +63,13 @@ def drawn_description(model: RobotModel) -> str:
 
 
 def _joint_of(model: RobotModel, link: str) -> int:
-    """Return the index of the joint that moves a link, 0 where none does."""
+    """Return the index of the joint that moves a link, 0 if there is none."""
     chain: Any = model.pinocchio_model
     return int(chain.frames[chain.getFrameId(link)].parentJoint)
 
 
 def _carriers(robot: ElementTree.Element, model: RobotModel) -> list[str]:
-    """Return the links to add shapes to: one that stands, then one for each joint."""
+    """Return the links for added shapes: a fixed one, then one for each joint."""
     children = {}
     for joint in robot.findall('joint'):
         child = joint.find('child')
@@ -84,7 +84,7 @@ def _carriers(robot: ElementTree.Element, model: RobotModel) -> list[str]:
 
 
 def _stand_ins(model: RobotModel, joint: int) -> list[tuple[Array, Array, float]]:
-    """Return ends and radius, m, of what stands for a part of the arm, in its joint's frame."""
+    """Return ends and radius, m, of substitute shapes of a link, in its joint's frame."""
     capsules = [item for item in link_capsules(model) if item.joint == joint]
     if capsules:
         return [(item.start, item.end, item.radius) for item in capsules]

@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-A recorded handover as one web page with a slider over its time, drawn by MeshCat's viewer.
+A recorded handover as one web page with a time slider, drawn by MeshCat's viewer.
 
-MeshCat and not Rerun: its viewer is one script of 0.9 MB that shows and plays a scene that is
-written into the page, so the page is a file like any other, needs no server, no network and no
-WebGPU, and can be attached to a report. Rerun would bring 100 MB, a server and usage statistics
-that it sends home unless told not to. Of MeshCat only messages and viewer are used; the server
-that comes with it, which listens on every network interface, is never started.
+Why MeshCat and not Rerun: its viewer is one script of 0.9 MB that plays a scene from within the
+page. The page is therefore a single file, needs no server, network or WebGPU, and can be attached
+to a report. Rerun would add 100 MB, a server and usage statistics that are sent by default. Only
+MeshCat's messages and viewer are used; its server, which listens on every network interface, is
+never started.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ from numpy.typing import NDArray
 
 RATE_HZ = 50.0
 MAX_FRAMES = 1500
-"""A longer recording gets fewer frames a second: a page has to load."""
+"""A longer recording gets fewer frames per second, so that the page stays small."""
 TRAIL_RADIUS_M = 0.006
 FARTHER = 1.1
 GRID_M = 0.5
@@ -61,8 +61,8 @@ def write_page(stage: Stage, path: Path) -> None:
     Write the page.
 
     Args:
-        stage: what is shown.
-        path: HTML file, whole in itself.
+        stage: the recorded handover.
+        path: HTML file, self-contained.
 
     Raises:
         UsageError: MeshCat is not installed.
@@ -79,7 +79,7 @@ def write_page(stage: Stage, path: Path) -> None:
 
 
 class _Commands:
-    """Stands where MeshCat has its connection to a server, and keeps what would be sent."""
+    """Replaces MeshCat's connection to a server, and keeps the messages."""
 
     def __init__(self) -> None:
         try:
@@ -101,7 +101,7 @@ class _Commands:
 
 
 def _plain(value: Any) -> Any:
-    """Turn numbers of numpy, which MessagePack does not know, into those of Python."""
+    """Convert NumPy numbers, which MessagePack does not know, to Python numbers."""
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
@@ -110,7 +110,7 @@ def _plain(value: Any) -> Any:
 
 
 class _Drawing:
-    """Puts robot, person, object and trails into MeshCat's tree, and how they move."""
+    """Adds robot, person, object and trails, and their motions, to MeshCat's tree."""
 
     def __init__(self, stage: Stage, commands: _Commands) -> None:
         from meshcat import animation, geometry
@@ -128,7 +128,7 @@ class _Drawing:
         self.trails: dict[str, list[int]] = {}
 
     def draw(self) -> None:
-        """Draw everything and let it move."""
+        """Draw and animate everything."""
         self._draw_room()
         self._draw_robot()
         self._draw_person_and_object()
@@ -145,7 +145,7 @@ class _Drawing:
         root['/Background'].set_property('bottom_color', [0.97, 0.98, 0.99])
         root['/Axes'].set_property('visible', False)
         camera = scene.camera(1280, 720)
-        # The viewer looks at the origin and turns about it, so all is moved there.
+        # The viewer looks at the origin and rotates about it, so the scene is moved there.
         root.set_transform(_pose(-camera.target, NO_TURN))
         root['/Grid'].set_property('visible', False)
         root['floor'].set_object(self._floor(scene.floor_height_m, camera.target))
@@ -169,14 +169,14 @@ class _Drawing:
             node = root[f'table/{index}']
             node.set_object(self._geometry.Box(list(piece.size)), self._material(piece.colour))
             node.set_transform(_pose(position, NO_TURN))
-        away = FARTHER * (camera.eye - camera.target)  # the bar takes some of the page
+        away = FARTHER * (camera.eye - camera.target)  # the control bar covers a part of the page
         eye = root['/Cameras/default/rotated/<object>']
-        # The viewer's camera lives in axes of its own, y up.
+        # The viewer's camera has its own axes, y up.
         eye.set_property('position', [away[0], away[2], -away[1]])
         eye.set_property('fov', FIELD_OF_VIEW_DEG)
 
     def _floor(self, height_m: float, centre: Array) -> Any:
-        # Line by line and cell by cell: what reaches behind the camera, some browsers leave out.
+        # Line by line and cell by cell: some browsers skip objects that reach behind the camera.
         ticks = GRID_M * (np.arange(GRID_LINES) - (GRID_LINES - 1) / 2)
         along, across = np.meshgrid(ticks[:-1], ticks)
         flat = np.full(along.size, height_m)
@@ -221,7 +221,7 @@ class _Drawing:
             self._move(node, tracks[shape.name])
 
     def _shape(self, shape: Any) -> Any:
-        """Give a shape of the robot; MeshCat's own readers of mesh files lose parts of some."""
+        """Return a shape of the robot; MeshCat's own mesh readers lose parts of some files."""
         import coal
         from pinocchio.visualize.meshcat_visualizer import loadPrimitive
 
@@ -279,7 +279,7 @@ class _Drawing:
             return
         corners, _, numbers = surface
         triangles = numbers.reshape(-1, 3)
-        # Corners are numbered along the path; the triangles are to follow them.
+        # Corners are numbered along the path; the triangles must follow the same order.
         triangles = triangles[np.argsort(triangles.min(axis=1), kind='stable')]
         node = self._root[f'{name} trail']
         node.set_object(
@@ -296,10 +296,10 @@ class _Drawing:
         )
 
     def _move(self, node: Any, poses: list[tuple[Array, Array]]) -> None:
-        """Let a node go through poses; what never moves is put there once."""
+        """Animate a node through poses; a node that never moves is placed once."""
         positions = np.array([position for position, _ in poses])
         turns = np.array([turn for _, turn in poses])
-        # q and -q are the same rotation: the sign is kept, so that nothing turns the long way.
+        # q and -q are the same rotation; equal signs avoid turns by the longer way.
         flips = np.cumprod(np.where(np.sum(turns[1:] * turns[:-1], axis=1) < 0.0, -1.0, 1.0))
         turns[1:] *= flips[:, None]
         if np.allclose(positions, positions[0], atol=1e-6) and np.allclose(
@@ -326,7 +326,7 @@ def _mesh(surface: Any) -> tuple[Array, NDArray[np.int64]]:
 
 
 def _cylinder(radius: float, length: float) -> Any:
-    """Make a cylinder along z; three.js lays its own along y."""
+    """Make a cylinder along z; those of three.js are along y."""
     from meshcat.geometry import Cylinder
 
     class Upright(Cylinder):  # type: ignore[misc]
@@ -346,7 +346,7 @@ def _pose(position: Array, turn: Array) -> Array:
 
 
 def _path_length(path: Array) -> Array:
-    """Length of a path up to each of its points, m."""
+    """Return the length of a path up to each of its points, m."""
     steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
     return np.concatenate([[0.0], np.cumsum(steps)])
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A picture of an arm alone, at home."""
+"""A picture of an arm in its home configuration."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 SIDE = 900
-"""Of the square picture, pixels."""
+"""Size of the square picture, pixels."""
 SAMPLES = 2
-"""Of a pixel, in width and in height."""
+"""Samples per pixel, in width and in height."""
 BACKGROUND = 214
 LIGHT: dict[str, Any] = {
     'lightDirection': [1.0, -0.8, 2.0],
@@ -43,9 +43,9 @@ LIGHT: dict[str, Any] = {
     'lightSpecularCoeff': 0.05,
 }
 FRAME = 0.06
-"""Of the picture, left free around the arm."""
+"""Free margin around the arm, as a share of the picture."""
 MARGIN = 1.15
-"""How much wider than the arm the camera sees."""
+"""Field of view relative to the arm."""
 
 
 def draw_portrait(model: RobotModel) -> Pixels:
@@ -82,7 +82,7 @@ def draw_portrait(model: RobotModel) -> Pixels:
 
 
 def _framed(picture: Pixels, arm: NDArray[np.bool_]) -> Pixels:
-    """Cut out the square about the arm."""
+    """Cut out the square around the arm."""
     rows, columns = np.flatnonzero(arm.any(axis=1)), np.flatnonzero(arm.any(axis=0))
     if not len(rows):
         return picture
@@ -93,7 +93,7 @@ def _framed(picture: Pixels, arm: NDArray[np.bool_]) -> Pixels:
 
 
 def _camera(robot: int, client: int) -> Camera:
-    """Stand so far off, before and to the side of the arm, that all of it is seen."""
+    """Place the camera in front and to the side of the arm, so that it sees all of it."""
     links = range(-1, pybullet.getNumJoints(robot, physicsClientId=client))
     boxes = np.array([pybullet.getAABB(robot, link, physicsClientId=client) for link in links])
     low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Fig. 2 of the paper: the three postures in which the partner hands over, each with the arm."""
+"""Fig. 2 of the paper: the partner's three postures, each with the arm."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 WIDTH, HEIGHT = 760, 700
-"""Of a panel, pixels."""
+"""Size of a panel, pixels."""
 INK = (60, 66, 74)
 TITLES = {
     'under_car': '(a) under the car',
@@ -47,13 +47,13 @@ def draw_postures(arm: RobotModel, path: Path, seed: int = 0) -> None:
     Draw person and arm at the exchange in each configuration, side by side.
 
     Args:
-        arm: the robot; it is placed to suit each.
-        path: picture to write; its ending says which kind.
-        seed: of the synthetic handovers that are drawn.
+        arm: the robot; its base placement is chosen for each configuration.
+        path: image file; its suffix sets the format.
+        seed: seed of the synthetic handovers.
 
     Raises:
         DataError: the file cannot be written, or the arm cannot be drawn.
-        UnreachableError: the arm reaches the way from nowhere.
+        UnreachableError: the arm cannot reach the path from any base placement.
 
     """
     given = {

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Round bodies that look round.
+Smooth spheres and cylinders.
 
 PyBullet's renderer draws spheres and cylinders with few facets. For pictures they are replaced by
-meshes of a unit sphere and a unit cylinder with many, scaled to size.
+finer meshes of a unit sphere and a unit cylinder, scaled to size.
 """
 
 from __future__ import annotations
@@ -45,20 +45,20 @@ def write_unit_sphere(path: Path) -> None:
 
 def write_unit_cylinder(path: Path) -> None:
     """
-    Write a cylinder of radius 1 and length 1 along z about the origin as a Wavefront OBJ file.
+    Write a cylinder of radius 1 and length 1 along z around the origin as a Wavefront OBJ file.
 
     Args:
         path: the file.
 
     """
-    # Each edge twice, so that ends and side are shaded apart.
+    # Each edge twice, so that ends and side are shaded separately.
     profile = np.array([[0.0, -0.5], [1.0, -0.5], [1.0, -0.5], [1.0, 0.5], [1.0, 0.5], [0.0, 0.5]])
     normals = np.array([[0.0, -1.0], [0.0, -1.0], [1.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
     _write_revolved(path, profile, normals)
 
 
 def _write_revolved(path: Path, profile: Array, normals: Array) -> None:
-    """Turn a profile of (radius, z) about the z axis."""
+    """Revolve a profile of (radius, z) about the z axis."""
     angle = np.linspace(0, 2 * np.pi, SIDES, endpoint=False)
     lines = []
     for keyword, rows in (('v', profile), ('vn', normals)):
@@ -78,10 +78,10 @@ def _write_revolved(path: Path, profile: Array, normals: Array) -> None:
 
 def refine(urdf_text: str, sphere: Path, cylinder: Path) -> str:
     """
-    Replace the spheres and cylinders that a URDF shows by meshes.
+    Replace the visual spheres and cylinders of a URDF by meshes.
 
     Args:
-        urdf_text: the URDF; what it collides with stays as it is.
+        urdf_text: the URDF; its collision shapes stay unchanged.
         sphere: mesh of the unit sphere.
         cylinder: mesh of the unit cylinder.
 

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Pictures of a handover after the fact: robot, human figure, object and trails, without a display.
+Pictures of a recorded handover: robot, human figure, object and trails, without a display.
 
-PyBullet's software renderer draws the bodies, several samples a pixel. Floor, soft shadow and
-background are flat and the camera stands still, so they are computed apart and laid behind.
+PyBullet's software renderer draws the bodies with several samples per pixel. Floor, soft shadow
+and background are flat and the camera is fixed, so they are computed separately and put behind.
 """
 
 from __future__ import annotations
@@ -59,30 +59,30 @@ SKY_HORIZON = np.array([0.97, 0.98, 0.99])
 
 FIELD_OF_VIEW_DEG = 32.0
 ASIDE_DEG = 78.0
-"""From the line between the two to the camera; the person's right hand is on the near side."""
+"""Angle from the line between the two to the camera, deg; the acting arms are on the near side."""
 VIEWS = {LYING: (52.0, 28.0)}
-"""The same, and the elevation in deg, where a body is seen better from elsewhere."""
+"""The same angle and the elevation, deg, for stances with a better point of view."""
 PAST_THE_ROBOT_M, FURTHEST_DEG = 0.30, 45
-"""So far beside the robot's base a table is in the picture; the camera goes round for that."""
+"""Distance of a visible table from the base, m; largest turn of the camera for it, deg."""
 GRID_M = 0.5
 PEDESTAL_RADIUS_M = 0.22
 TABLE_COLOUR: Colour = (0.62, 0.50, 0.38)
 TABLE_TOP_M, TABLE_LEG_M = 0.025, 0.06
-"""Thickness of the top of the table, and of its leg."""
+"""Thickness of the table top and of its leg, m."""
 GRIP_S = 0.3
-"""Within which the gripper draws what it picks up to its place in it, s."""
+"""Time in which the gripper pulls the object to its pose in the grip, s."""
 PALM_M = 0.09  # from the wrist along the fingers
 TRAIL_RADIUS_M = 0.008
 OUT_OF_SIGHT = (0.0, 0.0, -1000.0)
 SHADOW_PIXELS = 256
 SHADOW_M, WIDE_SHADOW_M = 1.6, 2.6
-"""Half the side of the square in which there are shadows, alone and with something around."""
+"""Half the side of the square with shadows, m, without and with surroundings."""
 SHADOW_BLUR_M = 0.035
 
 
 @dataclass(frozen=True)
 class SceneOptions:
-    """What the pictures look like."""
+    """Options of the pictures."""
 
     samples: int = setting(
         'robot_sim', 'scene.samples', 'Samples of a pixel, in width and in height'
@@ -102,13 +102,13 @@ class SceneOptions:
 @dataclass(frozen=True)
 class Camera:
     """
-    A camera that looks at a point, upright.
+    An upright camera that looks at a point.
 
     Attributes:
         eye: (3,), m, in `world`.
-        target: (3,), m, what is in the middle of the picture.
-        width: of the picture, pixels.
-        height: of the picture, pixels.
+        target: (3,), m, the point in the middle of the picture.
+        width: width of the picture, pixels.
+        height: height of the picture, pixels.
 
     """
 
@@ -119,12 +119,12 @@ class Camera:
 
     @property
     def view(self) -> list[float]:
-        """View matrix as PyBullet takes it: 16 numbers, column by column."""
+        """View matrix for PyBullet: 16 numbers, column by column."""
         return list(pybullet.computeViewMatrix(list(self.eye), list(self.target), [0, 0, 1]))
 
     @property
     def projection(self) -> list[float]:
-        """Projection matrix as PyBullet takes it."""
+        """Projection matrix for PyBullet: 16 numbers, column by column."""
         return list(
             pybullet.computeProjectionMatrixFOV(
                 FIELD_OF_VIEW_DEG, self.width / self.height, 0.1, 30.0
@@ -133,7 +133,7 @@ class Camera:
 
     def project(self, points: Array) -> Array:
         """
-        Say where points are in the picture.
+        Project points into the picture.
 
         Args:
             points: (n, 3), m, in `world`.
@@ -150,10 +150,10 @@ class Camera:
 
     def rays(self) -> Array:
         """
-        Say which way each pixel looks.
+        Return the viewing direction of each pixel.
 
         Returns:
-            (height, width, 3), directions in `world`, of no particular length, first row on top.
+            (height, width, 3), directions in `world`, not normalised, first row on top.
 
         """
         ahead = self.target - self.eye
@@ -177,9 +177,9 @@ class Camera:
 
 class Scene(Closing):
     """
-    A handover that has been, to look at from a camera that sees all of it.
+    The scene of a recorded handover, with a camera that sees all of it.
 
-    Use it as a context manager or call `close`; PyBullet keeps a world until it is told.
+    Use it as a context manager or call `close`; otherwise PyBullet keeps the world.
     """
 
     def __init__(
@@ -208,20 +208,21 @@ class Scene(Closing):
             times: (n,), s, increasing.
             joint_positions: (n, dof), rad, of the robot.
             hand_path: (n, 3), m, of the partner's wrist, in `world`.
-            wrist_path: (n, 3), m, of the robot's wrist; None: where `joint_positions` put it.
+            wrist_path: (n, 3), m, of the robot's wrist; None: computed from `joint_positions`.
             direction: `give` (the robot has the object first) or `take` (the partner has it).
-            exchange_time_s: when the object changes hands; None: never.
-            back_time_s: when it changes them again, in a session; None: never.
-            pick_up_time_s: when the robot takes it from a table first; None: it has it.
-            floor_height_m: z of the floor; None: chosen to suit the human figure.
-            stance: how the person is.
-            surroundings: what is around the person; None: nothing.
-            carried: what the run says of the object, see `look_of`; a rod where it says nothing.
-            options: what the pictures look like.
+            exchange_time_s: time at which the object changes hands, s; None: never.
+            back_time_s: time at which it changes hands again, in a session, s; None: never.
+            pick_up_time_s: time at which the robot picks it up from a table, s; None: the robot
+                has it from the start.
+            floor_height_m: z of the floor, m; None: chosen to fit the human figure.
+            stance: posture of the person.
+            surroundings: objects around the person; None: none.
+            carried: description of the object, see `look_of`; default: a rod.
+            options: options of the pictures.
 
         Raises:
-            DataError: the arrays do not fit together or hold numbers that are not finite, PyBullet
-                cannot read the robot, or the human figure is not installed.
+            DataError: the arrays do not fit together or are not finite, PyBullet cannot read the
+                robot, or the human figure is not installed.
 
         """
         for name, array in (('times', times), ('joints', joint_positions), ('hand', hand_path)):
@@ -248,11 +249,11 @@ class Scene(Closing):
         place = self._hand_path[: met + 1], self._wrist_path[met]
         self.figure = PartnerFigure(*place, floor_height_m=floor_height_m, stance=stance)
         if floor_height_m is None and model.base.position[2] < self.figure.floor_height_m:
-            # an arm beside one who lies stands on the floor, too
+            # an arm beside a lying person stands on the floor, too
             floor_height_m = float(model.base.position[2])
             self.figure = PartnerFigure(*place, floor_height_m=floor_height_m, stance=stance)
         self.floor_height_m = self.figure.floor_height_m
-        # A picture must not depend on the one before, so the figure's arm starts from these.
+        # Pictures must not depend on previous ones, so the figure's arm starts from these angles.
         self._arm = np.array([p.joints for p in self.figure.postures(self._hand_path)])
         self._surroundings = surroundings
         self._pieces: list[int] = []
@@ -273,7 +274,7 @@ class Scene(Closing):
         self._backdrops: dict[tuple[int, int], _Backdrop] = {}
 
     def _furnish(self) -> None:
-        """Put up the pedestal, and the object for now anywhere."""
+        """Create the pedestal, and the object at a preliminary pose."""
         for radius, low, high in self.pedestal:
             self._pedestal(radius, low, high)
         self._surround()
@@ -282,7 +283,7 @@ class Scene(Closing):
 
     @property
     def pedestal(self) -> tuple[tuple[float, float, float], ...]:
-        """Tell what the robot stands on: cylinders by radius, bottom and top over the floor."""
+        """Return the pedestal: cylinders by radius, bottom and top above the floor, m."""
         rise = self.model.base.position[2] - self.floor_height_m
         if rise <= 0.02:
             return ()
@@ -301,7 +302,7 @@ class Scene(Closing):
 
     @property
     def around(self) -> list[tuple[Piece, Array, Array]]:
-        """Tell what is around the person: pieces, positions, (3,), m, quaternions x, y, z, w."""
+        """Return the surroundings: pieces, positions (3,), m, and quaternions x, y, z, w."""
         if self._surroundings is None:
             return []
         turn = Rotation.from_euler('z', self.figure.heading + self._surroundings.turn)
@@ -353,12 +354,12 @@ class Scene(Closing):
 
     def _plan_grasp(self) -> None:
         """
-        Make the object, and say how each partner holds it.
+        Make the object, and compute its grasps.
 
-        At the exchange it lies between the robot's flange and the palm of the hand, in the hold of
-        both. Before, it moves as one with the giver; after, with the receiver. Without an
-        exchange the giver points it at the other at the end. Where it goes back, the one who has
-        it turns it in the meantime, so that it lies between the two once more.
+        At the exchange it lies between the robot's flange and the palm of the hand, held by both.
+        Before, it moves with the giver; after, with the receiver. Without an exchange the giver
+        points it at the other one at the end. If it goes back later, its holder turns it in the
+        meantime, so that it lies between the two again.
         """
         gap = self._between(self.exchange_time_s)[2]
         self.object_length_m = self._look.length_m or float(
@@ -377,7 +378,7 @@ class Scene(Closing):
         ]
 
     def _lay_on_table(self) -> None:
-        """Let the object lie where the robot's flange is when it picks it up, on a table."""
+        """Lay the object on a table, at the flange's position at the pick-up."""
         self.table: tuple[tuple[Piece, Array], ...] = ()
         if not np.isfinite(self.pick_up_time_s):
             return
@@ -405,7 +406,7 @@ class Scene(Closing):
             self._pieces.append(body)
 
     def _between(self, time_s: float) -> tuple[_Pose, _Pose, float, Array]:
-        """Give flange and hand at a time, and gap and direction from flange to palm."""
+        """Return flange and hand at a time, and gap and direction from flange to palm."""
         hand, flange = self._hand_pose(time_s), self._flange_pose(time_s)
         palm = hand @ _Pose(np.array([0.0, -PALM_M, 0.0]), np.eye(3))
         between = palm.position - flange.position
@@ -413,11 +414,11 @@ class Scene(Closing):
         return flange, hand, gap, between / gap if gap > 1e-6 else flange.rotation[:, 2]
 
     def _grasp_at(self, time_s: float, robot_gives: bool) -> _Grasp:
-        """Lay the object between the two, in the giver's hold."""
+        """Place the object between the two, in the giver's grasp."""
         flange, hand, gap, along = self._between(time_s)
         half = 0.5 * self.object_length_m
         middle = flange.position + along * (half if robot_gives else gap - half)
-        # its z axis, where a handle is, to whoever takes it
+        # its z axis, with the handle, towards the receiver
         taken = along if robot_gives or self._look.length_m is None else -along
         turn, _ = Rotation.align_vectors([taken], [[0.0, 0.0, 1.0]])
         if self._look.stands:
@@ -430,10 +431,10 @@ class Scene(Closing):
 
     def joint_positions(self, time_s: float) -> Array:
         """
-        Say where the robot's joints were.
+        Return the robot's joint positions.
 
         Args:
-            time_s: when, s; before the start and after the end it is at rest.
+            time_s: time, s; before the start and after the end the robot is at rest.
 
         Returns:
             (dof,), rad.
@@ -451,10 +452,10 @@ class Scene(Closing):
 
     def show(self, time_s: float) -> None:
         """
-        Move everything to where it was.
+        Move everything to its pose at a time.
 
         Args:
-            time_s: when, s.
+            time_s: time, s.
 
         """
         joints = self.joint_positions(time_s)
@@ -476,7 +477,7 @@ class Scene(Closing):
         self._draw_trails(time_s)
 
     def _object_at(self, time_s: float, flange: _Pose, hand: _Pose) -> _Pose:
-        """Put the object into the hold of the one who has it."""
+        """Place the object in the grasp of its holder."""
         gripped_s = time_s - self.pick_up_time_s
         if gripped_s < GRIP_S:
             share = _smooth_step(max(gripped_s, 0.0) / GRIP_S)
@@ -491,7 +492,7 @@ class Scene(Closing):
 
     @property
     def object_pose(self) -> tuple[Array, Array]:
-        """Where the object is shown now: position, (3,), m, and quaternion x, y, z, w."""
+        """Shown pose of the object: position, (3,), m, and quaternion x, y, z, w."""
         position, orientation = pybullet.getBasePositionAndOrientation(
             self._object[0], physicsClientId=self._client
         )
@@ -501,8 +502,8 @@ class Scene(Closing):
         """
         Make both trails at full length, in short pieces, out of sight.
 
-        Pieces come into sight as they are passed. To make the trails anew for each picture would
-        be simpler, but PyBullet's renderer never forgets a mesh.
+        Pieces are moved into sight when they are passed. New trails for each picture would be
+        simpler, but PyBullet's renderer never frees a mesh.
         """
         pieces = []
         for path, colour in ((self._hand_path, HAND_COLOUR), (self._wrist_path, WRIST_COLOUR)):
@@ -546,14 +547,14 @@ class Scene(Closing):
 
     def camera(self, width: int, height: int) -> Camera:
         """
-        Find a camera that sees all of the robot and of the person throughout.
+        Find a camera that always sees all of the robot and of the person.
 
-        It stands on the side of the acting arms, at right angles to the line between the two, and
-        as near as it may.
+        It is on the side of the acting arms, at right angles to the line between the two, and as
+        near as possible.
 
         Args:
-            width: of the picture, pixels.
-            height: of the picture, pixels.
+            width: width of the picture, pixels.
+            height: height of the picture, pixels.
 
         Returns:
             The camera.
@@ -563,7 +564,7 @@ class Scene(Closing):
         aside_deg, elevation_deg = VIEWS.get(
             self.figure.stance, (ASIDE_DEG, self.options.elevation_deg)
         )
-        # one who lies or bends has the pelvis beside the line between the two
+        # the pelvis of a lying or bent person is beside the line between the two
         between = self._wrist_path[-1] - self.figure.pelvis
         facing = (
             float(np.arctan2(between[1], between[0]))
@@ -584,7 +585,7 @@ class Scene(Closing):
         for _ in range(30):
             distance = (near + far) / 2
             camera = Camera(target + distance * back, target, width, height)
-            # Centre what is seen before judging whether all of it is.
+            # Centre the scene before checking that all of it is visible.
             seen = camera.project(points)
             if np.all(np.isfinite(seen)) and np.all(np.ptp(seen, axis=0) < 2 * 0.90):
                 far = distance
@@ -602,7 +603,7 @@ class Scene(Closing):
         return Camera(target + far * back, target, width, height)
 
     def _past_the_robot(self, facing: float, aside_deg: float) -> float:
-        """Say by how much farther round a camera sees the table past the robot, deg."""
+        """Return the additional angle at which a camera sees the table past the robot, deg."""
         if not self.table:
             return 0.0
         away = self.table[0][1][:2] - np.array(self.model.base.position[:2])
@@ -616,7 +617,7 @@ class Scene(Closing):
         return float(clear[0] if clear else max(further, key=aside_m))
 
     def _extent(self) -> Array:
-        """Points around everything that is ever to be seen, (n, 3)."""
+        """Return points around everything that is ever visible, (n, 3)."""
         clouds = [self._hand_path, self._wrist_path]
         for index in np.linspace(0, len(self.times) - 1, 12).astype(int):
             self.show(float(self.times[index]))
@@ -645,9 +646,9 @@ class Scene(Closing):
         Draw the scene.
 
         Args:
-            time_s: when, s.
-            width: of the picture, pixels.
-            height: of the picture, pixels.
+            time_s: time, s.
+            width: width of the picture, pixels.
+            height: height of the picture, pixels.
 
         Returns:
             (height, width, 3), red, green and blue.
@@ -670,8 +671,8 @@ class Scene(Closing):
         Draw the start, the middle of the reach and the exchange, or the end if there was none.
 
         Args:
-            width: of each picture, pixels.
-            height: of each picture, pixels.
+            width: width of each picture, pixels.
+            height: height of each picture, pixels.
 
         Returns:
             The three pictures.
@@ -685,7 +686,7 @@ class Scene(Closing):
 
     @property
     def middle_time_s(self) -> float:
-        """When the robot's wrist had made half of its way to the exchange, s."""
+        """Time at which the robot's wrist was half way to the exchange, s."""
         steps = np.linalg.norm(np.diff(self._wrist_path, axis=0), axis=1)
         path_length = np.concatenate([[0.0], np.cumsum(steps)])
         half = 0.5 * float(np.interp(self.exchange_time_s, self.times, path_length))
@@ -696,7 +697,7 @@ class Scene(Closing):
         return np.array([*middle, self.floor_height_m])
 
     def _bodies_seen(self, camera: Camera) -> tuple[Array, Array]:
-        """Render all bodies: colour times cover, (h, w, 3), and cover, (h, w), both 0 to 1."""
+        """Render all bodies: colour times coverage, (h, w, 3), and coverage, (h, w), 0 to 1."""
         k = self.options.samples
         width, height = k * camera.width, k * camera.height
         ahead = camera.target - camera.eye
@@ -722,7 +723,7 @@ class Scene(Closing):
         return total[..., :3] / (255.0 * k * k), total[..., 3] / (k * k)
 
     def _shadow(self, backdrop: _Backdrop) -> Array:
-        """Look straight down on the bodies: where they keep light from the floor, 0 to 1."""
+        """Compute the shadow of the bodies on the floor, from straight above, 0 to 1."""
         centre, half = backdrop.centre, backdrop.shadow_half_m
         eye = centre + np.array([0.0, 0.0, 20.0])
         tangent = half / 20.0
@@ -739,7 +740,7 @@ class Scene(Closing):
         return np.asarray(gaussian_filter(cover, SHADOW_BLUR_M * SHADOW_PIXELS / (2 * half)))
 
     def close(self) -> None:
-        """Let PyBullet forget the scene; a second call does nothing."""
+        """Free the scene in PyBullet; a second call does nothing."""
         client, self._client = self._client, -1
         if client >= 0:
             pybullet.disconnect(physicsClientId=client)
@@ -756,7 +757,7 @@ class _Pose:
         )
 
     def towards(self, other: _Pose, share: float) -> _Pose:
-        """Go a share of the way to another pose, turning by the shortest way."""
+        """Interpolate to another pose by a share, with the shortest rotation."""
         turn = Rotation.from_matrix(other.rotation @ self.rotation.T).as_rotvec()
         return _Pose(
             self.position + share * (other.position - self.position),
@@ -769,7 +770,7 @@ class _Pose:
 
 @dataclass(frozen=True)
 class _TrailPiece:
-    """A body, and when it comes into sight, s."""
+    """A body, and the time at which it becomes visible, s."""
 
     body: int
     until_s: float
@@ -777,7 +778,7 @@ class _TrailPiece:
 
 @dataclass(frozen=True)
 class _Grasp:
-    """Where the object is in the frame of each that holds it."""
+    """Pose of the object in the frame of each holder."""
 
     by_robot: _Pose
     by_hand: _Pose
@@ -790,7 +791,7 @@ class _Grasp:
 
 
 class _Backdrop:
-    """Floor and sky as one camera sees them."""
+    """Floor and sky in the view of one camera."""
 
     def __init__(
         self, camera: Camera, centre: Array, floor_height_m: float, shadow_half_m: float
@@ -835,7 +836,7 @@ class _Backdrop:
         self._depth = 0.45 * fade[inside]
 
     def draw(self, shadow: Array) -> Array:
-        """Return floor and sky, (h, w, 3), 0 to 1, with a shadow laid on."""
+        """Return floor and sky, (h, w, 3), 0 to 1, with a shadow."""
         picture: Array = self._plain.copy()
         dark = map_coordinates(shadow, self._coordinates, order=1, mode='constant')
         picture[self._inside] *= (1.0 - self._depth * dark)[:, None]
@@ -855,7 +856,7 @@ def _ring(centre: Sequence[float] | Array, radius: float, height: float) -> Arra
 
 
 def _line(coordinate: Array, pixel: Array) -> Array:
-    """Cover of a pixel by the lines of the floor's grid, 0 to 1."""
+    """Return the coverage of a pixel by the lines of the floor's grid, 0 to 1."""
     distance = np.abs((coordinate + GRID_M / 2) % GRID_M - GRID_M / 2)
     width = 0.006
     cover = np.clip((width + pixel / 2 - distance) / np.maximum(pixel, 1e-9), 0.0, 1.0)
@@ -863,7 +864,7 @@ def _line(coordinate: Array, pixel: Array) -> Array:
 
 
 def _smooth_step(share: float) -> float:
-    """Go from 0 to 1, at rest at both ends, by minimum jerk."""
+    """Rise from 0 to 1 by minimum jerk, at rest at both ends."""
     u = min(1.0, max(0.0, share))
     return u * u * u * (10.0 + u * (6.0 * u - 15.0))
 
@@ -878,7 +879,7 @@ def _at(time_s: float, times: Array, values: Array) -> Array:
 
 
 def _spaced(path: Array, distance: float) -> list[int]:
-    """Return the numbers of points of a path, in turn, that are at least so far apart."""
+    """Return the indices of successive points of a path with a least distance."""
     numbers = [0]
     for number, point in enumerate(path):
         if np.linalg.norm(point - path[numbers[-1]]) > distance:
@@ -894,12 +895,12 @@ def tube(
 
     Args:
         points: (n, 3), m.
-        radius: m.
-        sides: of its cross section.
+        radius: radius, m.
+        sides: number of sides of its cross section.
 
     Returns:
-        Corners, (m, 3), normals, (m, 3), and triangles as a flat row of numbers of corners; None
-        for a path without length.
+        Corners, (m, 3), normals, (m, 3), and triangles as a flat row of corner indices; None for
+        a path without length.
 
     """
     spaced = [points[0]]
@@ -915,7 +916,7 @@ def tube(
     angle = np.linspace(0, 2 * np.pi, sides, endpoint=False)[:, None]
     outward = []
     for direction in ahead:
-        across = across - (across @ direction) * direction  # carried along, so it does not twist
+        across = across - (across @ direction) * direction  # parallel transport: no twist
         across /= np.linalg.norm(across)
         outward.append(np.cos(angle) * across + np.sin(angle) * np.cross(direction, across))
     normals = np.vstack([*outward, -ahead[:1], ahead[-1:]])

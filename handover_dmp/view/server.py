@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""One page, offered to this machine alone."""
+"""A local server for one page, on this machine only."""
 
 from __future__ import annotations
 
@@ -30,24 +30,24 @@ ADDRESS = '127.0.0.1'
 
 
 class _Page(SimpleHTTPRequestHandler):
-    """Serves the files of one folder and keeps quiet about it."""
+    """Serves the files of one folder without logging."""
 
     def log_message(self, *_words: Any) -> None:
-        """Say nothing."""
+        """Log nothing."""
 
     def list_directory(self, _path: Any) -> None:
-        """Show no lists of files."""
+        """Refuse directory listings."""
         self.send_error(404)
 
 
 @contextmanager
 def serving(page: Path, port: int = 0) -> Iterator[str]:
     """
-    Offer a page on the loopback interface for as long as the block lasts.
+    Serve a page on the loopback interface within a `with` block.
 
     Args:
-        page: the HTML file; its folder should hold nothing else.
-        port: TCP port; 0: any that is free.
+        page: the HTML file; its folder should contain nothing else.
+        port: TCP port; 0: any free port.
 
     Yields:
         Its address.

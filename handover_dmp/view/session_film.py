@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The film and the page of a recorded session."""
+"""The video and the page of a recorded session."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ def film_session(
     stage: Stage, folder: Path, progress: Callable[[float], None] = lambda _share: None
 ) -> None:
     """
-    Film a session and write its page, with a slider over its time.
+    Film a session and write its page with a time slider.
 
     Args:
-        stage: what is filmed.
-        folder: gets `session.webp` and `session.html`.
-        progress: is told the share that is done.
+        stage: the recorded session.
+        folder: output folder for `session.webp` and `session.html`.
+        progress: called with the finished share.
 
     Raises:
         DataError: a file cannot be written.

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A recorded handover set up to be looked at: the robot where it stood, the scene around it."""
+"""A recorded handover, ready to be drawn: the robot on its base, and the scene around it."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from handover_dmp.view.surroundings import SURROUNDINGS
 import numpy as np
 
 BEFORE_S = 0.3
-"""How long before the robot moves there is something to see."""
+"""Shown time before the robot moves, s."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,9 +47,9 @@ class Stage:
     A recorded handover, ready to be drawn at any moment.
 
     Attributes:
-        record: what was recorded.
+        record: the recorded run.
         robot: the arm, on its base.
-        scene: draws it.
+        scene: the scene to draw.
         hand_path: (n, 3), m, of the partner's wrist at `scene.times`.
         wrist_path: (n, 3), m, of the robot's wrist at the same times.
 
@@ -63,7 +63,7 @@ class Stage:
 
     @property
     def span_s(self) -> tuple[float, float]:
-        """From a little before the robot moves to the end of the recording, s."""
+        """Shown time span, from shortly before the robot moves to the end, s."""
         first, last = float(self.scene.times[0]), float(self.scene.times[-1])
         begins = [
             time_s
@@ -76,10 +76,10 @@ class Stage:
 
     def frame_times(self, rate_hz: float) -> Array:
         """
-        Spread moments over the span.
+        Spread frames evenly over the span.
 
         Args:
-            rate_hz: so many a second.
+            rate_hz: frames per second, Hz.
 
         Returns:
             (n,), s; the last one is the end of the span.
@@ -91,13 +91,13 @@ class Stage:
 
     def state_at(self, time_s: float) -> str:
         """
-        Say how the handover stood.
+        Return the state of the handover.
 
         Args:
-            time_s: when, s.
+            time_s: time, s.
 
         Returns:
-            The state, or nothing where none was recorded.
+            The state; empty if none was recorded.
 
         """
         passed = [name for begin, name in self.record.states if begin <= time_s]
@@ -113,14 +113,14 @@ def set_up(
 
     Args:
         path: folder of a run, folder of its bag, or MCAP file.
-        choice: the arm; what it leaves empty is that of the bag.
-        namespace: of the graph, where several are in the bag; None: the only one.
+        choice: the arm; empty fields come from the bag.
+        namespace: namespace of the graph, if the bag contains several; None: the only one.
 
     Yields:
         The stage.
 
     Raises:
-        DataError: there is no such run, or nothing in it tells which arm it was.
+        DataError: the run is missing, or does not identify its arm.
 
     """
     record = load_run(path, namespace)
@@ -152,7 +152,7 @@ def set_up(
 
 
 def _passes(record: RunRecord) -> tuple[float | None, float | None]:
-    """Tell when the object went to the other, and in a session when it came back, s."""
+    """Return the times of the exchange and, in a session, of the second exchange, s."""
     if not is_session(record):
         return (record.exchange_time_s if record.handed_over else None), None
     passes: list[float | None] = [None, None]
@@ -164,7 +164,7 @@ def _passes(record: RunRecord) -> tuple[float | None, float | None]:
 
 
 def _pick_up(record: RunRecord) -> float | None:
-    """Tell when the robot took the object from the table first, s."""
+    """Return the time at which the robot picked the object up from the table, s."""
     for (_, before), (time_s, after) in pairwise(record.holders):
         if (before, after) == (Holder.TABLE.value, Holder.ROBOT.value):
             return time_s
@@ -172,7 +172,7 @@ def _pick_up(record: RunRecord) -> float | None:
 
 
 def _robot(record: RunRecord, choice: ArmChoice) -> RobotModel:
-    """Load the arm that is asked for, or the one that the bag describes or names."""
+    """Load the chosen arm, or the one that the bag describes or names."""
     told = {key: str(record.info.get(key) or '') for key in ('wrist_frame', 'base_frame')}
     wrist_frame = choice.wrist_frame or ('' if choice.robot else told['wrist_frame'])
     base_frame = choice.base_frame or ('' if choice.robot else told['base_frame'])
@@ -181,7 +181,7 @@ def _robot(record: RunRecord, choice: ArmChoice) -> RobotModel:
 
 
 def _description(record: RunRecord) -> Description:
-    """Take the recorded one; from its file if that says the same, as its meshes are there."""
+    """Return the recorded description, or its file if that is equal and has the meshes."""
     name, told = record.info.get('robot'), str(record.info.get('robot_description') or '')
     known = [key for key, entry in known_arms().items() if name in (key, entry.urdf_name)]
     text = record.robot_description
@@ -206,7 +206,7 @@ def _order(record: RunRecord, model: RobotModel) -> list[int]:
 
 
 def _base(record: RunRecord, model: RobotModel) -> BasePlacement:
-    """Take the placement that the run tells, else the one that explains its wrist positions."""
+    """Return the recorded base placement, or the one that explains the wrist positions."""
     told = record.info.get('base_position_m')
     if isinstance(told, list) and len(told) == 3:
         x, y, z = map(float, told)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is around the partner in each configuration, hinted at: engine bay, car, lift."""
+"""Simple surroundings of the partner in each configuration: engine bay, car, lift."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ class Piece:
     A box, or a cylinder that lies along y.
 
     Attributes:
-        middle: (3,), m, in axes of the surroundings.
-        size: (3,), m, along x, y and z; of a cylinder, diameter, length and diameter.
+        middle: (3,), m, in the axes of the surroundings.
+        size: (3,), m, along x, y and z; for a cylinder, diameter, length and diameter.
         colour: red, green, blue, 0 to 1.
         is_round: whether it is a cylinder.
 
@@ -60,12 +60,12 @@ class Surroundings:
     """
     Pieces around a person.
 
-    Their axes begin on the floor below the acting shoulder: x towards the partner, turned by
+    Their origin is on the floor below the acting shoulder: x towards the partner, turned by
     `turn` to the left; z up.
 
     Attributes:
-        pieces: what is there.
-        turn: rad.
+        pieces: the pieces.
+        turn: angle, rad.
 
     """
 
@@ -80,7 +80,7 @@ def _wheel(x: float, y: float, z: float) -> tuple[Piece, Piece]:
 
 CAR = Surroundings(
     (
-        # on stands, its floor left out: sills, axles and those wheels that hide nobody
+        # a car on stands, without floor: sills, axles and the wheels that hide nobody
         Piece((0.20, -0.28, 0.80), (2.4, 0.08, 0.12), BODYWORK),
         Piece((0.20, 1.05, 0.80), (2.4, 0.08, 0.12), BODYWORK),
         Piece((-0.75, 0.39, 0.76), (0.07, 1.30, 0.07), IRON),
@@ -119,4 +119,4 @@ SURROUNDINGS: Mapping[str, Surroundings] = {
     'engine_bay': ENGINE_BAY,
     'hydraulic_lift': LIFT,
 }
-"""By configuration."""
+"""Surroundings by configuration."""

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A recorded handover as a video, and as an animated image that fits into a web page."""
+"""A recorded handover as a video, and as an animated image for web pages."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 INK = (70, 76, 84)
 HOLD_S = 0.8
-"""How long the last picture stays, so that a film that repeats can be followed."""
+"""Display time of the last picture before a video repeats, s."""
 QUALITY = 8
 IMAGE_SUFFIXES = ('.webp', '.gif')
 
@@ -42,16 +42,16 @@ IMAGE_SUFFIXES = ('.webp', '.gif')
 @dataclass(frozen=True)
 class Film:
     """
-    How a handover is filmed.
+    Options of a video.
 
     Attributes:
-        width: pixels.
-        height: pixels.
-        rate_hz: pictures a second.
-        speed: of the film; 1 is real time, 0.5 half of it.
-        arm: which one; what it leaves empty is that of the bag.
-        namespace: of the topics, in a bag of several graphs.
-        title: stands above the picture.
+        width: width, pixels.
+        height: height, pixels.
+        rate_hz: pictures per second, Hz.
+        speed: playback speed; 1 is real time, 0.5 half of it.
+        arm: the arm; empty fields come from the bag.
+        namespace: namespace of the topics, in a bag of several graphs.
+        title: title above the picture.
 
     """
 
@@ -64,7 +64,7 @@ class Film:
     title: str = ''
 
     def __post_init__(self) -> None:
-        """Refuse what no encoder takes."""
+        """Refuse options that no encoder supports."""
         if not (64 <= self.width <= 7680 and 64 <= self.height <= 4320):
             raise UsageError(f'a film of {self.width}x{self.height} pixels is no film')
         if self.width % 2 or self.height % 2:
@@ -76,13 +76,13 @@ class Film:
 
     def times(self, stage: Stage) -> list[float]:
         """
-        List the moments to draw.
+        List the times to draw.
 
         Args:
-            stage: what is filmed.
+            stage: the recorded handover.
 
         Returns:
-            Recorded times, s, one a picture.
+            Recorded times, s, one per picture.
 
         """
         return [float(time_s) for time_s in stage.frame_times(self.rate_hz / self.speed)]
@@ -103,20 +103,20 @@ def film(
 
     Args:
         source: folder of a run, folder of its bag, or MCAP file.
-        options: how.
-        beside: another run, filmed beside it from the same moment of its handover on; both bear
-            the names of their folders, and each has the size of `options`.
+        options: options of the video.
+        beside: another run to show beside it, from the same moment of its handover on; the titles
+            are the names of the folders, and each has the size of `options`.
         video: MP4 file to write; None: none.
-        image: animated image to write (WebP or GIF), of half the rate.
-        jobs: processes that draw.
-        progress: is told how many pictures of how many are there.
+        image: animated image to write (WebP or GIF), at half the rate.
+        jobs: number of drawing processes.
+        progress: called with the number of finished pictures and of all pictures.
 
     Returns:
         The number of pictures.
 
     Raises:
         DataError: the run cannot be read, or a file cannot be written.
-        UsageError: the encoder is not installed, or the image is of another kind.
+        UsageError: the encoder is not installed, or the image has another format.
 
     """
     if image is not None and image.suffix not in IMAGE_SUFFIXES:
@@ -161,7 +161,7 @@ def paint(stage: Stage, options: Film, times: Iterable[float]) -> Iterator[Pixel
     Draw pictures with time and state in a corner.
 
     Args:
-        stage: what is filmed.
+        stage: the recorded handover.
         options: size and speed.
         times: recorded times, s.
 
@@ -195,15 +195,15 @@ def _with_last_held(pictures: Iterable[Pixels], times: int) -> Iterator[Pixels]:
 
 def save_animation(pictures: Sequence[Image.Image], path: Path, period_s: float) -> None:
     """
-    Write an animated image that repeats for ever.
+    Write an animated image that repeats forever.
 
     Args:
-        pictures: of one size.
+        pictures: pictures of one size.
         path: WebP or GIF file.
-        period_s: from one picture to the next, s.
+        period_s: time from one picture to the next, s.
 
     Raises:
-        DataError: it cannot be written.
+        DataError: the file cannot be written.
 
     """
     kind: dict[str, Any] = {'quality': 92, 'method': 4}
@@ -225,7 +225,7 @@ def save_animation(pictures: Sequence[Image.Image], path: Path, period_s: float)
 
 
 def _with_one_palette(pictures: Sequence[Image.Image]) -> list[Image.Image]:
-    """Reduce to the same 256 colours throughout, so that what stands still stays as it is."""
+    """Reduce all pictures to the same 256 colours, so that static parts do not flicker."""
     row = Image.new('RGB', (pictures[0].width, 3 * pictures[0].height))
     for index, picture in enumerate((pictures[0], pictures[len(pictures) // 2], pictures[-1])):
         row.paste(picture, (0, index * picture.height))
@@ -234,7 +234,7 @@ def _with_one_palette(pictures: Sequence[Image.Image]) -> list[Image.Image]:
 
 
 class _VideoFile:
-    """An MP4 file that appears when it is whole; called with one picture after the other."""
+    """An MP4 file that appears when it is complete; call it with one picture after another."""
 
     def __init__(self, path: Path, options: Film, size: tuple[int, int]) -> None:
         try:
@@ -271,7 +271,7 @@ class _VideoFile:
             raise DataError(f'{self._path}: {_last_line(error)}') from error
 
     def __exit__(self, *error: Any) -> None:
-        # Closed before the file takes its place: the encoder writes the index at the end.
+        # Closed before the file is renamed, because the encoder writes the index at the end.
         self._encoder.close()
         self._stack.__exit__(*error)
 
@@ -282,7 +282,7 @@ def _last_line(error: OSError) -> str:
 
 
 class _Painters:
-    """Processes that draw; each sets the scene up once."""
+    """Drawing processes; each sets the scene up once."""
 
     def __init__(self, source: Path, options: Film, jobs: int) -> None:
         self._pool = ProcessPoolExecutor(

@@ -165,7 +165,7 @@ def test_faulty_lines_are_named(tmp_path):
     with pytest.raises(DataError, match='holds no frames'):
         read(tmp_path, '\n'.join(lines[:13]))
     commas = [*lines[:13], *(line.split('\t', 2)[-1].replace('.', ',') for line in lines[14:])]
-    with pytest.raises(DataError, match='holds no frames; numbers with a decimal comma are not'):
+    with pytest.raises(DataError, match='holds no frames; decimal commas are not supported'):
         read(tmp_path, '\n'.join(commas))
     with pytest.raises(DataError, match='is empty'):
         read(tmp_path, '')
