@@ -379,9 +379,7 @@ def test_several_bodies_on_one_topic(tmp_path, trial, kind):
         read_bag_wrists(folder, '/bodies', f'/bodies:{second}')
     with pytest.raises(DataError, match=f'/bodies holds several bodies.*of {known}'):
         read_bag_wrists(folder, '/bodies', '/bodies')
-    with pytest.raises(
-        DataError, match=f'P1 and P2 are both /bodies:{first}; choose two bodies'
-    ):
+    with pytest.raises(DataError, match=f'P1 and P2 are both /bodies:{first}; choose two bodies'):
         read_bag_wrists(folder, f'/bodies:{first}', f'/bodies:{first}')
     with pytest.raises(DataError, match=f"no 'p3' on /bodies; there are {known}"):
         read_bag_wrists(folder, f'/bodies:{first}', '/bodies:p3')

@@ -109,7 +109,9 @@ def test_trials_of_different_frames_are_named(count, person, tmp_path):
     moved = trials[count - 1]
     trials[count - 1] = replace(moved, **{person: getattr(moved, person) + [0.0, 2.5, 0.0]})
     write_data_set(trials, tmp_path)
-    with pytest.raises(DataError, match=f'under_car_give_{count}.csv: .* do all use the same frame'):
+    with pytest.raises(
+        DataError, match=f'under_car_give_{count}.csv: .* do all use the same frame'
+    ):
         read_data_set(tmp_path)
 
 

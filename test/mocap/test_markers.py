@@ -230,6 +230,4 @@ def test_an_axis_that_the_heights_speak_against_is_doubted():
 def test_a_marker_that_others_stood_in_for_is_told():
     one, other = pair(np.random.default_rng(1), slice(40, 60), np.nan)
     made = recording(positions={'a': one, 'b': other, 'c': P1}, unit='m').wrists(['c'], ['a', 'b'])
-    assert made.remarks == (
-        "'a' is missing in 20 of 100 frames: other markers replace it",
-    )
+    assert made.remarks == ("'a' is missing in 20 of 100 frames: other markers replace it",)
