@@ -39,6 +39,11 @@ from numpy.typing import ArrayLike
 
 STALLED = 0.03
 """Share of the wrist's speed below which the arm stops instead."""
+CREEPING = 0.1
+"""Share of the wrist's speed below which the arm stops after `MAX_CREEP_S`."""
+MAX_CREEP_S = 0.3
+GOES_ON = 0.2
+"""Share of the wrist's speed that has to be possible before a stopped arm moves again."""
 AT_EASE_S = 0.2
 """Time in which every joint can reach any speed, s."""
 HELD_ROTATION = 1e-3
@@ -162,6 +167,8 @@ class WristController:
         self._commanded: Array | None = None
         self._target: WristTarget | None = None
         self._target_arrival_s = float('-inf')
+        self._stalled = False
+        self._creeps_s = 0.0
         self._hand: Partner | None = None
         self._hand_arrival_s = float('-inf')
         self._hand_timeout_s = 0.0
@@ -312,7 +319,8 @@ class WristController:
         if self._holds(self._target):
             return self._brake('', dt)
         solution = self.ik.solve(self._measured(), self._commanded, self._target, dt, hand=hand)
-        if solution.speed_scale < STALLED and self._is_stalled(self._target, hand):
+        self._stalled = self._stalls(solution.speed_scale, self._target, hand, dt)
+        if self._stalled:
             return self._brake('wrist command out of reach: singularity or limit', dt)
         self._commanded = solution.joint_velocity
         return JointCommand(
@@ -350,16 +358,26 @@ class WristController:
         near = float(np.linalg.norm(place - target.position)) < self.options.hold_distance_m
         return near and turned < HELD_ROTATION
 
-    def _is_stalled(self, target: WristTarget, hand: Partner | None) -> bool:
+    def _stalls(
+        self, speed_scale: float, target: WristTarget, hand: Partner | None, dt: float
+    ) -> bool:
         """
-        Whether the wrist could hardly approach the target even without acceleration limits.
+        Tell whether the wrist hardly approaches the target, whatever the joints do.
 
-        Near a singularity the joints would move fast for almost no motion of the wrist, so the arm
-        stops instead.
+        Near a singularity or a limit the joints would move fast for almost no motion of the wrist,
+        so the arm stops instead: at once if the acceleration limits are not the reason, otherwise
+        after `MAX_CREEP_S`. It moves again once a fair share of the speed is possible.
         """
+        slowest = self.ik.stack.slowest
+        self._creeps_s = self._creeps_s + dt if speed_scale < CREEPING * slowest else 0.0
+        crept = self._creeps_s > MAX_CREEP_S
+        if not (self._stalled or crept or speed_scale < STALLED):
+            return False
         positions = self._measured()
         at_ease = self.ik.solve(positions, np.zeros(len(positions)), target, AT_EASE_S, hand=hand)
-        return at_ease.speed_scale < STALLED
+        if self._stalled:
+            return at_ease.speed_scale < GOES_ON * slowest
+        return crept or at_ease.speed_scale < STALLED
 
     def _measured(self) -> Array:
         assert self._positions is not None

@@ -121,10 +121,9 @@ def test_a_hand_where_no_hand_can_be_served_gives_a_calm_stop(
         1e9,
     )
     handover.begin()
-    periods = go(handover, 9.0)
-    tail = speeds(periods)[-200:]
-    assert tail.max() < 0.02, 'it must come to rest'
-    accelerations = np.diff([p.joint_velocities for p in periods[-200:]], axis=0) / 0.005
+    late = go(handover, 7.0)[800:]
+    assert speeds(late).max() < 0.02, 'it must come to rest, in 4 s'
+    accelerations = np.diff([p.joint_velocities for p in late], axis=0) / 0.005
     assert np.abs(accelerations).max() < 0.5, 'and not shake'
 
 
