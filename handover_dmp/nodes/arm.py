@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The arm of a node: chosen by its parameters, said to whoever looks."""
+"""The arm of a node, chosen by its parameters."""
 
 from __future__ import annotations
 
@@ -34,24 +34,24 @@ from handover_dmp.topics import ROBOT_DESCRIPTION
 TOPIC = re.compile(r'(/[A-Za-z_]\w*)+')
 LOOK_S = 0.05
 SAY_EVERY = 100
-"""Looks in vain after which the log says again what is waited for."""
+"""Polls without success after which the log repeats what the node is waiting for."""
 
 
 class EndedError(HandoverError):
-    """The node was told to end before it had all that it begins with."""
+    """The node was told to end before its inputs were complete."""
 
     exit_code = 0
 
 
 def load_arm(node: HandoverNode) -> RobotModel:
     """
-    Load the arm that the parameters of a node choose, and log what is to be known about it.
+    Load the arm that the parameters of a node choose, and log remarks about it.
 
     Args:
         node: declares `ARM`.
 
     Returns:
-        The arm, in its place.
+        The arm, at its base placement.
 
     Raises:
         RobotDescriptionError: its description cannot be used.
@@ -87,7 +87,7 @@ def names_topic(robot: str) -> bool:
 
 
 def _awaited(node: HandoverNode, topic: str) -> Description:
-    """Wait for a description as everybody beside `robot_state_publisher` does."""
+    """Wait for the description that `robot_state_publisher` latches."""
     kind = message_class(ROBOT_DESCRIPTION.type_name)
     quality = qos_profile(ROBOT_DESCRIPTION.quality)
     subscription = node.create_subscription(kind, topic, lambda _message: None, quality)
@@ -96,7 +96,7 @@ def _awaited(node: HandoverNode, topic: str) -> Description:
         # nothing spins this node yet
         while (taken := subscription.handle.take_message(kind, False)) is None:
             if told_to_end():
-                raise EndedError(f'{node.NAME}: ended while it waited for {topic}')
+                raise EndedError(f'{node.NAME}: ended while waiting for {topic}')
             if looks % SAY_EVERY == 0:
                 node.get_logger().info(f'waiting for the robot description on {topic}')
             looks += 1
@@ -108,10 +108,10 @@ def _awaited(node: HandoverNode, topic: str) -> Description:
 
 def arm_options(values: Values) -> ArmOptions:
     """
-    Say when an arm stops by itself, as the parameters of a node have it.
+    Read from the parameters when an arm stops by itself.
 
     Args:
-        values: those of the dataclass among them.
+        values: parameters, those of the dataclass among them.
 
     Returns:
         The options.
@@ -122,13 +122,13 @@ def arm_options(values: Values) -> ArmOptions:
 
 def limits_told(model: RobotModel) -> dict[str, str]:
     """
-    Say where the limits of an arm come from, for `/diagnostics`.
+    List the sources of the limits of an arm, for `/diagnostics`.
 
     Args:
         model: the arm.
 
     Returns:
-        Text by text.
+        Quantity to source.
 
     """
     return {f'{quantity} limits from': origin for quantity, origin in model.limit_origins.items()}

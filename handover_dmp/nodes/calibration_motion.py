@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Node `calibration_motion`: moves the arm so that a tracker can be calibrated, in place of the IK.
+Node `calibration_motion`: moves the arm to calibrate a tracker, in place of `priority_ik`.
 
-It answers each joint state with joint velocities, zero before the motion and after it, and says
-where the wrist is. With `simulated_tracker.enabled` it says too what a tracker would have seen.
+It answers each joint state with joint velocities, zero before and after the motion, and publishes
+the pose of the wrist. With `simulated_tracker.enabled` it also publishes the poses of a tracker.
 """
 
 from __future__ import annotations
@@ -52,10 +52,10 @@ from sensor_msgs.msg import JointState
 
 TRACKER = 'simulated_tracker.'
 MAX_STEP = 4.0
-"""Longest time, in periods, that a command is meant for after a late joint state."""
+"""Maximum duration of a command after a late joint state, periods."""
 LOOK_S = 0.02
 SETTLE_S = 0.5
-"""How long the arm is held after the motion."""
+"""Time for which the arm is held after the motion, s."""
 
 
 class CalibrationMotionNode(HandoverNode):
@@ -119,7 +119,7 @@ class CalibrationMotionNode(HandoverNode):
         Diagnostics(self, self._periods, self._condition)
         self.warn_when_in_vain(self._missing)
         self.say(
-            f'moves {self._model.name} about to calibrate a tracker: answers '
+            f'moves {self._model.name} to calibrate a tracker: answers '
             f'{self.named(JOINT_STATES)} with {self.named(JOINT_COMMAND)}'
         )
 
@@ -150,7 +150,7 @@ class CalibrationMotionNode(HandoverNode):
         self._tell_where(message.header.stamp, now_s, again)
         if self._follower is None and self._wanted and not again:
             self._plan()
-            # planning takes a while, in which the arm rests
+            # planning takes a while; the arm rests meanwhile
             now_s = now_s if self.lockstep else self.arrival_s()
             self._began_s = self._told_s = now_s
         self._answer(time_ns, now_s)
@@ -164,7 +164,7 @@ class CalibrationMotionNode(HandoverNode):
         for stamp_s, seen in self._tracker.see(now_s, position, rotation):
             time_ns = round(stamp_s * NANOSECONDS)
             if not self.lockstep:
-                # ages are counted on another clock than stamps
+                # ages and stamps are of different clocks
                 time_ns += self.now_ns() - round(now_s * NANOSECONDS)
             self._hand.publish(pose_message(stamp(time_ns), seen, frame=self._tracker_frame))
 
@@ -205,12 +205,12 @@ class CalibrationMotionNode(HandoverNode):
 
     def _look_for_others(self) -> None:
         if not self._fault and self.count_publishers(self._command.topic_name) > 1:
-            self._fault = 'another node commands the arm too: end priority_ik first'
+            self._fault = 'another node also commands the arm: stop priority_ik first'
         if self._fault:
             self._end(self._fault)
 
     def _watch(self) -> None:
-        """Brake without looking where joint states stay away."""
+        """Brake without feedback if joint states are missing."""
         moving = self._follower is not None and not self._follower.resting
         late_s = self.arrival_s() - (self._heard_s or 0.0)
         if moving and late_s > self.values['joint_state_timeout_s']:
@@ -219,14 +219,14 @@ class CalibrationMotionNode(HandoverNode):
             self.ended = True
 
     def _end(self, fault: str) -> None:
-        """Say what is wrong; the arm is braked, then the node ends."""
+        """Report a fault; the arm is braked, then the node ends."""
         if not self.exit_code:
             self.get_logger().error(fault)
         self._fault, self.exit_code = fault, 1
         self.ended = self._follower is None
 
     def finish_motion(self) -> None:
-        """Bring the arm to rest within its limits, whether or not it is seen."""
+        """Bring the arm to rest within its limits, with or without joint states."""
         while self._follower is not None and not self._follower.resting:
             velocities = self._follower.brake(self._positions, self._period_s)
             self._command.publish(to_joint_command(self.now_ns(), velocities.tolist()))

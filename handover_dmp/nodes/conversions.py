@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Between messages and the plain numbers of the other rooms."""
+"""Conversions between messages and the plain numbers of the other rooms."""
 
 from __future__ import annotations
 
@@ -55,9 +55,9 @@ def pose_message(
     Args:
         time: its stamp.
         position: (3,), m.
-        orientation: x, y, z, w; none gives the unit quaternion.
-        frame: that it is told in.
-        into: an older message to be filled anew, which takes a fifth of the time.
+        orientation: x, y, z, w; None: the unit quaternion.
+        frame: frame of the pose.
+        into: message to reuse, which takes a fifth of the time.
 
     Returns:
         The message.
@@ -80,17 +80,17 @@ def pose_with_covariance(
     into: PoseWithCovarianceStamped | None = None,
 ) -> PoseWithCovarianceStamped:
     """
-    Make a position of which it is known how well it is known.
+    Make a position with its covariance.
 
     Args:
         time: its stamp.
         position: (3,), m.
         deviation_m: standard deviation on each axis, m.
-        frame: that it is told in.
-        into: an older message to be filled anew.
+        frame: frame of the position.
+        into: message to reuse.
 
     Returns:
-        The message; any orientation is as likely.
+        The message; its orientation is unknown.
 
     """
     message = PoseWithCovarianceStamped(header=Header(frame_id=frame)) if into is None else into
@@ -116,8 +116,8 @@ def twist_message(
         time: its stamp.
         velocity: (3,), m/s.
         angular_velocity: (3,), rad/s.
-        frame: that it is told in.
-        into: an older message to be filled anew.
+        frame: frame of the twist.
+        into: message to reuse.
 
     Returns:
         The message.
@@ -140,7 +140,7 @@ def position_of(message: PoseStamped) -> tuple[float, float, float]:
 
 def quaternion_of(rotation: Array) -> Quaternion:
     """Return a rotation, (3, 3), as a quaternion."""
-    # there already in the nodes that know the arm; the others are not to load it
+    # imported here: the nodes that know the arm have it already, the others need not load it
     import pinocchio
 
     x, y, z, w = pinocchio.Quaternion(rotation).coeffs().tolist()
@@ -148,14 +148,14 @@ def quaternion_of(rotation: Array) -> Quaternion:
 
 
 def orientation_of(message: PoseStamped) -> Quaternion | None:
-    """Return the orientation of a pose, of norm 1; None where its quaternion is none."""
+    """Return the orientation of a pose, of norm 1; None if its quaternion is invalid."""
     turn = message.pose.orientation
     found = turn.x, turn.y, turn.z, turn.w
     return normalized(found) if abs(hypot(*found) - 1.0) < 1e-3 else None
 
 
 def rotation_of(message: PoseStamped) -> Array | None:
-    """Return the rotation of a pose, (3, 3); None where its quaternion is none."""
+    """Return the rotation of a pose, (3, 3); None if its quaternion is invalid."""
     found = orientation_of(message)
     return None if found is None else to_matrix(found)
 
@@ -168,7 +168,7 @@ def to_float_array(
 
     Args:
         values: name to value.
-        into: an older message to be filled anew.
+        into: message to reuse.
 
     Returns:
         The message.
@@ -194,15 +194,15 @@ def to_joint_command(
     time_ns: int, velocities: Iterable[float], *, into: Float64MultiArray | None = None
 ) -> Float64MultiArray:
     """
-    Make a joint command that names the period which it answers.
+    Make a joint command that names the period that it answers.
 
-    Controllers of ros2_control read the data alone; in lockstep the label of the layout tells
-    `robot_sim` a late answer from the one that it waits for.
+    Controllers of ros2_control read only the data. In lockstep the label of the layout lets
+    `robot_sim` distinguish a late answer from the one that it waits for.
 
     Args:
         time_ns: time of the period, ns.
         velocities: rad/s.
-        into: an older message to be filled anew.
+        into: message to reuse.
 
     Returns:
         The message.

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a node says of itself on `/diagnostics`: at its start, once a second, and at its end."""
+"""Reports of a node on `/diagnostics`: at its start, once a second, and at its end."""
 
 from __future__ import annotations
 
@@ -46,13 +46,13 @@ def full_name(node: Node) -> str:
 
 def refusals(refused: Mapping[str, int]) -> dict[str, str]:
     """
-    Word how many poses of the hand were not used since the node began.
+    Report how many poses of the hand were refused since the node began.
 
     Args:
         refused: reason to count.
 
     Returns:
-        Name to value: all of them, then each reason that there was.
+        Name to value: the total, then each reason.
 
     """
     told = {f'hand refused, {reason}': str(refused[reason]) for reason in sorted(refused)}
@@ -61,13 +61,13 @@ def refusals(refused: Mapping[str, int]) -> dict[str, str]:
 
 def of_trackers(reports: Sequence[TrackerReport]) -> dict[str, str]:
     """
-    Word how each tracker of the hand does.
+    Report the condition of each tracker of the hand.
 
     Args:
-        reports: of each.
+        reports: reports of the trackers.
 
     Returns:
-        Name to value: rate, age, bias, share of its poses that were refused, and how far these are
+        Name to value: rate, age, bias, share of refused poses, and their distance
         from the hand.
 
     """
@@ -86,21 +86,21 @@ def of_trackers(reports: Sequence[TrackerReport]) -> dict[str, str]:
 
 class Periods:
     """
-    Rate and jitter of a loop, by the processor's clock.
+    Rate and jitter of a loop, measured on the processor's clock.
 
     Keeps the periods of the last second only.
 
     Attributes:
-        count: how many have begun; tells who reads a bag which ones it lacks.
+        count: periods begun; shows readers of a bag which ones it lacks.
 
     """
 
     def __init__(self, period_s: float) -> None:
         """
-        Take the period that the loop should have.
+        Set the nominal period.
 
         Args:
-            period_s: s; a period over 1.5 times this is an overrun.
+            period_s: nominal period, s; one of more than 1.5 times this is an overrun.
 
         """
         self.count = 0
@@ -117,12 +117,12 @@ class Periods:
         self._last_s = now_s
 
     def rest(self) -> None:
-        """Let the next period come when it will."""
+        """Do not count the time until the next period."""
         self._last_s = None
 
     def take(self) -> dict[str, str]:
         """
-        Sum up and begin anew.
+        Summarise the last second and start the next.
 
         Returns:
             Rate, Hz; median and 99 % error of the period, ms; overruns.
@@ -143,10 +143,10 @@ class Periods:
 
 class Diagnostics:
     """
-    Publishes the condition of a node with what else it does once a second on the wall clock.
+    Publishes the condition of a node once a second on the wall clock.
 
-    The last reports are kept for whoever listens later, so that a node that ends within a second
-    has been heard of from its start to its end.
+    The last reports are latched, so that even a node that ends within a second is seen from its
+    start to its end.
     """
 
     def __init__(
@@ -156,12 +156,12 @@ class Diagnostics:
         condition: Callable[[], tuple[str, dict[str, str]]],
     ) -> None:
         """
-        Begin to publish.
+        Start to publish.
 
         Args:
             node: the node.
             periods: of its loop.
-            condition: gives the fault, or nothing while all is well, and further values.
+            condition: returns the fault, empty while there is none, and further values.
 
         """
         self._node = node
@@ -173,7 +173,7 @@ class Diagnostics:
     def publish(self) -> None:
         """Publish now."""
         stage = self._node.once_per_second.stage
-        # before the first input everything lacks, which is no fault yet
+        # before the first input everything is missing, which is not a fault yet
         fault, values = ('', {}) if stage == 'start' else self._condition()
         urgent = os.sched_getscheduler(0) == os.SCHED_FIFO
         scheduling = {'scheduling': 'real-time' if urgent else 'ordinary'}
@@ -192,19 +192,19 @@ class Diagnostics:
 
 class Attendance:
     """
-    Keeps in mind which nodes of a graph are there, by their reports.
+    Tracks which nodes of a graph are present, by their reports.
 
     Attributes:
-        present: full names of those that have reported, and not yet for the last time.
+        present: full names of the nodes that have reported, and not yet for the last time.
 
     """
 
     def __init__(self, namespace: str) -> None:
         """
-        Begin with nobody.
+        Start without any node.
 
         Args:
-            namespace: of the graph; nodes of others are not minded.
+            namespace: namespace of the graph; other nodes are ignored.
 
         """
         self.present: set[str] = set()
@@ -212,10 +212,10 @@ class Attendance:
 
     def hear(self, reports: DiagnosticArray) -> None:
         """
-        Take in what somebody said of itself.
+        Update from reports.
 
         Args:
-            reports: on `/diagnostics`, of whomever.
+            reports: a message of `/diagnostics`, of any node.
 
         """
         for status in reports.status:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Node `dmp`: the partner's hand in, the command of the wrist out, 200 times a second."""
+"""Node `dmp`: computes the wrist command from the partner's hand, 200 times a second."""
 
 from __future__ import annotations
 
@@ -81,7 +81,6 @@ from handover_dmp.nodes.tracker_parameters import goal_estimator, HAND, ONE_TRAC
 from handover_dmp.nodes.wrench_input import OF_WRENCH, WrenchInput
 from handover_dmp.topics import (
     HAND_FUSED,
-    HAND_POSE,
     IK_STATUS,
     OBJECT_HOLDER,
     PHASE,
@@ -97,13 +96,13 @@ import numpy as np
 from std_msgs.msg import Float64MultiArray, Header, String
 
 MAX_STALL_S = 0.5
-"""After a longer gap between two periods, or a longer stall of the process, the motion ends, s."""
+"""Gap between two periods, or stall of the process, beyond which the motion ends, s."""
 WAKING_PERIODS = 10
-"""The first periods after a stall, which may be late answers to questions asked during it."""
+"""Periods after a stall that may be late answers to requests made during it."""
 MAX_WAKING_GAP_S = 0.05
-"""In the first periods after a stall, the motion ends after a gap longer than this, s."""
+"""Gap beyond which the motion ends in these first periods after a stall, s."""
 MAX_SIGNAL_AGE_S = 5.0
-"""Of a signal that is followed when it arrives; a busy machine discovers within less, s."""
+"""Maximum age of a latched signal that is followed, s. Discovery takes less even when busy."""
 SIGNALS_REMEMBERED = 16
 OVER = (HandoverState.DONE, HandoverState.ABORTED)
 PRIMITIVE = parameters_from(
@@ -190,7 +189,7 @@ class Dmp(HandoverNode):
         self._period_ns = round(period_s * NANOSECONDS)
         self._periods = Periods(period_s)
         rate_hz = self.values['rate_hz']
-        # by time and not by periods, of which a busy machine has fewer
+        # counted in time, since a busy machine has fewer periods
         self._command_every_s = 1.0 / self.values['rate_at_rest_hz'] - 0.5 * period_s
         self._commanded_s = -inf
         self._status_every = max(1, round(rate_hz / self.values['status_rate_at_rest_hz']))
@@ -207,7 +206,7 @@ class Dmp(HandoverNode):
         self._since_stall = WAKING_PERIODS
         self._begun_s: float | None = None
         self._signal_s: float | None = None
-        # each comes twice from who latches it
+        # latched signals arrive at both subscriptions
         self._signals_heard: deque[int] = deque(maxlen=SIGNALS_REMEMBERED)
         self._over_s: float | None = None
         self.ended = False
@@ -229,8 +228,8 @@ class Dmp(HandoverNode):
         Diagnostics(self, self._periods, self._condition)
         self.warn_when_in_vain(self._missing)
         self.say(
-            f'commands the wrist by {path or "a synthetic example"} in frame {self.frame}: '
-            f'hears {self._hands.named} and {self.named(WRIST_POSE)}'
+            f'commands the wrist by {path or "a synthetic example"} in frame {self.frame}; '
+            f'listens to {self._hands.named} and {self.named(WRIST_POSE)}'
         )
         self._publish_state()
 
@@ -251,7 +250,7 @@ class Dmp(HandoverNode):
     def _session_models(
         self, give: DecoupledDmp, options: HandoverOptions, values: Values
     ) -> SessionModels:
-        """Give the take the parameters that were set to others than those of the learnt give."""
+        """Apply to the take the parameters that differ from those of the learnt give."""
         learnt, default = asdict(self._learnt_take.parameters), asdict(self._learnt.parameters)
         for parameter in PRIMITIVE:
             if values[parameter.name] != default[parameter.name]:
@@ -280,7 +279,8 @@ class Dmp(HandoverNode):
             self.subscribe(OBJECT_HOLDER, self._on_holder)
         self.subscribe(WRIST_POSE, self._on_wrist)
         self.subscribe(IK_STATUS, self._on_ik_status)
-        # that of who latches it, also if it is discovered later, and that of who does not
+        # one subscription for publishers that latch the signal (they may be discovered late),
+        # one for those that do not
         self.subscribe(SIGNAL, Dated(self._on_latched_signal))
         self.subscribe(replace(SIGNAL, quality=Quality.COMMAND), Dated(self._on_signal))
         self.serve('start', self._start)
@@ -311,11 +311,13 @@ class Dmp(HandoverNode):
         controller = self._controller
         if isinstance(controller, SessionController) and controller.begin_with(message.data):
             first = controller.next_leg.value
-            self.say(f'{OBJECT_HOLDER.relative} says {message.data}: begins with the {first}')
+            self.say(
+                f'{OBJECT_HOLDER.relative} is {message.data}: the session begins with the {first}'
+            )
             self._publish_state()
 
     def _refuse_wrench(self, text: str) -> None:
-        self._fault('wrench in an unknown frame: nothing is felt')
+        self._fault('wrench in an unknown frame: ignored')
         if not self._wrench_refused:
             self._wrench_refused = True
             self.get_logger().warning(text)
@@ -335,7 +337,7 @@ class Dmp(HandoverNode):
         values = values_of(message)
         scale, time_s = values.get('speed_scale', nan), values.get('time_s', nan)
         if not (0.0 <= scale <= 1.0 and isfinite(time_s)):
-            self._fault('status of the inverse kinematics makes no sense')
+            self._fault('invalid status of the inverse kinematics')
             return
         self._phase_rate = scale
         self._phase_rate_ns = round(time_s * NANOSECONDS)
@@ -343,13 +345,13 @@ class Dmp(HandoverNode):
 
     def _on_latched_signal(self, message: Header, published_ns: int) -> None:
         age_s = (time_ns() - published_ns) / NANOSECONDS
-        # its time is that of its arrival, which is late where who gave it was discovered late
+        # an unstamped signal has the time of its arrival, which is late after a late discovery
         late = published_ns < self._made_ns or age_s > MAX_SIGNAL_AGE_S
         if late and not self.is_stamped(message.stamp):
-            self._fault('signal from before this node was there')
+            self._fault('signal from before this node started')
             self.get_logger().warning(
-                f'a signal that was given {age_s:.1f} s ago, before this node was there: not '
-                'followed; give it again (play the bag again), or call ~/start'
+                f'ignored a signal from {age_s:.1f} s ago, before this node started; '
+                'send it again (play the bag again), or call ~/start'
             )
         else:
             self._on_signal(message, published_ns)
@@ -366,36 +368,42 @@ class Dmp(HandoverNode):
             self._take_signal(self.now_s())
 
     def _take_stamped_signal(self, at_s: float, begun_s: float) -> None:
-        # one that was latched before this node was there may come after its first period
+        # a signal latched before this node started may arrive after its first period
         if at_s >= begun_s:
             self._take_signal(at_s)
         else:
-            self._fault('signal of an earlier time')
+            self._fault('signal from before the first period')
             self.get_logger().warning(
-                f'a signal for {at_s:.3f} s, before this node began at {begun_s:.3f} s: not '
-                'followed; where stamps are of another clock, as in a '
-                'bag that is played, say hand_stamps:=arrival'
+                f'ignored a signal for {at_s:.3f} s, since this node began at {begun_s:.3f} s; '
+                'if the stamps are of another clock, as in a '
+                'bag that is played, set hand_stamps:=arrival'
             )
 
     def _take_signal(self, at_s: float) -> None:
         state, start = self._controller.state, self._controller.starts_by
         if start != 'signal':
-            self.say(f'a signal, but start is {start}')
+            self.say(f'ignored a signal, since start is {start}')
         elif state is HandoverState.ABORTED:
             self._fault('signal after an abort')
-            self.get_logger().warning('a signal while aborted: not followed before ~/reset')
+            self.get_logger().warning('ignored a signal while aborted; call ~/reset or ~/start')
         elif not self._controller.listens:
             self._fault('signal during a handover')
-            self.get_logger().warning(f'a signal while {state.value}: not followed')
+            self.get_logger().warning(f'ignored a signal while {state.value}')
         else:
             self._controller.signal(at_s)
             if self._controller.returns:
-                self.say('a signal: back to where the last handover began, then the next')
+                self.say(
+                    'signal: going back to the start of the last handover, then the next begins'
+                )
 
     # Services and parameters
 
     def _start(self) -> str:
-        return '' if self._controller.start() else 'a handover is on, or no wrist pose has come'
+        return (
+            ''
+            if self._controller.start()
+            else 'a handover is active, or no wrist pose has been received'
+        )
 
     def _abort(self) -> str:
         self._controller.abort()
@@ -406,7 +414,7 @@ class Dmp(HandoverNode):
         return ''
 
     def _prepare(self, values: Values) -> Callable[[], None]:
-        # always from what was learnt: a shape that once had no weight would be lost
+        # always from the learnt model: a shape that once had no weight would be lost
         options, controller = _options(values), self._controller
         model = _movement(self._learnt, options, values)
         if isinstance(controller, SessionController):
@@ -417,11 +425,11 @@ class Dmp(HandoverNode):
     # Periods
 
     def _ready(self, tick_ns: int) -> bool:
-        """Whether the hand of this period and the arm's answer to the last one are there."""
+        """Whether the hand of this period and the arm's answer to the last one have arrived."""
         hand = self._hands.are_there(tick_ns, self._controller.options.hand_timeout_s)
         answered_ns = self._clock_of_periods.answered_ns
         followed = answered_ns is None or self._phase_rate_ns >= answered_ns
-        # time that went on without an answer went on without the arm's, too
+        # if time moved on without our answer, the arm has not answered either
         missed = answered_ns is not None and tick_ns - answered_ns > 1.5 * self._period_ns
         felt = self._wrench is None or self._wrench.is_there(
             tick_ns, self.values['session.wrench_timeout_s']
@@ -488,7 +496,7 @@ class Dmp(HandoverNode):
         )
 
     def _feel(self) -> None:
-        """Tell the controller the newest force on the wrist."""
+        """Pass the newest force on the wrist to the controller."""
         if self._wrench is None or not isinstance(self._controller, SessionController):
             return
         newest = self._wrench.newest(self._turned)
@@ -496,8 +504,8 @@ class Dmp(HandoverNode):
             self._controller.set_wrench(*newest)
 
     def _tell(self, command: WristCommand, now_s: float, time: Time) -> None:
-        """Say what is only to be looked at, where somebody does."""
-        # in lockstep the same is told again, perhaps to somebody who has come since
+        """Prepare the messages that are for observers only, if there are any."""
+        # in lockstep they may be sent again, also to observers that have joined since
         if self.lockstep or self._phase.get_subscription_count():
             known = {'hand_stamp_s': self._controller.hand_stamp_s, 'period': self._periods.count}
             numbers = {**command.status_values(now_s), **known}
@@ -543,7 +551,7 @@ class Dmp(HandoverNode):
         elif not (woken and self._controller.state is HandoverState.ABORTED):
             return
         if woken:
-            # in each of these periods: the first wrist poses may be of an arm that still braked
+            # in each of these periods, since the first wrist poses may be of an arm still braking
             self._controller.hold()
         else:
             self._controller.abort()
@@ -576,36 +584,36 @@ class Dmp(HandoverNode):
         self.get_logger().warning(
             f'after {controller.session.exchange_timeout_s:g} s of exchange the partner does not '
             f'{does} the object: '
-            + ('goes home with it' if goes else 'holds it, until that, ~/abort or ~/reset')
+            + ('going home with it' if goes else 'holding on until then, ~/abort or ~/reset')
         )
 
     def _in_words(self, state: HandoverState) -> str:
         begins = {
             'signal': f'a signal on {self.named(SIGNAL)}',
-            'motion': 'the hand moves',
-            'service': 'told to by ~/start',
+            'motion': 'a motion of the hand',
+            'service': 'a call of ~/start',
         }[self._controller.starts_by]
         return {
-            HandoverState.IDLE: f'idle, waits for {begins}',
+            HandoverState.IDLE: f'idle, waiting for {begins}',
             HandoverState.PICKING_UP: 'picking up the object',
             HandoverState.REACHING: 'reaching for the hand',
             HandoverState.EXCHANGE: 'exchange',
-            HandoverState.RELEASED: 'released, stands',
+            HandoverState.RELEASED: 'released, standing still',
             HandoverState.WITHDRAWING: 'withdrawing',
-            HandoverState.WAITING: f'home, waits with the take for {begins}',
-            HandoverState.DONE: 'done, holds',
-            HandoverState.ABORTED: 'aborted, holds until ~/start or ~/reset',
+            HandoverState.WAITING: f'home, waiting for {begins} to take',
+            HandoverState.DONE: 'done, holding',
+            HandoverState.ABORTED: 'aborted, holding until ~/start or ~/reset',
         }[state]
 
     def _missing(self) -> str:
         now_s = self.arrival_s()
         if now_s - self._wrist_arrival_s > MISSED_S:
-            topic, name, who = WRIST_POSE, self.named(WRIST_POSE), 'priority_ik'
+            what, name, who = 'wrist', self.named(WRIST_POSE), 'priority_ik'
         elif self._controller.hand_age_s(now_s) > MISSED_S:
-            topic, name, who = HAND_POSE, self._hands.named, 'a tracker'
+            what, name, who = 'hand', self._hands.named, 'a tracker'
         else:
             return ''
-        return f'waits for {topic.meaning.split(",")[0]} on {name}: is {who} running?'
+        return f'waiting for poses of the {what} on {name}: is {who} running?'
 
     def _jumped(self) -> None:
         self._fault('time jumped')
@@ -621,12 +629,12 @@ class Dmp(HandoverNode):
         now_s = self.arrival_s()
         age_s = self._controller.hand_age_s(now_s)
         if self._overdue:
-            faults['the exchange lasts: the partner does not do their part'] = 1
+            faults['the exchange takes too long: waiting for the partner'] = 1
         if age_s > self._controller.hand_timeout_s:
-            faults['no fresh hand: braking'] = 1
+            faults['no recent pose of the hand: braking'] = 1
         unchanged_s = self._controller.hand_unchanged_s
         if self._controller.state in MOVING and unchanged_s > self.values['hand_filter.frozen_s']:
-            faults['hand unchanged to the last bit: a replay at rest, or a tracker that hangs'] = 1
+            faults['hand unchanged to the last bit: a replay at rest, or a frozen tracker'] = 1
         trackers = self._controller.report_trackers(self.now_s())
         faults |= {tracker.fault: 1 for tracker in trackers if tracker.fault}
         values = {

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-The five nodes as five processes: started, watched, ended; none outlives who started them.
+The five nodes as five processes: started, watched, ended. None outlives its parent.
 
-For the demo, the benchmark and the tests. Whoever uses `ros2 launch` has no need of it.
+For the demo, the benchmark and the tests; `ros2 launch` does not need it.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ CALL_TIMEOUT_S = 30.0
 ANSWER_S = 2.0
 END_TIMEOUT_S = 20.0
 STALL_S = 60.0
-# Of a domain of DDS: where its ports begin, how many there are, which the first participant takes.
+# DDS domains: first port, ports per domain, offset of the first participant.
 FIRST_PORT = 7400
 PORTS = 250
 FIRST_PARTICIPANT = 10
@@ -84,12 +84,12 @@ RANGE_VARIABLE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 
 
 class GraphError(HandoverError):
-    """The graph did not start, broke off or did not end as it should; names the node."""
+    """The graph failed to start, to run or to end; names the node."""
 
 
 class Graph:
     """
-    The five nodes, and a look at their topics.
+    The five nodes, with access to their topics.
 
     A context manager: starts them on entry, ends them on exit. With `lockstep` every node waits
     for the others on the simulated time of `robot_sim`, which stands still until `pause(False)`.
@@ -109,12 +109,12 @@ class Graph:
         Prepare the nodes.
 
         Args:
-            folder: gets the parameters and the logs.
+            folder: folder for the parameters and the logs.
             parameters: node to name to value.
-            lockstep: on simulated time; else on the wall clock.
-            nodes: which ones.
-            namespace: that they are in, e.g. `/left`; then their simulated time is their own, too.
-            isolated: whether they keep to themselves; else they find what runs in this domain.
+            lockstep: whether to run on simulated time; if not, on the wall clock.
+            nodes: names of the nodes to start.
+            namespace: their namespace, e.g. `/left`; it has its own simulated time.
+            isolated: whether they run in a domain of their own, in place of the current one.
 
         """
         self._namespace = namespace
@@ -139,12 +139,12 @@ class Graph:
         self.time_s = 0.0
 
     def __enter__(self) -> Graph:
-        """Start the nodes and wait until they hear each other."""
+        """Start the nodes and wait until they have discovered each other."""
         if self._isolated:
             isolate()
         (self._folder / 'logs').mkdir(parents=True, exist_ok=True)
         write_node_parameters(self._folder / 'parameters.yaml', self._parameters)
-        # that of the process for the first graph, one of its own for another beside it
+        # the default context for the first graph, a new one for each further graph
         self._context = Context() if rclpy.ok() else get_default_context()
         rclpy.init(
             args=['--ros-args', *self._remaps],
@@ -159,7 +159,9 @@ class Graph:
         try:
             for name in self._nodes:
                 self.start(name)
-            self._wait_for(self._complete, START_TIMEOUT_S, 'the nodes do not find each other')
+            self._wait_for(
+                self._complete, START_TIMEOUT_S, 'the nodes did not discover each other'
+            )
             if set(self._nodes) == set(NODES):
                 self.wait_for_recorder()
         except BaseException:
@@ -173,7 +175,7 @@ class Graph:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """End the nodes, the recorder last; complain if one did not end cleanly."""
+        """End the nodes, the recorder last; raise an error if one did not end cleanly."""
         codes = self._end()
         wrong = {name: code for name, code in codes.items() if code != 0}
         if wrong and error is None:
@@ -182,7 +184,7 @@ class Graph:
 
     def words(self, name: str) -> list[str]:
         """
-        Tell Python what to run for a node.
+        Return the arguments of Python for a node.
 
         Args:
             name: which.
@@ -206,7 +208,7 @@ class Graph:
             self.processes[name] = subprocess.Popen(
                 [
                     sys.executable, *self.words(name),
-                    # a log that is not empty is one to be read
+                    # only logs with content are kept
                     '--ros-args', '--log-level', 'warn',
                     '--params-file', str(self._folder / 'parameters.yaml'),
                     *self._remaps,
@@ -219,7 +221,7 @@ class Graph:
 
     def spin(self, timeout_s: float = 0.1) -> None:
         """
-        Take in what the nodes say.
+        Process what the nodes publish.
 
         Args:
             timeout_s: longest wait for something, s.
@@ -244,7 +246,7 @@ class Graph:
             request: of type `SetBool.Request`; None: a `Trigger`.
 
         Raises:
-            GraphError: it does not answer, or says no.
+            GraphError: the service does not answer, or fails.
 
         """
         fault = self._ask(service, request=request)
@@ -283,7 +285,7 @@ class Graph:
             timeout_s: longest wait, s.
 
         Raises:
-            GraphError: one of them has not been heard of by then.
+            GraphError: a stream is still missing by then.
 
         """
         deadline_s = monotonic() + timeout_s
@@ -301,7 +303,7 @@ class Graph:
         Stop time, or let it run.
 
         Args:
-            paused: whether it is to stand still.
+            paused: whether time shall stand still.
 
         """
         self.call('robot_sim/pause', SetBool.Request(data=paused))
@@ -340,7 +342,7 @@ class Graph:
 
     def linger(self, duration_s: float) -> None:
         """
-        Let the graph go on for a while.
+        Let the graph run for a while.
 
         Args:
             duration_s: on its clock, s.
@@ -368,7 +370,7 @@ class Graph:
         self.time_s = nanoseconds(message.clock) / NANOSECONDS
 
     def _complete(self) -> bool:
-        """Whether every topic has the ends that it should have."""
+        """Whether every topic has its publishers and subscriptions."""
         if set(self._nodes) != set(NODES):
             there = self.node.get_node_names_and_namespaces()
             return all((name, self._namespace) in there for name in self._nodes)
@@ -382,7 +384,7 @@ class Graph:
         )
 
     def _topics_of_the_hand(self) -> list[Topic]:
-        """Return the topics of all trackers, as their parameters have it."""
+        """Return the topics of all trackers, by their parameters."""
         told = self._parameters['dmp']
         names = told.get('trackers', ['tracker'])
         topics = [str(told.get(f'{name}.topic', HAND_POSE.relative)) for name in names]
@@ -401,21 +403,21 @@ class Graph:
         return f': {lines[-1]}' if lines else ''
 
     def _end(self) -> dict[str, int]:
-        # the recorder last, so that it hears what the others say in the end; of these the arm
-        # first, whose watchdog would else report the end of the commands
+        # the recorder last, so that it records the last messages of the others; the arm first,
+        # since its watchdog would report the end of the commands
         others = [name for name in reversed(self.processes) if name != 'recorder']
         for group in (others, [name for name in self.processes if name == 'recorder']):
             processes = [self.processes[name] for name in group]
             for process in processes:
                 if process.poll() is None:
-                    # a shell's background job has SIGINT ignored, and a node that still starts too
+                    # background jobs of a shell ignore SIGINT, as do nodes that still start
                     process.terminate()
             for process in processes:
                 try:
                     process.wait(END_TIMEOUT_S)
                 except subprocess.TimeoutExpired:
                     process.kill()
-        # as in a node: what hangs in DDS ends here all the same, and says where it was
+        # as in a node: a process that hangs in DDS is ended here, with a traceback
         faulthandler.dump_traceback_later(MAX_END_S, exit=True, file=STDERR)
         try:
             self._executor.shutdown()
@@ -427,10 +429,10 @@ class Graph:
 
 def isolate() -> None:
     """
-    Keep the graph to itself: on this machine alone, in a domain of its own unless one is set.
+    Isolate the graph: on this machine only, in a domain of its own unless one is set.
 
-    Nothing leaves the loopback interface and nothing is left in shared memory. Whoever has chosen
-    a profile of Fast DDS is left alone.
+    Nothing leaves the loopback interface, and nothing is left in shared memory. A profile of
+    Fast DDS that the user has chosen is kept.
     """
     if 'ROS_DOMAIN_ID' not in os.environ:
         os.environ['ROS_DOMAIN_ID'] = str(_free_domain())
@@ -439,11 +441,11 @@ def isolate() -> None:
 
 def isolation(middleware: str, environment: Mapping[str, str]) -> dict[str, str]:
     """
-    Tell what keeps a middleware on this machine.
+    Return the settings that keep a middleware on this machine.
 
     Args:
         middleware: its identifier, e.g. `rmw_fastrtps_cpp`.
-        environment: what is set already.
+        environment: variables that are already set.
 
     Returns:
         Environment variables to set.
@@ -453,7 +455,7 @@ def isolation(middleware: str, environment: Mapping[str, str]) -> dict[str, str]
         return {RANGE_VARIABLE: 'LOCALHOST'}
     if PROFILE_VARIABLE in environment:
         return {}
-    # of the values of the range, only this one leaves the transports to the profile
+    # the only range that leaves the transports to the profile
     profile = share_path('config/fastdds_loopback.xml')
     return {PROFILE_VARIABLE: str(profile), RANGE_VARIABLE: 'SYSTEM_DEFAULT'}
 
@@ -466,8 +468,7 @@ def remaps(namespace: str) -> list[str]:
         namespace: absolute.
 
     Returns:
-        ROS arguments for each of its nodes. In lockstep a graph makes its own time, which is not
-        to be that of another.
+        ROS arguments for each of its nodes. In lockstep each graph has its own time and `/clock`.
 
     """
     if namespace == '/':
@@ -489,7 +490,7 @@ def write_node_parameters(file: Path, parameters: Mapping[str, Mapping[str, Any]
 
 
 def _free_domain() -> int:
-    """Find a domain that nobody on this machine is in, by the port of its first participant."""
+    """Find a domain that is unused on this machine, by the port of its first participant."""
     for offset in range(DOMAINS):
         domain = 1 + (os.getpid() + offset) % DOMAINS
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
@@ -498,4 +499,4 @@ def _free_domain() -> int:
             except OSError:
                 continue
             return domain
-    raise GraphError('every ROS domain of this machine is in use; set ROS_DOMAIN_ID')
+    raise GraphError('all ROS domains of this machine are in use; set ROS_DOMAIN_ID')

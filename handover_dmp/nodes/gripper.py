@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What a node needs to command a gripper: a topic, and an action where there is one."""
+"""Commands to a gripper: by a topic, and by an action if one is named."""
 
 from __future__ import annotations
 
@@ -49,17 +49,17 @@ OF_GRIPPER = (
 
 
 class Gripper:
-    """Tells a gripper what to do, when that changes."""
+    """Commands a gripper whenever the command changes."""
 
     def __init__(self, node: HandoverNode) -> None:
         """
-        Advertise the topic; look for the action where it has a name.
+        Advertise the topic, and connect to the action if one is named.
 
         Args:
             node: with the parameters of `OF_GRIPPER`.
 
         Raises:
-            UsageError: an action is asked for, and `control_msgs` is not installed.
+            UsageError: an action is named, but `control_msgs` is not installed.
 
         """
         self._node = node
@@ -72,11 +72,11 @@ class Gripper:
 
     def command(self, closed: bool) -> None:
         """
-        Close it, or open it.
+        Close or open the gripper.
 
         Args:
-            closed: whether it is to be closed; nothing is said where it has been told so, and a
-                node that was started anew, which cannot know what is in it, does not open it.
+            closed: whether to close it. Repeated commands are not sent, and a restarted node,
+                which cannot know what the gripper holds, does not open it.
 
         """
         before, self._closed = self._closed, closed
@@ -93,13 +93,13 @@ class Gripper:
 
 
 def _action_type() -> Any:
-    # in no wheel; a system's ROS may have it
+    # not in the wheels; a system's ROS may have it
     try:
         return import_module('control_msgs.action').GripperCommand
     except ImportError as error:
         raise UsageError(
-            'session.gripper_action needs control_msgs, which is not installed: leave it empty, '
-            'and listen to gripper/command'
+            'session.gripper_action needs control_msgs, which is not installed; leave it empty, '
+            'and use the topic gripper/command'
         ) from error
 
 

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The hand as trackers tell it: of any type, in any frame, one body among several.
+Poses of the hand from trackers: of any message type, in any frame, one body among several.
 
-For every node that follows the hand. What type the topic has is looked up once a second, so that a
-tracker may be there first or come later.
+For every node that follows the hand. The type of the topic is looked up once a second, so a
+tracker may start before or after the node.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from rclpy.time import Time as RosTime
 
 try:
     import tf2_ros  # type: ignore[import-not-found]
-except ImportError:  # never required: the wheels of ROS 2 have none
+except ImportError:  # optional: the wheels of ROS 2 do not have it
     tf2_ros = None
 
 
@@ -47,10 +47,10 @@ ROUNDING_S = 1e-6
 
 class HandPose(NamedTuple):
     """
-    What a tracker said of the hand.
+    A pose of the hand from a tracker.
 
     Attributes:
-        stamp_ns: when it was measured, ns; the present where it says nothing of that.
+        stamp_ns: time of the measurement, ns; the present if the message has no stamp.
         tracker: name of the tracker.
         pose: in the frame of the node.
 
@@ -63,10 +63,10 @@ class HandPose(NamedTuple):
 
 class HandInputs:
     """
-    Hands on each pose of each tracker; in lockstep, those of a period together.
+    Passes on the poses of all trackers; in lockstep, those of a period together.
 
     Attributes:
-        begun: whether there was one.
+        begun: whether a pose has arrived.
 
     """
 
@@ -82,13 +82,13 @@ class HandInputs:
 
         Args:
             node: with the parameters `HAND`, and `ONE_TRACKER` of each.
-            take: gets each pose, also one that is none; in lockstep when `release` is called.
-            refuse: gets, of each message that was not used, the tracker, and the reason, as a word
+            take: gets each pose, even an invalid one; in lockstep when `release` is called.
+            refuse: gets, for each refused message, the tracker and the reason, as a word
                 and a sentence.
-            look: is called in lockstep when one has come.
+            look: is called in lockstep when a pose has arrived.
 
         Raises:
-            UsageError: the parameters of a tracker make no sense.
+            UsageError: the parameters of a tracker are invalid.
 
         """
         self._node = node
@@ -104,12 +104,12 @@ class HandInputs:
 
     @property
     def begun(self) -> bool:
-        """Whether a tracker has said something."""
+        """Whether a tracker has published a pose."""
         return bool(self._newest_ns)
 
     @property
     def named(self) -> str:
-        """Name the topics that are heard, as they are called where this node is."""
+        """Return the names of the topics, after namespaces and remaps."""
         node = self._node
         topics = [str(node.values[f'{name}.topic']) for name in self._names]
         return ', '.join(map(node.resolve_topic_name, topics))
@@ -118,14 +118,14 @@ class HandInputs:
         self, position: tuple[float, float, float], header: Any
     ) -> tuple[float, float, float] | None:
         """
-        Bring another point that a tracker sees into the frame of the node.
+        Transform another point that a tracker sees to the frame of the node.
 
         Args:
             position: (3,) m.
-            header: names its frame, and when.
+            header: names its frame and the time.
 
         Returns:
-            (3,) m; None where nobody knows where its frame is.
+            (3,) m; None if the transform of its frame is unknown.
 
         """
         if header.frame_id == self._node.frame:
@@ -135,19 +135,19 @@ class HandInputs:
 
     def are_there(self, tick_ns: int, timeout_s: float) -> bool:
         """
-        Tell, in lockstep, whether there is no pose to be waited for.
+        Tell, in lockstep, whether no pose has to be waited for.
 
         Args:
             tick_ns: time of the period, ns.
             timeout_s: age at which the hand is given up, s.
 
         Returns:
-            Whether every tracker's newest pose is there, or given up.
+            Whether the newest pose of every tracker has arrived or is given up.
 
         """
         values = self._node.values
         for name in self._names:
-            # of one that was not heard yet, the first poses after the start of time are missing
+            # a tracker that has not been heard yet may miss the first poses of simulated time
             age_s = (tick_ns - self._newest_ns.get(name, 0)) / NANOSECONDS
             age_s -= values[f'{name}.latency_s']
             period_s = 1.0 / values[f'{name}.rate_hz']
@@ -156,7 +156,7 @@ class HandInputs:
         return True
 
     def release(self) -> None:
-        """Hand on what has come for a period of lockstep, in an order that is always the same."""
+        """Pass on the poses of a period of lockstep, in an order that is always the same."""
         waiting, self._waiting = self._waiting, []
         for pose in sorted(
             waiting, key=lambda one: (one.stamp_ns, self._names.index(one.tracker))
@@ -168,7 +168,7 @@ class HandInputs:
         heard = HandPose(node.hand_stamp_ns(time), name, pose)
         if not node.lockstep:
             self._take(heard)
-        # one is told again, as it may have been lost
+        # poses may be repeated, since they may have been lost
         elif heard.stamp_ns != self._newest_ns.get(name):
             self._waiting.append(heard)
         self._newest_ns[name] = heard.stamp_ns
@@ -177,7 +177,7 @@ class HandInputs:
 
 
 class HandInput:
-    """Hands on each pose of one tracker, its position in the frame of the node."""
+    """Passes on each pose of one tracker, transformed to the frame of the node."""
 
     def __init__(
         self,
@@ -192,11 +192,11 @@ class HandInput:
         Args:
             node: with the parameters `ONE_TRACKER` of it.
             name: of the tracker.
-            take: gets the stamp of each pose, and the pose; also one that is none.
-            refuse: gets, of each message that was not used, the reason, as a word and a sentence.
+            take: gets the stamp of each pose and the pose, even an invalid one.
+            refuse: gets, for each refused message, the reason, as a word and a sentence.
 
         Raises:
-            UsageError: the parameters of the tracker make no sense.
+            UsageError: the parameters of the tracker are invalid.
 
         """
         self._node = node
@@ -220,7 +220,7 @@ class HandInput:
 
     def _listen(self, type_name: str) -> Subscription:
         if type_name not in TYPES:
-            raise UsageError(f'messages of type {type_name}: none of {", ".join(TYPES)}')
+            raise UsageError(f'messages of type {type_name}; expected one of {", ".join(TYPES)}')
 
         def heard(message: Any) -> None:
             self._on(type_name, message)
@@ -229,17 +229,17 @@ class HandInput:
             return self._node.subscribe(HAND_POSE, heard, self._topic, type_name)
         except ImportError as error:
             raise UsageError(
-                f'messages of type {type_name}: their package is not installed here'
+                f'messages of type {type_name}: their package is not installed'
             ) from error
 
     def _look(self) -> None:
-        """Listen to what is published where that is of another type."""
+        """Subscribe to the published type if it is another one."""
         name = self._node.resolve_topic_name(self._topic)
         publishers = self._node.get_publishers_info_by_topic(name)
         types = {publisher.topic_type for publisher in publishers}
         if not types or self._type in types:
             return
-        # DDS allows a process one type a topic
+        # DDS allows one type per topic in a process
         self._node.destroy_subscription(self._subscription)
         self._chooser.names.clear()
         self._type = min(types, key=lambda type_name: (type_name not in TYPES, type_name))
@@ -253,12 +253,12 @@ class HandInput:
     def _on(self, type_name: str, message: Any) -> None:
         pose = self._chooser.choose(bodies(message) or [])
         if isinstance(pose, str):
-            # of messages about one body each, those about others are no concern of ours
+            # messages about single other bodies are ignored
             if pose != 'other_body' or type_name != 'geometry_msgs/msg/TransformStamped':
                 self._refuse(pose, self._of_the_bodies(pose))
             return
         frame = message.header.frame_id
-        # a zero that was moved to another frame would be none
+        # zeros must be noticed before they are moved to another frame
         if frame != self._node.frame and not pose.is_lost:
             place = self.placed(pose.position, message.header)
             if place is None:
@@ -271,14 +271,14 @@ class HandInput:
         self, position: tuple[float, float, float], header: Any
     ) -> tuple[float, float, float] | None:
         """
-        Bring a position into the frame of the node.
+        Transform a position to the frame of the node.
 
         Args:
             position: (3,) m.
-            header: names its frame, another one, and when.
+            header: names its frame, which is another one, and the time.
 
         Returns:
-            (3,) m; None where neither parameters nor tf2 tell where that frame is.
+            (3,) m; None if neither parameters nor tf2 give the transform of that frame.
 
         """
         if header.frame_id in self._transforms:
@@ -300,13 +300,13 @@ class HandInput:
         return FixedTransform((at.x, at.y, at.z), (turn.x, turn.y, turn.z, turn.w))(position)
 
     def _of_the_frame(self, frame: str) -> str:
-        missing = 'tf2_ros is not installed' if tf2_ros is None else 'which knows none'
+        missing = 'tf2_ros is not installed' if tf2_ros is None else 'which does not know it'
         return (
-            f'hand in frame {frame!r}, not {self._node.frame!r}: tell its transform by '
+            f'hand in frame {frame!r}, not {self._node.frame!r}: give its transform by '
             f'{self._name}.frame, {self._name}.position and {self._name}.quaternion, or by tf2 '
             f'({missing})'
         )
 
     def _of_the_bodies(self, reason: str) -> str:
         names = ', '.join(sorted(self._chooser.names)) or 'none'
-        return f'hand {reason.replace("_", " ")}: choose by {self._name}.body; seen are {names}'
+        return f'hand {reason.replace("_", " ")}: set {self._name}.body to one of: {names}'

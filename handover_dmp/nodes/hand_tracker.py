@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Node `hand_tracker`: the recorded wrist of the partner, replayed as a tracker would see it."""
+"""Node `hand_tracker`: replays the recorded wrist of the partner as a tracker would see it."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ SENSOR = (
 
 
 AGAIN_S = 0.05
-"""How often that is said again of which no tracker tells, while it stands still, s."""
+"""Period at which unchanged messages of no tracker are repeated, s."""
 
 
 class HandTracker(HandoverNode):
@@ -160,7 +160,7 @@ class HandTracker(HandoverNode):
         self._demonstrator_pose = self.advertise(DEMONSTRATOR_POSE)
         again_every = max(1, round(values['rate_hz'] * AGAIN_S))
         self._again_every = {self._truth: again_every, self._demonstrator_pose: again_every}
-        if values['source'] != 'bag':  # whose poses are told as they were
+        if values['source'] != 'bag':  # the poses of a bag are published as recorded
             at_rest = max(1, round(values['rate_hz'] / values['rate_at_rest_hz']))
             self._again_every |= dict.fromkeys(self._hand_poses, at_rest)
         self._signal = self.advertise(SIGNAL)
@@ -177,7 +177,7 @@ class HandTracker(HandoverNode):
             self.subscribe(CLOCK, lambda message: periods.ask(nanoseconds(message.clock)))
         else:
             period_s = 1.0 / values['rate_hz']
-            # poses are of whole multiples of the period, so that they are fresh if it ticks there
+            # stamps are whole multiples of the period, so poses are fresh at its ticks
             sleep(period_s - self.now_s() % period_s)
             self.every(period_s, self._tick)
         Diagnostics(self, self._periods, self._condition)
@@ -185,11 +185,11 @@ class HandTracker(HandoverNode):
         shown = ', '.join(publisher.topic_name for publisher in self._hand_poses)
         self.say(
             f'shows the hand of {what or "a synthetic trial"} on {shown}: replays '
-            + ('by itself' if values['replay_at_s'] >= 0.0 else 'when told to by ~/replay')
+            + ('by itself' if values['replay_at_s'] >= 0.0 else 'when ~/replay is called')
         )
 
     def _listen_for_holder(self, played: PlayedSession) -> None:
-        """Hear who holds the object or, where none is simulated, whether the gripper does."""
+        """Subscribe to the holder of the object or, if none is simulated, to the gripper."""
         told = False
 
         def hear_holder(message: String) -> None:
@@ -206,7 +206,9 @@ class HandTracker(HandoverNode):
 
     def _replay(self) -> str:
         if not self._signal.get_subscription_count():
-            self.get_logger().warning(f'nobody hears {self.named(SIGNAL)}: is dmp running?')
+            self.get_logger().warning(
+                f'nobody subscribes to {self.named(SIGNAL)}: is dmp running?'
+            )
         self._begin(self.now_s() + self.values['lead_s'])
         return ''
 
@@ -253,7 +255,7 @@ class HandTracker(HandoverNode):
         self._publish()
 
     def _is_news(self, publisher: Publisher, sample: HandSample) -> bool:
-        """Whether somebody has moved, or has stood still for so long that it is said again."""
+        """Whether the position has changed, or is due to be repeated."""
         place = sample.position.tolist()
         told, at = self._told.get(publisher, (None, 0))
         if place == told and self._periods.count - at < self._again_every.get(publisher, 0):
@@ -277,7 +279,7 @@ class HandTracker(HandoverNode):
 def _played(values: Values) -> PlayedTrial | PlayedSession | PlayedBag:
     if values['source'] == 'bag':
         if not values['bag']:
-            raise UsageError('hand_tracker: source is bag, but the parameter bag names none')
+            raise UsageError('hand_tracker: source is bag, but the parameter bag is empty')
         return PlayedBag(values['bag'])
     sensors = [_sensor(name, values) for name in values['trackers']]
     if values['source'] == 'session':

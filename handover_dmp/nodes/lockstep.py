@@ -53,17 +53,17 @@ class Lockstep:
         jumped: Callable[[], None] = lambda: None,
     ) -> None:
         """
-        Take what to do.
+        Set up the answers.
 
         Args:
             period_s: s.
             answer: computes and publishes the answer to a period, given its time, ns, and the
                 time since the last one answered, s.
-            again: publishes the last answer again.
-            patience_s: how long to ask in vain before there is an answer without an input, s.
-            begun: whether every input has come once; before that there is no answer.
-            ready: whether all that the answer needs is there.
-            jumped: called before the answer where time went back or far ahead.
+            again: repeats the last answer.
+            patience_s: returns how long to wait for an input before answering without it, s.
+            begun: tells whether every input has arrived once; before that there is no answer.
+            ready: tells whether all inputs of the answer have arrived.
+            jumped: called before the answer if time went back or far ahead.
 
         """
         self._period_ns = round(period_s * NANOSECONDS)
@@ -81,7 +81,7 @@ class Lockstep:
 
     def ask(self, tick_ns: int) -> None:
         """
-        Be asked for the answer to a period.
+        Receive the request for the answer to a period.
 
         Args:
             tick_ns: its time, ns.
@@ -93,7 +93,7 @@ class Lockstep:
         if tick_ns == self._asked_ns:
             self._times_asked += 1
         else:
-            # asked once is not enough: what the answer needs may just have been on its way
+            # a single request is not enough, since the inputs may still be on their way
             waited = self._asked_ns != self.answered_ns and self._times_asked > 1
             self._left_behind = waited and self._asked_ns is not None and tick_ns > self._asked_ns
             self._asked_ns = tick_ns
@@ -101,7 +101,7 @@ class Lockstep:
         self.look()
 
     def look(self) -> None:
-        """Answer if that is due and possible; to be called whenever an input came."""
+        """Answer if that is due and possible; call it whenever an input has arrived."""
         tick_ns = self._asked_ns
         if tick_ns is None or tick_ns == self.answered_ns:
             return
@@ -121,7 +121,7 @@ class Lockstep:
         self._answer(tick_ns, elapsed_ns / NANOSECONDS)
 
     def _waited_in_vain(self) -> bool:
-        # counted in askings, not by a clock: where all nodes stood still, nobody was slow
+        # counted in requests, not in time: if all nodes stood still, none was slow
         patience_s = self._patience_s()
         if self._gone:
             patience_s = min(patience_s, PATIENCE_WHEN_GONE_S)
@@ -129,18 +129,18 @@ class Lockstep:
 
 
 class Pace:
-    """Keeps simulated time at a multiple of the wall clock's, on average."""
+    """Keeps simulated time at a multiple of wall clock time, on average."""
 
     def __init__(self) -> None:
-        """Begin with nothing due."""
+        """Start without a schedule."""
         self._due_s = -inf
 
     def wait_s(self, now_s: float, period_s: float) -> float:
         """
         Tell how long to wait before the next period.
 
-        A period that came late is made up by the next ones; later than `MAX_LATENESS_S`, as
-        after a pause, time goes on from where it is.
+        The next periods make up for a late one. Delays above `MAX_LATENESS_S`, as
+        after a pause, are not made up.
 
         Args:
             now_s: on a monotonic clock, s.

@@ -15,7 +15,7 @@
 """
 The scene for RViz and Foxglove.
 
-Hand, wrist, their trails, the learnt path, where they are expected to meet, the exchange.
+Hand, wrist, their trails, the learnt path, the expected goal and the exchange position.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ GREEN = (0.17, 0.63, 0.17)
 TRAIL_LENGTH = 200
 EVERY = 10
 AGAIN = 200
-"""Periods after which what has not moved is shown again, to who looks since."""
+"""Periods after which unmoved markers are repeated, for new subscribers."""
 MOVED_M = 0.001
 BALL_M = 0.05
 LINE_M = 0.008
@@ -49,20 +49,20 @@ Colour = tuple[float, float, float]
 
 
 class Markers:
-    """Publishes the scene at a tenth of the rate that it is fed at, while something moves."""
+    """Publishes the scene at a tenth of the rate of its updates, while something moves."""
 
     def __init__(self, node: HandoverNode, learnt_path: Sequence[Position]) -> None:
         """
-        Take what never changes.
+        Set what never changes.
 
         Args:
-            node: publishes them.
+            node: node that publishes the markers.
             learnt_path: the learnt movement, (n, 3), m.
 
         """
         self._publisher = node.advertise(MARKERS)
         self._frame = node.frame
-        # kept and filled anew, since making them takes half as long as sending them
+        # messages are reused, since making them takes half as long as sending them
         self._path = _marker('learnt path', Marker.LINE_STRIP, GREY, LINE_M)
         self._path.points = [_point(place) for place in learnt_path]
         self._exchange = _marker('exchange', Marker.SPHERE, GOLD, BALL_M)
@@ -84,14 +84,14 @@ class Markers:
         meeting_point: Position | None = None,
     ) -> None:
         """
-        Show where all is now.
+        Update the scene.
 
         Args:
             time: stamp of the markers.
-            hand: of the partner, m.
-            wrist: of the robot, m.
-            exchange_position: where the object changed hands, m.
-            meeting_point: where the wrist is expected to meet the hand, m.
+            hand: position of the partner's hand, m.
+            wrist: position of the robot's wrist, m.
+            exchange_position: position of the exchange, m.
+            meeting_point: expected goal, m.
 
         """
         self._count += 1
@@ -102,7 +102,7 @@ class Markers:
             return
         self._shown, self._shown_at = places, self._count
         markers = [self._path]
-        if self._exchanged and exchange_position is None:  # another handover
+        if self._exchanged and exchange_position is None:  # a new handover
             self._hand.clear()
             self._wrist.clear()
             markers.append(Marker(ns='exchange', action=Marker.DELETE))
@@ -124,14 +124,14 @@ class Markers:
 
 
 class _Trail:
-    """A ball, and a line behind it."""
+    """A ball with its trail."""
 
     def __init__(self, name: str, colour: Colour) -> None:
         self._ball = _marker(name, Marker.SPHERE, colour, BALL_M)
         self._line = _marker(f'{name} trail', Marker.LINE_STRIP, colour, LINE_M)
 
     def to(self, place: Position | None) -> list[Marker]:
-        """Go on to a place, m; give what is to be shown, nothing where that is not known."""
+        """Move to a position, m, and return the markers; None if it is unknown: no markers."""
         if place is None:
             return []
         self._ball.pose.position = point = _point(place)
@@ -140,7 +140,7 @@ class _Trail:
         return [self._ball, self._line]
 
     def clear(self) -> None:
-        """Forget where it was."""
+        """Clear the trail."""
         self._line.points.clear()
 
 

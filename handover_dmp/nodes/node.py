@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the five nodes share: parameters with defaults, topics by the one table, two clocks."""
+"""Base class of the nodes: parameters with defaults, topics, services, two clocks."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ from rclpy.timer import Timer
 from std_srvs.srv import SetBool, Trigger
 
 LOOKS_BEFORE_WARNING = 5
-"""Seconds in vain, one look each, after which a node warns."""
+"""Looks without success, one per second, after which a node warns."""
 LOOKS_IN_VAIN = 15
-"""Seconds after which it warns again."""
+"""Seconds after which the warning is repeated."""
 MISSED_S = 1.0
-"""Age of an input that is missing."""
+"""Age at which an input counts as missing, s."""
 
 
 class HandoverNode(Node):  # type: ignore[misc]
@@ -58,10 +58,10 @@ class HandoverNode(Node):  # type: ignore[misc]
     A node of the graph.
 
     Attributes:
-        NAME: of the node, and of its section in `config/handover.yaml`.
-        PARAMETERS: what it declares beyond what all nodes do.
-        OF_EACH_TRACKER: those that it has for each of its `trackers`.
-        MAKES_TIME: whether the others follow its `/clock` in lockstep.
+        NAME: name of the node and of its section in `config/handover.yaml`.
+        PARAMETERS: its parameters beyond those of all nodes.
+        OF_EACH_TRACKER: its parameters for each of its `trackers`.
+        MAKES_TIME: whether the other nodes follow its `/clock` in lockstep.
 
     """
 
@@ -81,13 +81,13 @@ class HandoverNode(Node):  # type: ignore[misc]
         self.lockstep: bool = self.values['lockstep']
         self.simulated: bool = self.get_parameter('use_sim_time').value
         if self.lockstep and not (self.simulated or self.MAKES_TIME):
-            raise UsageError(f'{self.NAME}: lockstep is for use_sim_time alone')
+            raise UsageError(f'{self.NAME}: lockstep needs use_sim_time:=true')
         self.add_on_set_parameters_callback(_keep_the_clock)
         self.once_per_second = OncePerSecond(self)
 
     def say(self, text: str) -> None:
         """
-        Log what somebody who looks on wants to know: the start, a change, the end.
+        Log information for the user: the start, a change, the end.
 
         Args:
             text: one line.
@@ -99,11 +99,11 @@ class HandoverNode(Node):  # type: ignore[misc]
         self, missing: Callable[[], str], looks_before: int = LOOKS_BEFORE_WARNING
     ) -> None:
         """
-        Warn of what this node waits for in vain, after some seconds and then now and again.
+        Warn about missing inputs, after some seconds and then repeatedly.
 
         Args:
-            missing: names it, with who should send it; empty while nothing is missing.
-            looks_before: seconds in vain, one look each, after which it warns.
+            missing: describes the missing input and its sender; empty while nothing is missing.
+            looks_before: looks without success, one per second, after which it warns.
 
         """
         looks = 0
@@ -119,12 +119,12 @@ class HandoverNode(Node):  # type: ignore[misc]
 
     def say_changes(self, doing: Callable[[], str], fault: Callable[[], str]) -> None:
         """
-        Log what a node does when that has changed, once a second at most.
+        Log changes of what a node does, at most once a second.
 
         Args:
-            doing: says what, while nothing is wrong.
-            fault: says what is wrong; empty while nothing is. A warning, save before all was well
-                for the first time.
+            doing: describes what the node does while there is no fault.
+            fault: describes the fault; empty while there is none. It is logged as a warning,
+                except before the node first worked.
 
         """
         last: str | None = None
@@ -143,7 +143,7 @@ class HandoverNode(Node):  # type: ignore[misc]
 
     def named(self, topic: Topic) -> str:
         """
-        Name a topic as this node has it.
+        Return the name of a topic for this node.
 
         Args:
             topic: which.
@@ -156,15 +156,15 @@ class HandoverNode(Node):  # type: ignore[misc]
 
     def set_parameters_atomically(self, parameter_list: list[RosParameter]) -> SetParametersResult:
         """
-        Set parameters, all or none; what is as it is to be changes nothing, also if it is fixed.
+        Set parameters, all or none; unchanged values are accepted even for fixed parameters.
 
-        So the dump of a node can be loaded again.
+        The dump of a node can therefore be loaded again.
 
         Args:
-            parameter_list: what they are to be.
+            parameter_list: the requested values.
 
         Returns:
-            Whether they were set, else the reason.
+            Whether they were set; if not, the reason.
 
         """
         changes = [
@@ -178,7 +178,7 @@ class HandoverNode(Node):  # type: ignore[misc]
         return super().set_parameters_atomically(changes)
 
     def finish(self) -> None:
-        """Do what is to be done before the end, while all others can still hear of it."""
+        """Do the last work before the end, while the other nodes can still receive it."""
         self.once_per_second.finish()
         self.say('ends')
 
@@ -188,7 +188,7 @@ class HandoverNode(Node):  # type: ignore[misc]
 
         Args:
             topic: which.
-            name: where it has another one.
+            name: its name, if it differs from that of `topic`.
 
         Returns:
             Its publisher.
@@ -207,8 +207,8 @@ class HandoverNode(Node):  # type: ignore[misc]
         Args:
             topic: which.
             callback: gets each message.
-            name: where it has another one.
-            type_name: of its messages, where that is another.
+            name: its name, if it differs from that of `topic`.
+            type_name: type of its messages, if it differs from that of `topic`.
 
         Returns:
             Its subscription.
@@ -226,8 +226,8 @@ class HandoverNode(Node):  # type: ignore[misc]
         Offer a service `~/name` of type `std_srvs/Trigger`.
 
         Args:
-            name: of the service.
-            action: does it; returns what hindered it, or nothing.
+            name: name of the service.
+            action: does the work; returns the reason if it failed, or an empty string.
 
         """
 
@@ -243,8 +243,8 @@ class HandoverNode(Node):  # type: ignore[misc]
         Offer a service `~/name` of type `std_srvs/SetBool`.
 
         Args:
-            name: of the service.
-            switch: takes what is asked for.
+            name: name of the service.
+            switch: gets the requested value.
 
         """
 
@@ -257,12 +257,12 @@ class HandoverNode(Node):  # type: ignore[misc]
 
     def every(self, period_s: float, callback: Callable[[], None], *, wall: bool = False) -> Timer:
         """
-        Call something at a steady rate, and do the housekeeping after it.
+        Call a function at a steady rate, and do the housekeeping after it.
 
         Args:
             period_s: s.
             callback: what to call.
-            wall: on the wall clock, also where time is simulated.
+            wall: whether to use the wall clock even if time is simulated.
 
         Returns:
             The timer.
@@ -283,10 +283,10 @@ class HandoverNode(Node):  # type: ignore[misc]
 
     def hand_stamp_ns(self, stamp: Time) -> int:
         """
-        Tell the time of a message about the hand, by the parameter `hand_stamps`.
+        Return the time of a message about the hand, by the parameter `hand_stamps`.
 
         Args:
-            stamp: of its header; zero stands for the present.
+            stamp: stamp of its header; zero: the present.
 
         Returns:
             Time on this node's clock, ns.
@@ -296,55 +296,57 @@ class HandoverNode(Node):  # type: ignore[misc]
 
     def is_stamped(self, stamp: Time) -> bool:
         """
-        Tell whether a message about the hand says its time, by the parameter `hand_stamps`.
+        Tell whether a message about the hand has a stamp, by the parameter `hand_stamps`.
 
         Args:
-            stamp: of its header.
+            stamp: stamp of its header.
 
         Returns:
-            Whether; else its time is that of its arrival.
+            Whether it has; if not, its time is that of its arrival.
 
         """
         return self.values['hand_stamps'] == 'header' and nanoseconds(stamp) != 0
 
     def now_ns(self) -> int:
-        """Return the time of stamps, ns."""
-        # what the clock of rclpy says, in a fiftieth of the time
+        """Return the current time on the clock of stamps, ns."""
+        # same as the clock of rclpy, in a fiftieth of the time
         return int(self.get_clock().now().nanoseconds) if self.simulated else time_ns()
 
     def now_s(self) -> float:
-        """Return the time of stamps, s."""
+        """Return the current time on the clock of stamps, s."""
         return self.now_ns() / NANOSECONDS
 
     def arrival_s(self) -> float:
-        """Return the time that ages are counted in, s: never set back, unless it is simulated."""
+        """Return the time on the clock of ages, s, which is monotonic unless it is simulated."""
         return self.now_s() if self.simulated else monotonic()
 
 
 class Dated:
-    """A callback of a subscription that asks when each message was published."""
+    """A callback of a subscription that also receives when each message was published."""
 
-    # what rclpy goes by
+    # rclpy looks at this
     __signature__ = signature(lambda _message, _info: None)
 
     def __init__(self, callback: Callable[[Any, int], None]) -> None:
         """
-        Take what is to be called.
+        Wrap a callback.
 
         Args:
-            callback: gets each message, and when it was published by the clock of who did, ns.
+            callback: gets each message and its time of publication, by the sender's clock, ns.
 
         """
         self._callback = callback
 
     def __call__(self, *told: Any) -> None:
-        """Hand on a message."""
-        # the events executor hands on both as one
+        """Pass on a message."""
+        # the events executor passes both in one tuple
         message, info = told if len(told) == 2 else told[0]
         self._callback(message, info['source_timestamp'])
 
 
 def _keep_the_clock(requested: list[RosParameter]) -> SetParametersResult:
     if any(parameter.name == 'use_sim_time' for parameter in requested):
-        return SetParametersResult(successful=False, reason='use_sim_time is for the start alone')
+        return SetParametersResult(
+            successful=False, reason='use_sim_time can only be set at the start'
+        )
     return SetParametersResult(successful=True)

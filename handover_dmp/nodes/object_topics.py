@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The topics of a session, where `robot_sim` simulates the object that is handed over."""
+"""The topics of a session in which `robot_sim` simulates the object."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from std_msgs.msg import Bool, String
 
 OBJECT = parameters_from(CarriedObjectOptions, PartnerGripOptions)
 TRUTH_LOST_S = 0.2
-"""A hand whose truth was not told for longer is where its tracker sees it, s."""
+"""Age of the true pose of the hand beyond which that of the tracker is used, s."""
 
 
 def carried_object(values: Values) -> CarriedObjectOptions:
@@ -49,13 +49,13 @@ def carried_object(values: Values) -> CarriedObjectOptions:
     Read the parameters of the object.
 
     Args:
-        values: of the node.
+        values: parameters of the node.
 
     Returns:
-        What is handed over, and how the partner does it.
+        The object and how the partner handles it.
 
     Raises:
-        UsageError: an object that cannot be.
+        UsageError: the object is invalid.
 
     """
     partner = PartnerGripOptions(**parameters_of(PartnerGripOptions, values))
@@ -63,15 +63,15 @@ def carried_object(values: Values) -> CarriedObjectOptions:
 
 
 class ObjectTopics:
-    """Tells of the object, hears of gripper and hand; does nothing where there is no object."""
+    """Publishes the object, subscribes to gripper and hand; does nothing without an object."""
 
     def __init__(self, node: HandoverNode, arm: SimulatedArm) -> None:
         """
         Connect the topics.
 
         Args:
-            node: whose they are.
-            arm: that carries the object.
+            node: node of the topics.
+            arm: arm that carries the object.
 
         """
         self._node, self._arm = node, arm
@@ -107,10 +107,10 @@ class ObjectTopics:
 
     def before(self, period_ns: int) -> None:
         """
-        Move the partner's hand, before a period in lockstep passes.
+        Move the partner's hand, before a period of lockstep.
 
-        To where it was one period before: that has come for sure, so that the same run is the
-        same again.
+        It moves to its position of one period before, which has arrived for sure, so that runs
+        are reproducible.
 
         Args:
             period_ns: start of the period, ns.
@@ -123,10 +123,10 @@ class ObjectTopics:
 
     def tell(self, time: Time) -> None:
         """
-        Publish what acts on the wrist, where the object is, and who has it if that is new.
+        Publish the wrench on the wrist, the pose of the object, and its holder if it changed.
 
         Args:
-            time: of both.
+            time: stamp of both.
 
         """
         if not self._arm.carries:

@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-What a node does once a second beside its work, in the pause between two periods.
+Work of a node that is due once a second, done in the pause between two periods.
 
-Also when it starts and before it ends, so that a run that is over within a second lacks nothing.
+It is also done at the start and before the end, so that runs of less than a second lack nothing.
 
-A timer of its own would keep its place relative to the timer of the periods, since a second is a
-whole number of them: where the two coincide, they do so every second, and one period in two
-hundred is late, the next one early.
+A separate timer would keep its phase relative to the timer of the periods, since a second is a
+whole number of them: if the two coincided, they would do so every second, and one period in two
+hundred would be late, the next one early.
 """
 
 from __future__ import annotations
@@ -34,19 +34,19 @@ INTERVAL_S = 1.0
 
 class OncePerSecond:
     """
-    Does its jobs once a second, right after a period; without periods, when it is time.
+    Does its jobs once a second, right after a period; without periods, on a timer.
 
     Attributes:
-        stage: of the node's life: `start`, `running` or `end`.
+        stage: stage of the node: `start`, `running` or `end`.
 
     """
 
     def __init__(self, node: Node) -> None:
         """
-        Begin without jobs.
+        Start without jobs.
 
         Args:
-            node: whose executor does them.
+            node: node whose executor does them.
 
         """
         self.stage = 'start'
@@ -57,10 +57,10 @@ class OncePerSecond:
 
     def add(self, job: Callable[[], object]) -> None:
         """
-        Have one thing more done.
+        Add a job.
 
         Args:
-            job: does it, in much less than a period.
+            job: function that takes much less than a period.
 
         """
         self._jobs.append(job)
@@ -76,10 +76,10 @@ class OncePerSecond:
         self._do_all()
 
     def period_ended(self) -> None:
-        """Do what is due."""
+        """Do the jobs that are due."""
         if self._due:
             self._due = False
-            # so that the next reminder, too, comes in such a pause
+            # so that the next reminder also comes in such a pause
             self._timer.reset()
             self._do_all()
 
@@ -88,6 +88,6 @@ class OncePerSecond:
             job()
 
     def _remind(self) -> None:
-        # what no period has done by now
+        # jobs that no period has done by now
         self.period_ended()
         self._due = True

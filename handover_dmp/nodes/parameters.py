@@ -55,10 +55,10 @@ class Parameter(Setting):
 
     def descriptor(self, default: Any) -> ParameterDescriptor:
         """
-        Say it as ROS does.
+        Make the descriptor of ROS.
 
         Args:
-            default: its default, which sets its type.
+            default: default value, which sets the type.
 
         Returns:
             The descriptor.
@@ -84,13 +84,13 @@ class Parameter(Setting):
 
     def meant(self, value: Any) -> Any:
         """
-        Take a bare `off` for the word, which YAML takes for false.
+        Read a bare `off` as the word; YAML reads it as false.
 
         Args:
-            value: as ROS has it.
+            value: value from ROS.
 
         Returns:
-            What is meant by it.
+            The intended value.
 
         """
         return OFF if value is False and OFF in self.choices else value
@@ -98,11 +98,11 @@ class Parameter(Setting):
 
 def parameters_from(*kinds: type[Any], names: Collection[str] = ()) -> tuple[Parameter, ...]:
     """
-    Take parameters from where they stand.
+    Collect the parameters of dataclasses.
 
     Args:
         kinds: dataclasses with fields made by `setting`.
-        names: which of them; all if left out.
+        names: names of the parameters to collect; default: all.
 
     Returns:
         The parameters, each once.
@@ -186,15 +186,15 @@ def declare(
     Declare parameters with the defaults of `config/handover.yaml`.
 
     Args:
-        node: whose section it is, by its class's `NAME`.
-        parameters: what to declare.
-        defaults_from: other defaults than those of `config/handover.yaml`.
+        node: node; its class's `NAME` is the section.
+        parameters: parameters to declare.
+        defaults_from: defaults in place of those of `config/handover.yaml`.
 
     Returns:
         Name to value.
 
     Raises:
-        UsageError: a value given at the start is of the wrong type, out of range or no choice.
+        UsageError: a value has the wrong type, is out of range or not one of the choices.
 
     """
     section = defaults(node.NAME) if defaults_from is None else defaults_from
@@ -215,7 +215,7 @@ def _declare(node: Node, parameter: Parameter, default: Any) -> Any:
     descriptor = parameter.descriptor(default)
     if not isinstance(default, str):
         return node.declare_parameter(parameter.name, default, descriptor).value
-    # once it is read-only it could not be written as a file of a dump needs it
+    # written before it becomes read-only, in the form that a dump needs
     free = ParameterDescriptor(
         description=parameter.description, dynamic_typing=descriptor.dynamic_typing
     )
@@ -230,15 +230,15 @@ def _declare(node: Node, parameter: Parameter, default: Any) -> Any:
 
 def quoted(text: str) -> str:
     """
-    Put a text in quotes where `ros2 param load` would take it for something that is no value.
+    Quote a text that `ros2 param load` would not read as a value.
 
-    It reads each value of a file once more as YAML: JSON would become a mapping.
+    It parses each value of a file as YAML again: JSON would become a mapping.
 
     Args:
         text: value of a parameter.
 
     Returns:
-        A text that is read as the one given.
+        A text that is read as `text`.
 
     """
     try:
@@ -259,7 +259,7 @@ def unquoted(text: str) -> str:
         text: value of a parameter.
 
     Returns:
-        The text within the quotes; as it is where there are none of that kind.
+        The text within the quotes; unchanged if `quoted` has not added any.
 
     """
     if text.startswith('"'):
@@ -272,11 +272,11 @@ def unquoted(text: str) -> str:
 
 def is_as_it_was(wanted: RosParameter, present: RosParameter) -> bool:
     """
-    Tell whether a parameter has a value already, as it is or as `ros2 param load` reads it.
+    Tell whether a parameter already has a value, as it is or as `ros2 param load` reads it.
 
     Args:
-        wanted: what it is to be.
-        present: what it is.
+        wanted: the requested value.
+        present: the current value.
 
     Returns:
         Whether nothing would change.
@@ -290,7 +290,7 @@ def is_as_it_was(wanted: RosParameter, present: RosParameter) -> bool:
 
 
 TRACKER = 'tracker.'
-"""What the names of the parameters of a tracker begin with where no other name is told."""
+"""Default prefix of the parameters of a tracker."""
 
 
 def is_of_tracker(name: str) -> bool:
@@ -298,10 +298,10 @@ def is_of_tracker(name: str) -> bool:
     Tell whether a parameter is one that each tracker has.
 
     Args:
-        name: of the parameter, whatever the name of the tracker.
+        name: name of the parameter, with any name of a tracker.
 
     Returns:
-        Whether.
+        Whether each tracker has it.
 
     """
     _, _, of_tracker = name.partition('.')
@@ -310,22 +310,22 @@ def is_of_tracker(name: str) -> bool:
 
 
 WITHOUT_DEFAULT = ('initial_positions',)
-"""Parameters whose default the arm has, and not `config/handover.yaml`."""
+"""Parameters whose default comes from the arm, not from `config/handover.yaml`."""
 
 
 def check_names(node: Node, arguments: Sequence[str], own: Collection[str] = ()) -> None:
     """
-    Refuse what gives the node a parameter which it does not have.
+    Refuse parameters that the node does not have.
 
     Args:
         node: the node, by its class's `NAME`.
-        arguments: words of the process; files are those after `--params-file`, single parameters
-            those after `-p`.
-        own: parameters that it has beside those of `config/handover.yaml`.
+        arguments: arguments of the process; files follow `--params-file`, single parameters
+            follow `-p`.
+        own: its parameters besides those of `config/handover.yaml`.
 
     Raises:
-        UsageError: such a name after `-p` or in a section of this node; in one of many nodes, a
-            name that is nearly the one of a parameter, for others may have those that are not.
+        UsageError: an unknown name after `-p` or in a section of this node; in a section of many
+            nodes only a name that is nearly a known one, since other nodes may have the rest.
 
     """
     own = {*defaults(node.NAME), DURATION_SCALE, *WITHOUT_DEFAULT, *own}
@@ -340,7 +340,7 @@ def check_names(node: Node, arguments: Sequence[str], own: Collection[str] = ())
 
 
 def _single_fault(node: Node, word: str, own: Collection[str]) -> str:
-    """Say what is wrong with `name:=value`, or with `node:name:=value`."""
+    """Return the fault of `name:=value`, or of `node:name:=value`."""
     meant, _, name = word.partition(':=')[0].rpartition(':')
     if meant.rpartition('/')[2] not in ('', node.get_name()):
         return ''
@@ -351,20 +351,20 @@ def _file_fault(node: Node, file: str, own: Collection[str]) -> str:
     try:
         found = sections(load_plain(Path(file).read_text(encoding='utf-8')))
     except (DataError, OSError, UnicodeDecodeError):
-        # What rcl understands and this does not, it has read already.
+        # rcl has already read what it understands and this parser does not.
         return ''
     name = node.get_fully_qualified_name()
     meant = [s.node for s in found if s.node.rpartition('/')[2] == node.get_name()]
     if meant and not any(section.is_for(name) for section in found if section.node in meant):
         node.get_logger().warning(
-            f'{file}: {", ".join(meant)} is not for {name}, which is in another namespace: '
-            f'{ANYWHERE}{node.get_name()} would be'
+            f'{file}: {", ".join(meant)} does not apply to {name}, which is in another namespace: '
+            f'use {ANYWHERE}{node.get_name()}'
         )
     everybody = set(own).union(*(defaults(other) for other in node_names()))
     for section in found:
         if section.is_for(name):
             many = section.is_for_many
-            # what is told of trackers there, others may follow
+            # parameters of trackers may be meant for other nodes
             names = [each for each in section.values if not (many and is_of_tracker(each))]
             fault = unknown_parameter(names, everybody if many else own, for_many=many)
             if fault:
@@ -376,14 +376,13 @@ def on_change(
     node: Node, parameters: Sequence[Parameter], prepare: Callable[[Values], Callable[[], None]]
 ) -> None:
     """
-    Let parameters be changed while the node runs, all of one request or none.
+    Accept changes of parameters while the node runs, all of a request or none.
 
     Args:
         node: the node.
-        parameters: those it declared.
-        prepare: gets every value, the new ones among them, and either returns what takes them
-            all, once nobody else has refused the request, or raises a `HandoverError` or
-            `ValueError`.
+        parameters: its declared parameters.
+        prepare: gets all values, including the new ones. It returns a function that applies
+            them once the request is accepted, or raises a `HandoverError` or `ValueError`.
 
     """
     prepared: list[Callable[[], None]] = []

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Node `priority_ik`: the command of the wrist in, joint velocities out; the wrist as measured."""
+"""Node `priority_ik`: computes joint velocities from wrist commands, publishes the wrist."""
 
 from __future__ import annotations
 
@@ -76,15 +76,15 @@ from rclpy.duration import Duration
 from sensor_msgs.msg import JointState
 
 MAX_STEP = 4.0
-"""Longest time that one step may cover, in periods."""
+"""Maximum duration of one step, periods."""
 MAX_DELIVERY_S = 1.0
-"""Longest wait, at the end, for the driver to have the last command, s."""
+"""Maximum wait at the end until the driver has the last command, s."""
 COARSE = 0.8
-"""Step of simulated time that is too long, as a share of the age that an input may have."""
+"""Step of simulated time that is too long, as a share of the maximum age of an input."""
 OVERDUE_AT_REST = 8.0
-"""The same, in periods, for an arm that stands where it is told to."""
+"""Maximum duration of one step of an arm that stands at its target, periods."""
 OVERDUE = 1.5
-"""Periods without a step after which the watchdog makes one."""
+"""Periods without a step after which the watchdog steps."""
 TIMEOUTS = parameters_from(WristControllerOptions)
 TASK_PARAMETERS = parameters_from(*TASKS)
 
@@ -169,10 +169,11 @@ class PriorityIkNode(HandoverNode):
         self.warn_when_in_vain(self._missing)
         if self.simulated and not self.lockstep:
             self.warn_when_in_vain(self._coarse_time, looks_before=2)
-        self.say_changes(lambda: f'follows {self.named(POSE_COMMAND)}', lambda: self._fault)
+        self.say_changes(lambda: f'following {self.named(POSE_COMMAND)}', lambda: self._fault)
         self.say(
-            f'moves {self._model.wrist_frame} of {self._model.name} in frame {self.frame}: hears '
-            f'{self.named(JOINT_STATES)}, {self.named(POSE_COMMAND)} and {self._hands.named}'
+            f'moves {self._model.wrist_frame} of {self._model.name} in frame {self.frame}; '
+            f'listens to {self.named(JOINT_STATES)}, {self.named(POSE_COMMAND)} and '
+            f'{self._hands.named}'
         )
 
     def _missing(self) -> str:
@@ -182,11 +183,11 @@ class PriorityIkNode(HandoverNode):
             ('wrist command', POSE_COMMAND, 'dmp'),
         ):
             if ages[age] > MISSED_S:
-                return f'waits for {age} on {self.named(topic)}: is {who} running?'
+                return f'waiting for {age} on {self.named(topic)}: is {who} running?'
         return ''
 
     def _coarse_time(self) -> str:
-        """Say so where the clock goes on by more at once than an input may be old."""
+        """Return a warning if the clock steps by more than the maximum age of an input."""
         steps_s, self._clock_steps_s = self._clock_steps_s, []
         options = self._controller.options
         limit_s = min(options.joint_state_timeout_s, options.command_timeout_s)
@@ -194,8 +195,8 @@ class PriorityIkNode(HandoverNode):
         if step_s <= COARSE * limit_s:
             return ''
         return (
-            f'/clock goes on by {step_s:.3f} s at once, and an input may be {limit_s:g} s old: '
-            'the arm brakes again and again; publish it more often, as ros2 bag play --clock 100'
+            f'/clock advances by steps of {step_s:.3f} s, and inputs expire after {limit_s:g} s, '
+            'so the arm brakes repeatedly; publish it more often, e.g. ros2 bag play --clock 100'
         )
 
     def _connect(self) -> None:
@@ -255,7 +256,7 @@ class PriorityIkNode(HandoverNode):
         elif (twist := self._twist_of_pose()) is not None:
             self._pair = self._pose, twist, self.arrival_s()
             self._pose = None
-            # of commands that come in a burst after a stall, the watchdog takes the newest
+            # commands may arrive in a burst after a stall; the watchdog takes the newest
             if self._since_step_s() >= 0.5 * self._period_s:
                 self._tick()
                 self._commanded = True
@@ -294,19 +295,19 @@ class PriorityIkNode(HandoverNode):
         self._controller.set_elbow(np.array(place), arrival_s)
 
     def _twist_of_pose(self) -> TwistStamped | None:
-        """Return the twist of the same command as the newest pose, if both are there."""
+        """Return the twist that belongs to the newest pose, if both have arrived."""
         pose, twist = self._pose, self._twist
         one = pose is not None and twist is not None and pose.header.stamp == twist.header.stamp
         return twist if one else None
 
     def _awaits_twist(self) -> bool:
-        """Whether the twist of the newest pose, where twists come, gets one more period."""
+        """Whether to wait one more period for the twist of the newest pose."""
         late = self._twist is not None and self._twist_of_pose() is None
         self._twist_awaited = late and not self._twist_awaited
         return self._twist_awaited
 
     def _take(self, pose: PoseStamped, twist: TwistStamped | None, arrival_s: float) -> None:
-        """Hand a command on; without a twist, the wrist is to come to rest there."""
+        """Pass on a command; without a twist, the wrist shall come to rest there."""
         linear, angular = np.zeros(3), np.zeros(3)
         if twist is not None:
             linear, angular = map(np.array, velocities_of(twist))
@@ -332,7 +333,7 @@ class PriorityIkNode(HandoverNode):
         options, pose = self._controller.options, self._pose
         if self._twist_of_pose() and pose and nanoseconds(pose.header.stamp) == tick_ns:
             return self._hands.are_there(tick_ns, options.hand_timeout_s)
-        # who has not commanded for so long is gone, and is not waited for
+        # a sender without commands for so long is gone, and is not waited for
         timeout_ns = round(options.command_timeout_s * NANOSECONDS)
         return self._taken_ns is not None and tick_ns - self._taken_ns > timeout_ns
 
@@ -341,7 +342,7 @@ class PriorityIkNode(HandoverNode):
         self._lockstep_s = now_s
         self._hands.release()
         if self._pose is not None:
-            # a dmp that wakes from a stall first answers what it was asked before
+            # a dmp that wakes from a stall first answers old requests
             age_s = now_s - nanoseconds(self._pose.header.stamp) / NANOSECONDS
             if age_s <= self._controller.options.command_timeout_s:
                 self._taken_ns = tick_ns
@@ -350,7 +351,7 @@ class PriorityIkNode(HandoverNode):
         self._solve(now_s, elapsed_s, tick_ns)
 
     def _watch(self) -> None:
-        """Step in place of a wrist command that did not come in time."""
+        """Step without the wrist command, which did not arrive in time."""
         if self.simulated:
             now_s = self.arrival_s()
             self._clock_steps_s.append(now_s - self._watched_s)
@@ -378,7 +379,7 @@ class PriorityIkNode(HandoverNode):
         elapsed_s = self._period_s if last_s is None else max(now_s - last_s, 0.0)
         elapsed_s = min(elapsed_s, MAX_STEP * self._period_s)
         self._solve(now_s, elapsed_s, time_ns)
-        # only now, since a period that is due would have to wait for it
+        # only now, since a period that is due would have to wait for this
         self._publish_wrist()
 
     def _solve(self, now_s: float, elapsed_s: float, time_ns: int) -> None:
@@ -421,7 +422,7 @@ class PriorityIkNode(HandoverNode):
         while not self.lockstep:
             command = self._controller.stop('told to end', self._period_s)
             if command.velocities is None:
-                # what is not yet with the driver would be lost with this node
+                # messages that the driver does not have yet would be lost with this node
                 self._joint_command.wait_for_all_acked(Duration(seconds=MAX_DELIVERY_S))
                 return
             self._joint_command.publish(to_joint_command(self.now_ns(), command.velocities))

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A topic's type and quality of service in the terms of rclpy."""
+"""Type and quality of service of topics, as rclpy objects."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def qos_profile(quality: Quality) -> QoSProfile:
     Make the profile of a quality of service.
 
     Args:
-        quality: which.
+        quality: quality of service.
 
     Returns:
         The profile.

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Node `recorder`: any topics, byte for byte, into a rosbag2 folder with MCAP files.
+Node `recorder`: records topics, byte for byte, to a rosbag2 folder with MCAP files.
 
-Those of its namespace and those that all graphs share; in the root namespace that is every topic.
+It records the topics of its namespace and those that all graphs share; in the root, all topics.
 """
 
 from __future__ import annotations
@@ -61,12 +61,12 @@ OF_ALL_GRAPHS = {'/rosout', '/parameter_events'} | {
 }
 LOOK_S = 0.5
 LOOKS_UNTIL_CERTAIN = 10
-"""Looks after which publishers are asked what they offer, though they are as many as before."""
+"""Looks after which the offers of publishers are checked even if their number is unchanged."""
 LOOK_AGAIN_S = 0.01
 QUEUE = 2000
 ON_THE_WAY_S = 0.05
 LAST_WORD_S = 1.0
-"""How long after the last node that has taken its leave another one may still do so."""
+"""Time to wait for the last reports of further nodes after that of a node, s."""
 
 
 class Recorder(HandoverNode):
@@ -123,7 +123,7 @@ class Recorder(HandoverNode):
     )
 
     def __init__(self) -> None:
-        """Make the bag, subscribe to what is known, look for more."""
+        """Make the bag, subscribe to the known topics, look for more."""
         super().__init__()
         values = self.values
         self._writer = BagWriter(
@@ -154,12 +154,12 @@ class Recorder(HandoverNode):
         if values['transforms']:
             self._transforms = TransformRecorder(self, load_arm(self), self._writer)
         for topic in TOPICS:
-            # at once, without knowing what will be offered, so that nothing of the start is missed
+            # at once, before the offers are known, so that nothing of the start is missed
             name = topic.within(self._space)
             known = topic not in (TF, TF_STATIC) or tf_is_installed()
             if self._is_wanted(name) and topic is not INFO and known:
                 self._subscribe(name, topic.type_name, qos_profile(topic.quality))
-        # what a remap has moved is kept under the name that it has here
+        # remapped topics are recorded under their names here
         self._moved = {self.resolve_topic_name(name) for name in self._heard} - set(self._heard)
         if values['info']:
             self._write_info(values['info'])
@@ -168,13 +168,13 @@ class Recorder(HandoverNode):
         self.every(values['flush_period_s'], self._flush, wall=True)
         Diagnostics(self, self._periods, self._condition)
         which = ', '.join(sorted(self._wanted)) or f'every topic of {self._space}'
-        self.say(f'records {which} into {values["folder"]}')
+        self.say(f'recording {which} into {values["folder"]}')
 
     def finish(self) -> None:
         """
-        Write what was sent up to now, and close the bag: a node may have to wait to leave.
+        Write all messages up to now, and close the bag, since a node may have to wait to leave.
 
-        Where all nodes are told to end at once, the others have the word before this one.
+        If all nodes are told to end at once, this one lets the others finish first.
         """
         self._take_until_ended(lambda present: present <= {full_name(self)})
         super().finish()
@@ -186,7 +186,7 @@ class Recorder(HandoverNode):
             self._fail(error)
 
     def _take_until_ended(self, ended: Callable[[set[str]], bool]) -> None:
-        """Take what is on its way, and go on while nodes take their leave one after the other."""
+        """Record messages that are on their way, while the nodes leave one after the other."""
         sleep(ON_THE_WAY_S)
         self._take()
         present = set(self._attendance.present)
@@ -201,7 +201,7 @@ class Recorder(HandoverNode):
     def _take(self) -> None:
         for subscription in self._heard.values():
             with subscription.handle:
-                # no more than a queue holds, since others may go on to send
+                # no more than a queue holds, since others may continue to send
                 for _ in range(QUEUE):
                     taken = subscription.handle.take_message(
                         subscription.msg_type, subscription.raw
@@ -211,7 +211,7 @@ class Recorder(HandoverNode):
                     subscription.callback(taken[0])
 
     def _unheard(self) -> str:
-        """Tell which of the streams to be recorded has not been heard of yet."""
+        """Tell which of the streams to be recorded are still missing."""
         known = {topic.within(self._space) for topic in TOPICS}
         streams = sorted(self._wanted - known) + [
             topic.within(self._space)
@@ -227,7 +227,7 @@ class Recorder(HandoverNode):
         return f'nothing yet on {", ".join(unheard)}' if unheard else ''
 
     def _hands(self, known: set[str]) -> list[str]:
-        """Return the topics on which trackers tell of the hand, as they are or are to be."""
+        """Return the topics of the trackers, present or expected."""
         usual = HAND_POSE.within(self._space)
         names = {name for name, _ in self.get_topic_names_and_types()} - known | {usual}
         hands = [
@@ -243,7 +243,7 @@ class Recorder(HandoverNode):
         return name.startswith(f'{self._space.rstrip("/")}/') or name in OF_ALL_GRAPHS
 
     def _look(self) -> None:
-        """Find topics that appeared since, and publishers that offer less than was asked for."""
+        """Find new topics, and publishers that offer less than was requested."""
         if self._transforms is not None:
             self._transforms.look()
         publishers = {
@@ -258,7 +258,7 @@ class Recorder(HandoverNode):
                 continue
             ends = self.get_publishers_info_by_topic(name)
             offered = self._note_offered(name, [end.qos_profile for end in ends])
-            # not those of subscriptions, of which one is ours and may be a guess
+            # not the types of subscriptions, since ours may be a guess
             types = {end.topic_type for end in ends}
             if not offered or len(types) != 1:
                 continue
@@ -275,10 +275,10 @@ class Recorder(HandoverNode):
                 self._subscribe(name, type_name, _weakest(offered))
 
     def _note_offered(self, name: str, offered: list[QoSProfile]) -> list[QoSProfile]:
-        """Keep for the bag what the publishers of a topic offer."""
+        """Store the offers of the publishers of a topic for the bag."""
         known = self._offered.setdefault(name, [])
         now = [Qos.from_profile(profile) for profile in offered]
-        # who has gone did offer it
+        # publishers that are gone did offer theirs
         both = now + [profile for profile in known if profile not in now]
         if both != known:
             self._offered[name] = both
@@ -286,14 +286,16 @@ class Recorder(HandoverNode):
         return offered
 
     def _has_type(self, name: str, type_name: str) -> bool:
-        """Tell whether the messages of a topic are installed here; say so once if not."""
+        """Tell whether the messages of a topic are installed; warn once if not."""
         if name in self._not_installed:
             return False
         try:
             message_class(type_name)
         except (ImportError, AttributeError, ValueError):
             self._not_installed.add(name)
-            self.get_logger().warning(f'{name}: {type_name} is not installed, not recorded')
+            self.get_logger().warning(
+                f'{name}: {type_name} is not installed, so it is not recorded'
+            )
             return False
         return True
 
@@ -336,13 +338,13 @@ class Recorder(HandoverNode):
         return write
 
     def _keep(self, name: str, data: bytes, time_ns: int) -> None:
-        """Write a message, and after that of the joints where their links are."""
+        """Write a message and, after joint states, the transforms of the links."""
         self._writer.write(name, data, time_ns)
         if self._transforms is not None and name == JOINT_STATES.within(self._space):
             self._transforms.hear(data, time_ns)
 
     def _by_table(self, name: str) -> tuple[Qos, ...]:
-        """Tell what a topic of our table is offered with, where nobody was seen to offer it."""
+        """Return the default offer of a topic of our table, if no publisher was seen."""
         qualities = [t.quality.value for t in TOPICS if t.within(self._space) == name]
         return tuple(Qos(reliability, durability) for reliability, durability, _ in qualities)
 
@@ -359,7 +361,7 @@ class Recorder(HandoverNode):
                 self._fail(error)
 
     def _fail(self, error: DataError) -> None:
-        """Say once that nothing is recorded any more; whatever else runs goes on."""
+        """Report once that recording has ended; the rest of the graph continues."""
         self._failure = str(error)
         self.exit_code = error.exit_code
         self.get_logger().error(f'recording ended: {error}')
@@ -369,7 +371,7 @@ class Recorder(HandoverNode):
 
 
 def _suits(request: QoSProfile, offered: list[QoSProfile]) -> bool:
-    """Tell whether a subscription hears every publisher."""
+    """Tell whether a subscription is compatible with every publisher."""
     weakest = _weakest(offered)
     reliable = request.reliability in (weakest.reliability, ReliabilityPolicy.BEST_EFFORT)
     durable = request.durability in (weakest.durability, DurabilityPolicy.VOLATILE)
@@ -377,7 +379,7 @@ def _suits(request: QoSProfile, offered: list[QoSProfile]) -> bool:
 
 
 def _weakest(offered: list[QoSProfile]) -> QoSProfile:
-    """Ask for no more than every publisher offers, so that none is missed."""
+    """Request no more than every publisher offers, so that none is missed."""
     reliable = all(o.reliability == ReliabilityPolicy.RELIABLE for o in offered)
     latched = all(o.durability == DurabilityPolicy.TRANSIENT_LOCAL for o in offered)
     return QoSProfile(

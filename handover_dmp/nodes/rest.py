@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a recorder leaves out while no handover is on, so that a bag does not grow for ever."""
+"""Messages that a recorder leaves out at rest, so that a bag does not grow without bound."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ from handover_dmp.nodes.conversions import NANOSECONDS
 from handover_dmp.topics import MARKERS, Quality, Topic
 
 BEFORE_S = 1.0
-"""What was said so long before a handover is recorded all the same, s."""
+"""Time before a handover from which messages are still recorded, s."""
 REPEATED_S = 60.0
-"""How often the same report of a node is recorded at rest, s."""
+"""Period at which an unchanged report of a node is recorded at rest, s."""
 OFTEN_SAID = (Quality.SENSOR, Quality.COMMAND)
 KeptMessage = tuple[str, bytes, int]
 
 
 def is_left_out_at_rest(topic: Topic) -> bool:
     """
-    Tell whether a topic is said many times a second, a handover or not.
+    Tell whether a topic is a fast stream even without a handover.
 
     Args:
-        topic: which.
+        topic: the topic.
 
     Returns:
-        Whether.
+        Whether it is.
 
     """
     return topic.quality in OFTEN_SAID or topic is MARKERS
@@ -49,17 +49,17 @@ def is_left_out_at_rest(topic: Topic) -> bool:
 
 class Rest:
     """
-    Tells when streams are to be left out, and keeps the last second of them.
+    Decides when streams are left out, and keeps their last second.
 
-    Before a state of the handover was heard there is no rest: the recorder may be alone.
+    There is no rest before the first state of the handover: the recorder may be alone.
     """
 
     def __init__(self, after_s: float) -> None:
         """
-        Take the rule.
+        Set the rule.
 
         Args:
-            after_s: s without a handover, after which there is rest; 0: never.
+            after_s: time without a handover after which rest begins, s; 0: never.
 
         """
         self._after_ns = round(after_s * NANOSECONDS)
@@ -68,14 +68,14 @@ class Rest:
 
     def hear(self, state: str, time_ns: int) -> list[KeptMessage]:
         """
-        Take in a state of the handover.
+        Update with a state of the handover.
 
         Args:
             state: its name.
-            time_ns: when, ns.
+            time_ns: its time, ns.
 
         Returns:
-            Topic, bytes and time of what was said shortly before, now to be recorded.
+            Topic, bytes and time of the kept messages, which are to be recorded now.
 
         """
         if self._after_ns == 0 or state not in set(HandoverState):
@@ -89,15 +89,15 @@ class Rest:
 
     def keeps(self, topic: str, data: bytes, time_ns: int) -> bool:
         """
-        Keep a message of a stream, where there is rest.
+        Keep a message of a stream at rest.
 
         Args:
             topic: its topic.
             data: its bytes.
-            time_ns: when it came, ns.
+            time_ns: time of its arrival, ns.
 
         Returns:
-            Whether it is kept here, and is not to be recorded now.
+            Whether it is kept here, and not recorded now.
 
         """
         if self._since_ns is None or 0 <= time_ns - self._since_ns <= self._after_ns:
@@ -109,26 +109,26 @@ class Rest:
 
 
 class Reports:
-    """Tells which reports on `/diagnostics` say something new, whatever numbers are in them."""
+    """Tells which reports on `/diagnostics` are new, apart from the numbers in them."""
 
     def __init__(self) -> None:
-        """Begin without any."""
+        """Start without any."""
         self._told: dict[str, tuple[tuple[object, ...], float]] = {}
 
     def are_news(self, reports: DiagnosticArray, time_ns: int) -> bool:
         """
-        Take in reports.
+        Check a message of reports.
 
         Args:
-            reports: of some nodes.
-            time_ns: when they came, ns.
+            reports: reports of some nodes.
+            time_ns: time of arrival, ns.
 
         Returns:
-            Whether one of them differs from the last news of its node, or that is a minute ago.
+            Whether one differs from the last recorded report of its node, or that is a minute old.
 
         """
         time_s = time_ns / NANOSECONDS
-        # of all of them, since each is taken note of
+        # all of them, since each is remembered
         news = [self._is_news(status, time_s) for status in reports.status]
         return any(news)
 

@@ -52,9 +52,9 @@ LOOK_S = 0.02
 PATIENCE_WHEN_LOST_S = 0.5
 
 MIN_FACTOR = 0.01
-"""Slower, and a period would keep the node from its services and from ending."""
+"""Below this, a period would keep the node from its services and from ending."""
 MAX_STEP_S = 1.0
-"""A longer step of the other simulator's clock means that it was started or reset, s."""
+"""Step of another simulator's clock above which it was started or reset, s."""
 
 CHANGEABLE = (
     Parameter(
@@ -95,7 +95,7 @@ class RobotSim(HandoverNode):
     )  # fmt: skip
 
     def __init__(self) -> None:
-        """Load the arm, hold it against Pinocchio's, begin to simulate."""
+        """Load the arm, compare it with Pinocchio's model, start the simulation."""
         super().__init__()
         _check_factor(self.values)
         model = load_arm(self)
@@ -127,24 +127,24 @@ class RobotSim(HandoverNode):
         else:
             self._stepped_s = self.arrival_s()
             self._told_s = -inf
-            # half a period sooner, since it is looked at once a period
+            # half a period sooner, since it is checked once a period
             self._told_every_s = 1.0 / self.values['rate_at_rest_hz'] - 0.5 * self._period_s
             self.every(self._period_s, self._step_by_the_clock)
         Diagnostics(self, self._periods, self._condition)
         self.warn_when_in_vain(self._missing)
         self.say_changes(self._doing, self._stopped)
         self.once_per_second.add(self._warn_of_silence)
-        self.say(f'simulates {model.name}: hears {self.named(JOINT_COMMAND)}')
+        self.say(f'simulates {model.name}; listens to {self.named(JOINT_COMMAND)}')
 
     def _missing(self) -> str:
         if self._time_s() - self._commanded_s <= MISSED_S:
             return ''
-        return f'waits for a command on {self.named(JOINT_COMMAND)}: is priority_ik running?'
+        return f'waiting for a command on {self.named(JOINT_COMMAND)}: is priority_ik running?'
 
     def _doing(self) -> str:
         if self._paused:
             return 'time stands still until ~/pause is called with false'
-        return 'follows commands'
+        return 'following commands'
 
     def _stopped(self) -> str:
         report = self._arm.report
@@ -159,17 +159,17 @@ class RobotSim(HandoverNode):
         if times > 0 and report.state is not ArmState.STOPPED:
             self.get_logger().warning(
                 f'no command for {self.values["command_timeout_s"]:g} s ({times} times): braked, '
-                'goes on when commands are back. Is this machine too busy?'
+                'continues when commands are back. Is this machine too busy?'
             )
 
     def _connect(self, model: RobotModel) -> None:
-        # on the wall clock nobody needs it, and `ros2 bag play --clock` publishes its own
+        # on the wall clock nobody needs one, and `ros2 bag play --clock` publishes its own
         self._time_publisher = self.advertise(CLOCK) if self.lockstep else None
         self._time = Clock()
         self._states = self.advertise(JOINT_STATES)
         self._message = JointState(name=list(model.joint_names))
         self._still = [0.0] * model.dof
-        # who has the description from there does not say it again
+        # a description from a topic is not published again
         alone = self.values['robot'] != self.resolve_topic_name(ROBOT_DESCRIPTION.relative)
         if alone:
             self._description = self.advertise(ROBOT_DESCRIPTION)
@@ -184,27 +184,27 @@ class RobotSim(HandoverNode):
         self.serve('reset', self._reset)
         on_change(self, CHANGEABLE, self._prepare)
 
-    # Simulated time: a period ends when the command that answers it has come
+    # Simulated time: a period ends when the command that answers it has arrived
 
     def _on_command(self, message: Float64MultiArray) -> None:
         self._commanded_s = self._time_s()
         if not self.lockstep:
             self._arm.command(message.data)
         elif period_of(message) in (self._tick_ns, None) and not self._paused:
-            # who names no period, as a controller of ros2_control need not, means this one
+            # a command without a period, as for controllers of ros2_control, means this one
             self._arm.command(message.data)
             self._answers += 1
             self._lost = False
             self._advance()
         else:
-            # an answer to an earlier period: whoever gave it lives, and is to be waited for
+            # an answer to an earlier period: its sender is alive, and is waited for
             self._lost = False
 
     def _wait(self) -> None:
-        """Ask again for a command that does not come; after a while, go on without it."""
-        # also while time stands still, so that everybody is heard before it begins to run
+        """Repeat the request for a missing command; after a while, go on without it."""
+        # also while time stands still, so that all nodes are connected before it runs
         now_s = monotonic()
-        # no more than this at once: where all nodes stood still, nobody was slow
+        # no more than this at once: if all nodes stood still, none was slow
         self._waited_s += min(now_s - self._looked_s, ASK_AGAIN_S)
         self._looked_s = now_s
         if self._paused:
@@ -216,7 +216,7 @@ class RobotSim(HandoverNode):
             self._publish()
 
     def _patience_s(self) -> float:
-        # `dmp` is to give up first, then `priority_ik`
+        # `dmp` shall give up first, then `priority_ik`
         if self._lost:
             return min(self.patience_s(), PATIENCE_WHEN_LOST_S)
         return self.patience_s() + 2 * HEAD_START_S
@@ -244,7 +244,7 @@ class RobotSim(HandoverNode):
         leapt = self.simulated and not 0.0 <= elapsed_s <= MAX_STEP_S
         rests = self._arm.rests
         if not (self._paused or leapt):
-            # a clock that is told 40 times a second goes on by several periods at once
+            # a clock that is published 40 times a second advances by several periods at once
             jump_s = max(0.0, elapsed_s - self._period_s) if self.simulated else 0.0
             if rests:
                 self._arm.wait(elapsed_s)
@@ -262,10 +262,10 @@ class RobotSim(HandoverNode):
         time = stamp(self._tick_ns if self.lockstep else self.now_ns())
         self._message.header.stamp = time
         self._message.position = self._arm.joint_positions.tolist()
-        # an arm that is paused while time goes on does not move, whatever it will go on with
+        # an arm that is paused while time goes on does not move, whatever follows
         moves = self.lockstep or not self._paused
         self._message.velocity = self._arm.joint_velocities.tolist() if moves else self._still
-        # the arm first: what answers it has the longer way
+        # the arm first, since its answer takes longer
         self._states.publish(self._message)
         if self._time_publisher is not None:
             self._time.clock = time
@@ -274,7 +274,7 @@ class RobotSim(HandoverNode):
         self._object.tell(time)
 
     def destroy_node(self) -> None:
-        """Let go of the simulated world, then end."""
+        """Close the simulated world, then end."""
         self._arm.close()
         super().destroy_node()
 
@@ -300,7 +300,7 @@ class RobotSim(HandoverNode):
         values = {key: str(value) for key, value in asdict(report).items()}
         values |= limits_told(self._arm.model)
         if self._arm.carries:
-            values['the object is with'] = self._arm.holder.value
+            values['holder of the object'] = self._arm.holder.value
         values['age of the joint command (s)'] = f'{self._time_s() - self._commanded_s:.3f}'
         if self.lockstep:
             values |= {
@@ -313,7 +313,9 @@ class RobotSim(HandoverNode):
 def _check_factor(values: Values) -> None:
     factor = values['real_time_factor']
     if 0.0 < factor < MIN_FACTOR:
-        raise UsageError(f'real_time_factor is {factor:g}: 0, or at least {MIN_FACTOR:g}')
+        raise UsageError(
+            f'real_time_factor is {factor:g}; it must be 0, or at least {MIN_FACTOR:g}'
+        )
 
 
 def main() -> int:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The calibration motion on the graph: the arm moves, both paths are recorded."""
+"""The calibration motion on the graph: move the arm and record both paths."""
 
 from __future__ import annotations
 
@@ -53,23 +53,23 @@ def move_and_record(
 
     Args:
         bag: folder to record into, which must not exist.
-        arm: which.
-        duration_s: of the motion, s.
-        running: whether it is the arm that runs in this domain, beside its tracker; else
+        arm: the arm.
+        duration_s: duration of the motion, s.
+        running: whether to move the arm that runs in this domain with its tracker; if not,
             `robot_sim` is started, in a domain of its own, with a simulated tracker.
-        seed: of the simulated tracker's noise.
-        tell: is told what goes on, and the share done.
-        tracker_topic: of the tracker's poses.
+        seed: seed of the simulated tracker's noise.
+        tell: called with the current step and the share done.
+        tracker_topic: topic of the tracker's poses.
 
     Raises:
-        GraphError: a node did not start or broke off, or nothing comes from arm or tracker.
-        UsageError: a duration out of range, or the bag exists.
+        GraphError: a node did not start or failed, or the arm or the tracker is silent.
+        UsageError: the duration is out of range, or the bag exists.
 
     """
     if not 5.0 <= duration_s <= 600.0:
-        raise UsageError(f'--duration {duration_s:g} is not from 5 to 600 s')
+        raise UsageError(f'--duration is {duration_s:g} s; it must be from 5 to 600')
     if bag.exists():
-        raise UsageError(f'{bag}: exists already; say another one by --bag')
+        raise UsageError(f'{bag}: exists already; choose another one with --bag')
     topics = [JOINT_STATES.name, JOINT_COMMAND.name, WRIST_POSE.name, tracker_topic]
     topics += [ROBOT_DESCRIPTION.name] + ([] if running else [CLOCK.name])
     described = {
@@ -79,7 +79,7 @@ def move_and_record(
         'recorder': {
             'folder': str(bag.absolute()),
             'topics': topics,
-            # no handover is awaited
+            # no handover will come
             'rest_s': 0.0,
             'transforms': not running,
             **described,
@@ -110,7 +110,7 @@ def move_and_record(
 
 
 def _wait_for_the_end(graph: Graph, duration_s: float, tell: Callable[[str, float], None]) -> None:
-    """Wait until the motion's node ends; whatever else ends is a fault."""
+    """Wait until the node of the motion ends; the end of any other node is a fault."""
     begun_s = graph.clock_s()
     while graph.processes[MOTION].poll() is None:
         try:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A handover, or a session, on the graph, from the start of the nodes to the recorder's end."""
+"""Run a handover or a session on the graph, from the start of the nodes to the recorder's end."""
 
 from __future__ import annotations
 
@@ -43,15 +43,15 @@ def run_graph(
     Run one handover on the five nodes and record it to `bag/` in the run's folder.
 
     Args:
-        folder: of the run; `trial.csv` and `model.json` are in it.
-        scenario: what is run.
-        info: what `/handover/info` says.
-        tell: is told what goes on, and the share done.
-        trackers: that see the hand; a perfect one if left out.
-        lockstep: on simulated time; else on the wall clock.
+        folder: folder of the run, with `trial.csv` and `model.json`.
+        scenario: scenario to run.
+        info: content of `/handover/info`.
+        tell: called with the current step and the share done.
+        trackers: trackers that see the hand; default: a perfect one.
+        lockstep: whether to run on simulated time; if not, on the wall clock.
 
     Raises:
-        GraphError: a node did not start, broke off or did not end cleanly.
+        GraphError: a node did not start, failed or did not end cleanly.
 
     """
     max_duration_s = REPLAY_AT_S + scenario.trial.duration_s + MAX_EXTRA_S
@@ -72,15 +72,16 @@ def run_session_graph(
     Run one session on the five nodes and record it to `bag/` in the run's folder.
 
     Args:
-        folder: of the run; the session, its index, `model.json` and `take_model.json` are in it.
-        scenario: what is run.
-        info: what `/handover/info` says.
-        tell: is told what goes on, and the share done.
-        trackers: that see the hand; a perfect one if left out.
-        lockstep: on simulated time; else on the wall clock.
+        folder: folder of the run, with the session, its index, `model.json` and
+            `take_model.json`.
+        scenario: scenario to run.
+        info: content of `/handover/info`.
+        tell: called with the current step and the share done.
+        trackers: trackers that see the hand; default: a perfect one.
+        lockstep: whether to run on simulated time; if not, on the wall clock.
 
     Raises:
-        GraphError: a node did not start, broke off or did not end cleanly.
+        GraphError: a node did not start, failed or did not end cleanly.
 
     """
     motion = scenario.session.motion
@@ -104,7 +105,7 @@ def _run(
     doing: str,
     tell: Callable[[str, float], None],
 ) -> None:
-    """Run the graph until what it does is done, or will not be."""
+    """Run the graph until the handover or session is over."""
     tell('starting five nodes', 0.05)
     with Graph(folder, parameters, lockstep=lockstep) as g:
         tell(doing, 0.2)
@@ -133,11 +134,11 @@ def graph_parameters(
     Make the parameters of the five nodes for a run.
 
     Args:
-        folder: of the run.
-        scenario: what is run.
-        info: what `/handover/info` says.
-        lockstep: on simulated time; else on the wall clock.
-        trackers: that see the hand; a perfect one if left out.
+        folder: folder of the run.
+        scenario: scenario to run.
+        info: content of `/handover/info`.
+        lockstep: whether to run on simulated time; if not, on the wall clock.
+        trackers: trackers that see the hand; default: a perfect one.
 
     Returns:
         Node to name to value.
@@ -161,11 +162,11 @@ def session_parameters(
     Make the parameters of the five nodes for a session.
 
     Args:
-        folder: of the run.
-        scenario: what is run.
-        info: what `/handover/info` says; the mass of the object is in it.
-        lockstep: on simulated time; else on the wall clock.
-        trackers: that see the hand; a perfect one if left out.
+        folder: folder of the run.
+        scenario: scenario to run.
+        info: content of `/handover/info`, with the mass of the object.
+        lockstep: whether to run on simulated time; if not, on the wall clock.
+        trackers: trackers that see the hand; default: a perfect one.
 
     Returns:
         Node to name to value.

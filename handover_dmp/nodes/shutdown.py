@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How a process leaves DDS: one after the other, since Fast DDS can hang when two go at once."""
+"""How processes leave DDS: one after the other, since Fast DDS can hang if two leave at once."""
 
 from __future__ import annotations
 
@@ -37,24 +37,24 @@ LOOK_S = 0.01
 
 def shut_down(node: Node, *, or_not: bool = False) -> bool:
     """
-    Destroy the last node of a process and shut its context down, when no neighbour does so.
+    Destroy the last node of a process and shut down its context, while no neighbour does so.
 
-    Fast DDS 2.14, as built for the Python package index, never comes back from the destruction of
-    a participant that at this moment is told of a neighbour's end: the wait for that callback
+    Fast DDS 2.14, as built for the Python package index, never returns from the destruction of
+    a participant that is being notified of a neighbour's end: the wait for that callback
     (`DomainParticipantImpl::set_listener`) has a deadline that overflows, so it fails at once, is
-    made again, and the mutex that the callback needs is never free. Ctrl-C ends all nodes of a
-    graph together; so they take turns, and each lets the news of the one before it settle.
+    repeated, and the mutex that the callback needs is never free. Ctrl-C ends all nodes of a
+    graph together, so they take turns, and each waits until the end of the last one is known.
 
     Args:
-        node: the node; whoever spins it has stopped.
-        or_not: whether to leave all as it is where the turn does not come, as on a machine that
-            has no time; else it goes on without.
+        node: the node, which is no longer spun.
+        or_not: whether to leave everything as it is if the turn does not come, as on a busy
+            machine; if not, it proceeds without.
 
     Returns:
-        Whether it is done.
+        Whether it was done.
 
     """
-    # what was sent last has to arrive before the turn, which others wait for
+    # the last messages must arrive before the turn, since others wait for it
     _deliver(node)
     with ExitStack() as turn:
         with suppress(OSError):
@@ -69,19 +69,19 @@ def shut_down(node: Node, *, or_not: bool = False) -> bool:
 
 def end_context(context: Context) -> None:
     """
-    Shut a context down, so that the process may begin another one.
+    Shut down a context, so that the process may start another one.
 
     Args:
-        context: the default one or another; the other of the two does not end with it.
+        context: the default one or another; the rest stay alive.
 
     """
-    # only without a name is the default one replaced
+    # the default context is only replaced if none is named
     own = context is not rclpy.utilities.get_default_context()
     rclpy.try_shutdown(context=context if own else None)
 
 
 def _deliver(node: Node) -> None:
-    """Wait until what was sent last has arrived; it may be lost with who sent it."""
+    """Wait until the last messages have arrived; they may be lost with their sender."""
     deadline_s = monotonic() + MAX_DELIVERY_S
     for publisher in node.publishers:
         left_s = max(0.0, deadline_s - monotonic())
@@ -90,20 +90,20 @@ def _deliver(node: Node) -> None:
 
 def turn_file(domain: int) -> Path:
     """
-    Name the file whose lock is the turn to leave.
+    Return the file whose lock is the turn to leave.
 
     Args:
-        domain: of DDS, where neighbours hear of each other.
+        domain: domain of DDS.
 
     Returns:
-        The file; of this user alone.
+        The file, which belongs to this user.
 
     """
     return Path(gettempdir()) / f'handover_dmp_{os.getuid()}_leaving_{domain}.lock'
 
 
 def _has(file: TextIO) -> bool:
-    """Lock a file; or give up, when nobody hands it on. Tell which."""
+    """Lock a file, or give up if it stays locked; return whether it is locked."""
     deadline_s = monotonic() + MAX_WAIT_S
     while monotonic() < deadline_s:
         with suppress(BlockingIOError):

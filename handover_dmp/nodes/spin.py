@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How every node lives: started, spun without pause, ended cleanly by SIGINT or SIGTERM."""
+"""Life cycle of every node: start, spin, clean end by SIGINT or SIGTERM."""
 
 from __future__ import annotations
 
@@ -41,24 +41,24 @@ MAX_END_S = 15.0
 STDERR = 2
 MAX_PRIORITY = 99
 _ended: list[int] = []
-"""The signals that told this process to end."""
+"""Signals that told this process to end."""
 
 
 def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -> int:
     """
-    Run a node until it is told to end; seen on this machine alone unless ROS is told otherwise.
+    Run a node until it is told to end; visible on this machine only, unless ROS is configured.
 
-    The executor comes back again and again, since the events executor of these wheels does not
-    look at signals. Its garbage collector runs with the other housekeeping, once a second between
-    two periods.
+    The executor returns regularly, since the events executor of these wheels does not
+    check signals. Python's garbage collection runs with the other housekeeping, once a second
+    between two periods.
     On the wall clock it runs at the real-time priority of its parameter `thread_priority`, if that
     is above 0, as the controller manager of ros2_control does.
 
     Args:
         make_node: makes the node; a `HandoverError` there ends the process with its one line.
             A node ends itself by setting `ended`. Its `finish`, if it has one, is called before
-            it takes its turn to leave; it has to end what is done once a second.
-        arguments: ROS arguments; those of the process if left out.
+            it takes its turn to leave; it must end the jobs that run once a second.
+        arguments: ROS arguments; default: those of the process.
 
     Returns:
         Exit code: 0 after SIGINT or SIGTERM, or the node's own `exit_code`.
@@ -91,17 +91,17 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
     finally:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_IGN)
-        # what hangs in DDS ends here all the same, and says where it was
+        # a process that hangs in DDS is ended here, with a traceback
         faulthandler.dump_traceback_later(MAX_END_S, exit=True, file=STDERR)
         getattr(node, 'finish', once_per_second.finish)()
         executor.shutdown()
         exit_code = int(getattr(node, 'exit_code', 0))
         if not shut_down(node, or_not=sys.exc_info()[0] is None):
-            # all is said and written; to leave DDS out of turn may take for ever
+            # everything is sent and written; leaving DDS out of turn may never return
             sys.stdout.flush()
             sys.stderr.flush()
             os._exit(exit_code)
-    # Extension modules complain at exit of what is still there.
+    # Extension modules complain at exit about remaining objects.
     del node, executor
     gc.unfreeze()
     gc.collect()
@@ -111,23 +111,23 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
 
 def told_to_end() -> bool:
     """
-    Tell whether the node is to end, for one that waits for something before it is spun.
+    Tell whether the node shall end, for nodes that wait for something before they are spun.
 
     Returns:
-        Whether a signal said so, or the process that started this one is gone.
+        Whether a signal has arrived, or the parent process is gone.
 
     """
     return bool(_ended) or _orphaned()
 
 
 def _executor(node: Node) -> tuple[Executor, Callable[[], None]]:
-    """Make the executor that the node asks for, and what spins it for `POLL_S` at most."""
+    """Make the executor of the node, and a function that spins it for at most `POLL_S`."""
     default = node.has_parameter('executor') and node.get_parameter('executor').value == 'default'
     executor: Executor = SingleThreadedExecutor() if default else _events_executor()
     executor.add_node(node)
     if default:
         return executor, partial(executor.spin_once, POLL_S)
-    # many events in one go, since there is nothing to look at after each
+    # many events at once, since nothing has to be checked after each
     return executor, partial(executor.spin_until_future_complete, Future(), POLL_S)
 
 
@@ -136,29 +136,30 @@ def _events_executor() -> Executor:
         from rclpy.experimental import EventsExecutor
     except ImportError as error:
         raise UsageError(
-            'executor is events, which this rclpy is too old for: update it, or say default'
+            'executor is events, for which this rclpy is too old; update it, or set '
+            'executor:=default'
         ) from error
     return EventsExecutor()
 
 
 def _prioritise(node: Node) -> None:
     """
-    Give all threads of this process the real-time priority that the node asks for.
+    Give all threads of this process the real-time priority of the node.
 
-    Only where the system lets it, and never in lockstep, where nodes take all the time there is.
+    Only if the system permits it, and never in lockstep, in which nodes use all processor time.
     """
     if not node.has_parameter('thread_priority') or getattr(node, 'lockstep', False):
         return
     priority = int(node.get_parameter('thread_priority').value)
     if priority > 0:
         for thread in (int(path.name) for path in Path('/proc/self/task').iterdir()):
-            # discovery and services are the middleware's threads: Python is not to starve them
+            # threads of the middleware do discovery and services: Python must not starve them
             own = priority if thread == os.getpid() else min(priority + 1, MAX_PRIORITY)
             with suppress(PermissionError, ProcessLookupError):
                 os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(own))
 
 
 def _orphaned() -> bool:
-    """Whether the process that started this one, and asked to be outlived by nobody, is gone."""
+    """Whether the parent process, which this one must not outlive, is gone."""
     parent = os.environ.get(PARENT_VARIABLE)
     return parent is not None and os.getppid() != int(parent)

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The parameters about the trackers of the hand, as many of them as the node is told.
+Parameters of the trackers of the hand.
 
-`trackers` names them; each has the parameters `NAME.topic`, `NAME.noise_m` and so on, with the
-defaults that stand under `tracker` in `config/handover.yaml`.
+`trackers` names them. Each has the parameters `NAME.topic`, `NAME.noise_m` and so on, with the
+defaults of `tracker` in `config/handover.yaml`.
 """
 
 from __future__ import annotations
@@ -83,30 +83,31 @@ HAND = (
 
 def declare_trackers(node: Node, values: Values, kinds: Sequence[Parameter]) -> Values:
     """
-    Declare what a node may be told of each of its trackers.
+    Declare the parameters of each tracker of a node.
 
     Args:
-        node: which is told of them.
-        values: of the parameters that it has declared, `trackers` among them.
-        kinds: what each tracker has, by the names of the one that is called `tracker`, or by
-            names that have no tracker, whose values are then the defaults.
+        node: the node.
+        values: values of its declared parameters, `trackers` among them.
+        kinds: parameters of each tracker, by their names for the one called `tracker`, or by
+            names without a tracker, whose values are then the defaults.
 
     Returns:
         Name to value, of those that were not declared yet.
 
     Raises:
-        UsageError: a name is no name, there are two of one name or none at all, or a value is
-            wrong.
+        UsageError: a name is invalid or used twice, there is none, or a value is wrong.
 
     """
     names = values[TRACKERS.name]
     for name in names:
         if not re.fullmatch('[a-z][a-z0-9_]*', name):
             raise UsageError(
-                f'{node.NAME}: trackers: {name!r:.80} is no name; one has a-z, 0-9 and _ alone'
+                f'{node.NAME}: trackers: {name!r:.80} is not a valid name; use only a-z, 0-9 and _'
             )
     if not names or len(set(names)) < len(names):
-        raise UsageError(f'{node.NAME}: trackers: {list(names)} is not one name or several')
+        raise UsageError(
+            f'{node.NAME}: trackers: {list(names)} must be one or more different names'
+        )
     section = defaults(node.NAME)
     found: Values = {}
     for name in names:
@@ -118,7 +119,7 @@ def declare_trackers(node: Node, values: Values, kinds: Sequence[Parameter]) -> 
 
 
 def _usual(name: str, values: Values, section: Values) -> Any:
-    """Return the default of a parameter, given by another one where that is of no tracker."""
+    """Return the default of a parameter; a parameter without a tracker sets it by its value."""
     if name.startswith(TRACKER):
         return section[name]
     told = values[name]
@@ -127,14 +128,14 @@ def _usual(name: str, values: Values, section: Values) -> Any:
 
 def of(tracker: str, parameter: str) -> str:
     """
-    Name the parameter of a tracker.
+    Return the name of a parameter of a tracker.
 
     Args:
         tracker: its name.
-        parameter: of the one that is called `tracker`, e.g. `tracker.noise_m`.
+        parameter: its name for the one called `tracker`, e.g. `tracker.noise_m`.
 
     Returns:
-        The same parameter of this one, e.g. `mocap.noise_m`.
+        Its name for this one, e.g. `mocap.noise_m`.
 
     """
     return f'{tracker}.{parameter.removeprefix(TRACKER)}'
@@ -145,10 +146,10 @@ def trackers(values: Values) -> list[Tracker]:
     Make the trackers that a node's parameters describe.
 
     Args:
-        values: of the parameters `HAND` and of those of each tracker.
+        values: values of the parameters `HAND` and of those of each tracker.
 
     Returns:
-        What is told of each.
+        The trackers.
 
     """
     return [
@@ -169,16 +170,16 @@ def goal_estimator(values: Values) -> GoalEstimator:
     Make the estimator of the hand that a node's parameters describe.
 
     Args:
-        values: of the parameters `HAND` and of those of each tracker.
+        values: values of the parameters `HAND` and of those of each tracker.
 
     Returns:
-        The estimator; it knows of no hand yet.
+        The estimator, without a hand yet.
 
     """
     return GoalEstimator(HandFilter(**parameters_of(HandFilter, values)), trackers(values))
 
 
 def plain(value: Any) -> Any:
-    """Return what ROS gives as an array as a tuple of numbers, anything else as it is."""
+    """Convert arrays of ROS to tuples of numbers, and leave other values as they are."""
     numbers = isinstance(value, Iterable) and not isinstance(value, str)
     return tuple(map(float, value)) if numbers else value

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The frames of the arm's links: published where tf2 is installed, recorded in any case."""
+"""Transforms of the arm's links: published if tf2 is installed, recorded in any case."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ PERIOD_NS = round(TF_PERIOD_S * NANOSECONDS)
 
 def frame_prefix(namespace: str) -> str:
     """
-    Name what stands before the links of an arm in a namespace, since all arms share `/tf`.
+    Return the prefix of the links of an arm in a namespace, since all arms share `/tf`.
 
     Args:
-        namespace: of the node, e.g. `/left`.
+        namespace: namespace of the node, e.g. `/left`.
 
     Returns:
-        E.g. `left/`; nothing in the root namespace.
+        E.g. `left/`; empty in the root namespace.
 
     """
     inner = namespace.strip('/')
@@ -53,7 +53,7 @@ def frame_prefix(namespace: str) -> str:
 
 
 def tf_is_installed() -> bool:
-    """Tell whether messages of `/tf` can be sent here; the wheels of ROS 2 have none."""
+    """Tell whether messages of `/tf` are installed; the wheels of ROS 2 do not have them."""
     try:
         message_class(TF.type_name)
     except (ImportError, AttributeError):
@@ -67,10 +67,10 @@ def transform_messages(time: Time, links: Iterable[LinkTransform]) -> list[Trans
 
     Args:
         time: their stamp.
-        links: what they say.
+        links: poses of the links.
 
     Returns:
-        One for each.
+        One transform for each link.
 
     """
     made = []
@@ -85,16 +85,16 @@ def transform_messages(time: Time, links: Iterable[LinkTransform]) -> list[Trans
 
 
 class TransformPublisher:
-    """Publishes where the arm stands, and while it has the description to itself, its links."""
+    """Publishes the pose of the arm and, if nobody else describes the arm, of its links."""
 
     def __init__(self, node: HandoverNode, model: RobotModel, *, alone: bool) -> None:
         """
-        Say what does not move.
+        Publish the fixed transforms.
 
         Args:
-            node: publishes.
+            node: node that publishes.
             model: the arm.
-            alone: whether nobody else, as `robot_state_publisher`, describes the arm.
+            alone: whether nobody else, e.g. `robot_state_publisher`, describes the arm.
 
         """
         self._links = LinkFrames(model, node.frame, frame_prefix(node.get_namespace()))
@@ -105,17 +105,17 @@ class TransformPublisher:
         fixed = self._links.fixed if alone else self._links.fixed[:1]
         self._fixed = node.advertise(TF_STATIC)
         kind = message_class(TF.type_name)
-        # they hold at any time, whatever the clock
+        # they hold at any time of any clock
         self._fixed.publish(kind(transforms=transform_messages(Time(), fixed)))
         if alone:
             self._publisher, self._kind = node.advertise(TF), kind
 
     def tell(self, time: Time, joint_positions: Array) -> None:
         """
-        Say where the links are, if anybody listens and it is time to.
+        Publish the links, if somebody listens and it is time.
 
         Args:
-            time: of the joint positions.
+            time: time of the joint positions.
             joint_positions: (n,) rad.
 
         """
@@ -129,16 +129,16 @@ class TransformPublisher:
 
 
 class TransformRecorder:
-    """Writes the frames into a bag, out of the joint states, where nobody publishes them."""
+    """Computes the transforms from the joint states for a bag, if nobody publishes them."""
 
     def __init__(self, node: HandoverNode, model: RobotModel, writer: BagWriter) -> None:
         """
-        Take the arm.
+        Prepare the arm.
 
         Args:
-            node: records.
-            model: the arm, in its place.
-            writer: of the bag.
+            node: node that records.
+            model: the arm, at its base placement.
+            writer: writer of the bag.
 
         """
         self._node, self._writer = node, writer
@@ -149,16 +149,16 @@ class TransformRecorder:
         self.look()
 
     def look(self) -> None:
-        """See whether somebody publishes the frames, so that they are recorded as they come."""
+        """Check whether somebody publishes the transforms, which are then recorded instead."""
         self._published = tf_is_installed() and self._node.count_publishers(TF.name) > 0
 
     def hear(self, data: bytes, log_time_ns: int) -> None:
         """
-        Write where the links are.
+        Write the transforms of the links.
 
         Args:
             data: a message of the joint states.
-            log_time_ns: when it came, ns.
+            log_time_ns: time of its arrival, ns.
 
         Raises:
             DataError: the bag cannot be written.

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Node `velocity_to_position`: joint velocities in, joint positions out, for arms of that kind."""
+"""Node `velocity_to_position`: converts joint velocities to positions, for arms that need them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 MAX_STEP = 4.0
-"""Longest time, in periods, that is made up for after a late one."""
+"""Maximum time that is made up for after a late period, periods."""
 
 
 class VelocityToPosition(HandoverNode):
@@ -52,7 +52,9 @@ class VelocityToPosition(HandoverNode):
         """Load the arm, connect the topics, wait for joint states and commands."""
         super().__init__()
         if self.lockstep:
-            raise UsageError(f'{self.NAME}: a real arm knows no lockstep')
+            raise UsageError(
+                f'{self.NAME}: lockstep is not possible with a real arm; set lockstep:=false'
+            )
         values = self.values
         model = load_arm(self)
         self._limits_told = limits_told(model)
@@ -73,10 +75,10 @@ class VelocityToPosition(HandoverNode):
         self.serve('resume', self._resume)
         self.every(self._period_s, self._answer)
         Diagnostics(self, self._periods, self._condition)
-        self.say_changes(lambda: 'follows commands', lambda: self._fault)
+        self.say_changes(lambda: 'following commands', lambda: self._fault)
         self.say(
-            f'turns velocities into positions of {model.name}: hears {self.named(JOINT_COMMAND)} '
-            f'and {self.named(JOINT_STATES)}'
+            f'converts velocities to positions of {model.name}; listens to '
+            f'{self.named(JOINT_COMMAND)} and {self.named(JOINT_STATES)}'
         )
 
     def _on_joint_states(self, message: JointState) -> None:

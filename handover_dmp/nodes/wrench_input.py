@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What a node needs to feel what the wrist holds: `wrist/wrench`, turned into the room's frame.
+Input of the force on the wrist: `wrist/wrench`, turned to the frame of the room.
 
-A wrench is in the frame of the room, or in the one that the parameters name: that of a sensor,
-which moves with the wrist. In any other, nobody knows its direction.
+A wrench is in the frame of the room, or in the frame of a sensor that moves with the wrist,
+which the parameters name. In any other frame its direction is unknown.
 """
 
 from __future__ import annotations
@@ -60,16 +60,18 @@ class WrenchInput:
 
         Args:
             node: with the parameters `OF_WRENCH`.
-            come: is called in lockstep when one has come that a period may wait for.
-            refuse: gets a sentence for each that is in a frame of which nothing is known.
+            come: called in lockstep when a wrench has arrived that a period may wait for.
+            refuse: gets a sentence for each wrench in an unknown frame.
 
         Raises:
-            UsageError: a quaternion of other than four numbers, or of norm 0.
+            UsageError: the quaternion does not have four numbers, or has norm 0.
 
         """
         mounted = list(node.values['session.wrench_quaternion'])
         if len(mounted) != 4 or not all(map(isfinite, mounted)) or not any(mounted):
-            raise UsageError(f'session.wrench_quaternion {mounted} is no rotation x, y, z, w')
+            raise UsageError(
+                f'session.wrench_quaternion is {mounted}; it must be a rotation x, y, z, w'
+            )
         self._node = node
         self._come = come
         self._refuse = refuse
@@ -87,12 +89,12 @@ class WrenchInput:
         self._stamp_ns = stamp_ns
         in_room = frame in ('', node.frame)
         if not in_room and frame != node.values['session.wrench_frame']:
-            # felt, but not now: as a sensor that has died
+            # received, but unusable: as from a sensor that has died
             self._force, self._arrival_s, self._in_room = NOTHING, -inf, True
             self._refuse(
                 f'{node.named(WRIST_WRENCH)} is in frame {frame!r}, neither {node.frame!r} nor '
-                'session.wrench_frame: not used, and nothing is released; where that frame moves '
-                'with the wrist, name it so'
+                'session.wrench_frame: ignored, and nothing is released; if that frame moves '
+                'with the wrist, set session.wrench_frame to it'
             )
         elif all(map(isfinite, (x, y, z))):
             self._arrival_s = stamp_ns / NANOSECONDS if node.lockstep else node.arrival_s()
@@ -103,14 +105,14 @@ class WrenchInput:
 
     def is_there(self, tick_ns: int, timeout_s: float) -> bool:
         """
-        Tell, in lockstep, whether there is no wrench to be waited for.
+        Tell, in lockstep, whether no wrench has to be waited for.
 
         Args:
             tick_ns: time of the period, ns.
             timeout_s: age at which it is given up, s.
 
         Returns:
-            Whether that of the period is there, or given up, or there never was one.
+            Whether that of the period has arrived or is given up, or there never was one.
 
         """
         if self._stamp_ns is None:
@@ -119,14 +121,14 @@ class WrenchInput:
 
     def newest(self, turned: Quaternion | None) -> tuple[Vector, float] | None:
         """
-        Give the newest force.
+        Return the newest force.
 
         Args:
             turned: quaternion x, y, z, w of the wrist's link, with which the frame of the sensor
-                moves; None: not known.
+                moves; None: unknown.
 
         Returns:
-            (3,), N, in the room's axes, and when it arrived, s; None where there is none.
+            (3,), N, in the axes of the room, and its time of arrival, s; None if there is none.
 
         """
         if self._force is None:

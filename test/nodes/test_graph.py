@@ -615,7 +615,8 @@ def test_a_bag_that_is_played_moves_the_arm_as_the_tracker_does(
 
 
 @pytest.mark.parametrize(
-    ('bag', 'code', 'fault'), [('/nowhere', 1, '/nowhere: no such bag'), ('', 2, 'names none')]
+    ('bag', 'code', 'fault'),
+    [('/nowhere', 1, '/nowhere: no such bag'), ('', 2, 'the parameter bag is empty')],
 )
 def test_a_bag_that_is_not_there_is_told_in_one_line(bag: str, code: int, fault: str) -> None:
     words = ['--ros-args', '-p', 'source:=bag', '-p', f'bag:="{bag}"']

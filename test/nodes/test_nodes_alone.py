@@ -183,7 +183,7 @@ def test_a_signal_is_followed_however_late_its_sender_is_discovered(tmp_path: Pa
     partners = [early]
     process = start('dmp', tmp_path, '-p', 'hand_stamps:=arrival')
     try:
-        assert early.hears(process, 'before this node was there: not followed; give it again')
+        assert early.hears(process, 'before this node started; send it again')
         assert early.waits_for('reaching', timeout_s=0.5) == 'idle'
         partners.append(late := Partner(stamp_s=3))
         assert late.waits_for('reaching', timeout_s=20.0) == 'reaching'
@@ -199,7 +199,7 @@ def test_a_signal_of_another_clock_is_told_of(tmp_path: Path) -> None:
     process = start('dmp', tmp_path)
     partner = Partner(stamp_s=3)
     try:
-        assert partner.hears(process, 'say hand_stamps:=arrival')
+        assert partner.hears(process, 'set hand_stamps:=arrival')
         process.send_signal(signal.SIGINT)
         assert process.wait(30) == 0
     finally:
@@ -212,7 +212,7 @@ def test_a_clock_in_long_steps_is_told_of(tmp_path: Path) -> None:
     player = Partner()
     player.tells_time(1.0 / 18.0)
     try:
-        assert player.hears(process, 'publish it more often, as ros2 bag play --clock 100')
+        assert player.hears(process, 'publish it more often, e.g. ros2 bag play --clock 100')
         process.send_signal(signal.SIGINT)
         assert process.wait(30) == 0
     finally:
