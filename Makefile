@@ -1,33 +1,33 @@
 # Everything that a user or a contributor needs; `make help` lists it.
 #
-# All of it happens in .venv, with ROS 2 Jazzy from the Python package index. Choose the Python with
+# Everything happens in .venv, with ROS 2 Jazzy from the Python package index. Choose the Python with
 # `make PYTHON=python3.12 …`.
 
 PYTHON ?= python3
 VENV ?= .venv
 
 BIN := $(VENV)/bin
-# The linters' own, since they are pinned, and NumPy with them.
+# A separate environment for the linters, since they and their NumPy are pinned.
 LINTERS ?= .venv-lint
-# Those of `make docs`.
+# Environment of `make docs`.
 SITE ?= .venv-docs
 PYTHON_FILES := setup.py examples handover_dmp launch scripts test
-# A new version of one of these means that the packages have to be installed again.
+# The packages are installed again when one of these changes.
 METADATA := setup.py setup.cfg pyproject.toml
 
-# A ROS 2 of the system that this shell has sourced does not mix with the one in .venv.
+# A sourced ROS 2 of the system must not be mixed with the one in .venv.
 unexport AMENT_PREFIX_PATH COLCON_PREFIX_PATH CMAKE_PREFIX_PATH PYTHONPATH
 unexport RMW_IMPLEMENTATION ROS_DISTRO ROS_VERSION ROS_PYTHON_VERSION
 ifdef AMENT_PREFIX_PATH
 unexport LD_LIBRARY_PATH
 endif
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
-# Tests and graphs start hundreds of processes: what one of them has compiled, the others load.
+# Tests and graphs start hundreds of processes, which share compiled files.
 unexport PYTHONDONTWRITEBYTECODE
 
-# Tests neither hear other robots on the network nor other tests on this machine.
+# Tests are isolated from other robots on the network and other tests on this machine.
 ISOLATED = ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_DOMAIN_ID=$$(($$$$ % 100 + 1))
-# test/conftest.py says in how many processes, and which tests belong together.
+# test/conftest.py sets the number of processes, and which tests belong together.
 PYTEST = $(ISOLATED) $(BIN)/python -m pytest -n auto
 
 .PHONY: help demo test test-ros2 longtest matrix coverage lint docs format bench clean
@@ -35,15 +35,15 @@ PYTEST = $(ISOLATED) $(BIN)/python -m pytest -n auto
 help:
 	@echo 'make demo       install what is needed, run one handover, write runs/<name>/'
 	@echo 'make test       install what is needed, run the tests'
-	@echo 'make test-ros2  with the ros2 command, launch and launch_testing that are on the PATH'
-	@echo 'make longtest   those too that take minutes each, and new examples for all properties'
-	@echo 'make matrix     demo and test on Python 3.10 to 3.13, and with the oldest libraries'
-	@echo 'make coverage   what share of each room the tests run through'
-	@echo 'make lint       style and types, with pinned tools in an environment of their own'
-	@echo 'make docs       the documentation as a site, with the reference of the code: build/site/'
-	@echo 'make format     put every Python file into shape'
-	@echo 'make bench      measure speed and accuracy beside peers'
-	@echo 'make clean      remove .venv and what builds and tools left; runs/ stays'
+	@echo 'make test-ros2  run the tests of the ros2 command, launch and launch_testing on the PATH'
+	@echo 'make longtest   also run tests that take minutes, with new examples for all properties'
+	@echo 'make matrix     run demo and tests on Python 3.10 to 3.13, and with the oldest libraries'
+	@echo 'make coverage   measure the test coverage of each room'
+	@echo 'make lint       check style and types, with pinned tools in a separate environment'
+	@echo 'make docs       build the documentation with the reference of the code: build/site/'
+	@echo 'make format     format every Python file'
+	@echo 'make bench      measure speed and accuracy, compared with other libraries'
+	@echo 'make clean      remove .venv and the output of builds and tools, but not runs/'
 
 demo: $(VENV)/.demo
 	$(BIN)/handover_dmp demo
@@ -51,7 +51,7 @@ demo: $(VENV)/.demo
 test: $(VENV)/.test
 	$(PYTEST)
 
-# In the environment that ros2 is of, which has this package installed.
+# In the environment of ros2, in which this package is installed.
 test-ros2:
 	@AMENT_PREFIX_PATH='$(AMENT_PREFIX_PATH)' PYTHONPATH='$(PYTHONPATH)' \
 	LD_LIBRARY_PATH='$(LD_LIBRARY_PATH)' $(ISOLATED) python3 -m pytest -m ros2 test
@@ -93,7 +93,7 @@ clean:
 
 # Each file below stands for "is installed".
 
-# Files in `lib/` and `share/` are copied, so an install is also as old as they are.
+# Files in `lib/` and `share/` are copied, so their changes need a new install.
 COPIED := $(wildcard config/* launch/* urdf/* scripts/* package.xml)
 INSTALL = pip install --quiet
 

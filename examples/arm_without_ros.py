@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Let the wrist of an arm go round a circle, within all limits, without ROS."""
+"""Move the wrist of an arm along a circle, within all limits, without ROS."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ PERIOD_S, RADIUS_M, TURN_S = 0.005, 0.1, 3.0
 
 
 def main() -> None:
-    """Print the error of tracking and how near to its velocity limits each joint came."""
-    robot = RobotModel.load('lwr4')  # or iiwa14, panda, ur5, or the path of a URDF
+    """Print the tracking error and the share of its velocity limit that each joint used."""
+    robot = RobotModel.load('lwr4')  # or iiwa14, panda, ur5, or the path of a URDF file
     centre = robot.wrist_pose(robot.home)[0] - [RADIUS_M, 0.0, 0.0]
     ik = PriorityIk(robot)
     errors, fastest, command = [], np.zeros(robot.dof), np.zeros(robot.dof)

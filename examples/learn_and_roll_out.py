@@ -22,7 +22,7 @@ import numpy as np
 
 
 def main() -> None:
-    """Print how far the motion is from what the person did, tenth by tenth."""
+    """Print the distance of the motion from the person's, at every tenth of its duration."""
     first, second, *_ = [
         trial for trial in synthesize(seed=0)
         if (trial.configuration, trial.direction) == ('engine_bay', 'give')

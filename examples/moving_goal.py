@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Follow a goal that moves at constant speed: (8) without a lag, the classical primitive with."""
+"""Follow a goal of constant velocity: (8) does not lag behind it, the classical primitive does."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PERIOD_S = 0.005
 
 
 def main() -> None:
-    """Print the lag at the end of two seconds, step by step as a controller would."""
+    """Print the lag after two seconds, stepping as a controller does."""
     trial = synthesize(seed=0)[0]
     for kind in (DecoupledDmp, ClassicalDmp):
         model = learn_from_trials([trial], primitive=kind, regression='ridge')

@@ -26,7 +26,7 @@ import numpy as np
 
 
 def main(path: Path) -> None:
-    """Print the states of the handover and how fast the wrist moved in each."""
+    """Print the states of the handover and the wrist's maximum speed in each."""
     count = 0
     for topic, message, log_ns in read_bag(path, [STATE.name, WRIST_POSE.name]):
         if topic == STATE.name:

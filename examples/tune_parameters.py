@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Find better parameters for a data set, and see what they are worth on trials not seen."""
+"""Find better parameters for a data set, and test them on unseen trials."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from handover_dmp.mocap import read_data_set, synthesize
 
 
 def main(arguments: list[str]) -> None:
-    """Tune on a data set folder, or on a synthetic one; a second word is how many to try."""
+    """Tune on a data set folder or a synthetic one; a second argument is the number of tries."""
     trials = read_data_set(Path(arguments[0])) if arguments else synthesize(seed=0)
     found = tune(trials, candidates=int(arguments[1]) if len(arguments) > 1 else 48)
     print(f'{found.candidates} sets of parameters tried on {found.trials} trials')

@@ -13,19 +13,19 @@
 # limitations under the License.
 
 """
-The handover as a graph: the simulated arm, the partner's hand, the five nodes, viewers on demand.
+Launch a handover: the five nodes with a simulated arm and partner, and viewers on demand.
 
     ros2 launch handover_dmp handover.launch.py exchange:=take use_sim_time:=false rviz:=true
 
-The handover begins by itself, or with `start:=service` when it is told to:
+The handover begins by itself or, with `start:=service`, when this service is called:
 
     ros2 service call /hand_tracker/replay std_srvs/srv/Trigger
 
-Several of it can be included side by side, each in a `namespace` of its own or within a group with
+Several can be included side by side, each in a `namespace` of its own or in a group with
 `PushRosNamespace`.
 
-For tests without a display, `exit_when_done:=true` ends it after the handover; the exit code is 0
-if the object was handed over.
+For tests without a display, `exit_when_done:=true` ends all nodes after the handover; the exit
+code is 0 if the object was handed over.
 """
 
 from __future__ import annotations
@@ -51,27 +51,39 @@ from launch_ros.actions import Node
 PACKAGE = 'handover_dmp'
 NODES = ('recorder', 'hand_tracker', 'dmp', 'priority_ik', 'robot_sim')
 END_S = '20.0'
-"""How long a node has for its end, s: longer than after which it ends itself (`nodes/spin.py`)."""
+"""Time for a node to end, s; longer than its own time-out (`nodes/spin.py`)."""
 BOOLEAN = ('true', 'false', 'True', 'False', '1', '0')
 ARGUMENTS: dict[str, tuple[str, str, tuple[str, ...] | None]] = {
-    'namespace': ('', 'of all nodes, topics and services, within that of a group around', None),
-    'robot': ('lwr4', 'lwr4, iiwa14, panda, ur5 or the path of a URDF or xacro', None),
-    'wrist_frame': ('', 'link that follows the wrist; empty: by the description', None),
-    'base_frame': ('', 'link that the arm begins at; empty: the root', None),
-    'trial': ('', 'CSV file of a recorded handover, whose partner is replayed', None),
+    'namespace': (
+        '',
+        'namespace of all nodes, topics and services, below that of the group',
+        None,
+    ),
+    'robot': ('lwr4', 'robot: lwr4, iiwa14, panda, ur5 or the path of a URDF or xacro file', None),
+    'wrist_frame': ('', 'link that follows the wrist; empty: found from the description', None),
+    'base_frame': ('', 'first link of the arm; empty: the root', None),
+    'trial': ('', 'CSV file of a recorded handover; its partner is replayed', None),
     'bag': ('', 'bag of a recorded handover, in place of a trial', None),
-    'from': ('', 'where the handover in the bag begins, s; empty: it is found', None),
-    'to': ('', 'where it ends, s', None),
-    'exchange': ('give', 'direction, where neither trial nor bag is given', ('give', 'take')),
-    'object': ('rod', 'what is carried: rod, cup, knife, box, or a .yaml file with one', None),
-    'use_sim_time': ('true', 'run in lockstep on /clock; false: on the wall clock', BOOLEAN),
+    'from': ('', 'start of the handover in the bag, s; empty: detected', None),
+    'to': ('', 'end of the handover in the bag, s; empty: detected', None),
+    'exchange': ('give', 'direction, if neither trial nor bag is given', ('give', 'take')),
+    'object': ('rod', 'object: rod, cup, knife, box, or a .yaml file with one', None),
+    'use_sim_time': (
+        'true',
+        'whether to run in lockstep on /clock; false: on the wall clock',
+        BOOLEAN,
+    ),
     'start': (
         'auto',
-        'auto: as soon as all nodes are there; service: when /hand_tracker/replay is called',
+        'start of the handover: auto (when all nodes are there) or service (/hand_tracker/replay)',
         ('auto', 'service'),
     ),
     'exit_when_done': ('false', 'whether all nodes end after the handover', BOOLEAN),
-    'parameters': (str(share_path('config/handover.yaml')), 'file with those of all nodes', None),
+    'parameters': (
+        str(share_path('config/handover.yaml')),
+        'file with the parameters of all nodes',
+        None,
+    ),
     'record': ('true', 'whether to record all topics', BOOLEAN),
     'output': ('', 'folder of the run; empty: runs/<date-time>_<exchange>_<configuration>', None),
     'rviz': ('false', 'whether to start RViz (package rviz2)', BOOLEAN),
@@ -81,11 +93,11 @@ VIEWERS = {
     'rviz': ('tf2_msgs', 'rviz2'),
     'foxglove': ('tf2_msgs', 'foxglove_bridge'),
 }
-"""Argument to the packages that it needs."""
+"""Launch argument to the packages that it needs."""
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Declare the arguments; what depends on their values is made by `nodes`."""
+    """Declare the arguments; `nodes` makes everything that depends on their values."""
     return LaunchDescription(
         [
             *(
@@ -115,10 +127,10 @@ def nodes(context: LaunchContext) -> list[Node]:
             # second would be a section for all nodes, which yields to those.
             namespace=chosen['namespace'] or None,
             parameters=[chosen['parameters'], str(own)],
-            # In lockstep every graph makes its own time.
+            # In lockstep every graph has its own time.
             remappings=[('/clock', 'clock')] if simulated else [],
             condition=IfCondition(chosen['record']) if name == 'recorder' else None,
-            # The arm brakes by itself; four nodes without the fifth are of no use.
+            # The arm brakes by itself; four nodes are useless without the fifth.
             on_exit=partial(end, name),
             sigterm_timeout=END_S,
             sigkill_timeout=END_S,
@@ -131,7 +143,7 @@ def nodes(context: LaunchContext) -> list[Node]:
 
 
 def end(name: str, event: ProcessExited, _context: LaunchContext) -> Shutdown:
-    """End all nodes when one has ended; a failure of it is one of the launch, too."""
+    """End all nodes when one has ended; if it failed, the launch fails."""
     if event.returncode:
         raise RuntimeError(f'{name} ended with exit code {event.returncode}')
     return Shutdown(reason=f'{name} ended')
@@ -139,13 +151,13 @@ def end(name: str, event: ProcessExited, _context: LaunchContext) -> Shutdown:
 
 def look_up(chosen: dict[str, str]) -> None:
     """
-    Look for all that may be missing, before anything starts.
+    Check for missing packages and files, before anything starts.
 
     Args:
         chosen: value of each launch argument.
 
     Raises:
-        RuntimeError: a package that a viewer needs is not installed, or a file is not there.
+        RuntimeError: a package that a viewer needs is not installed, or a file is missing.
 
     """
     for viewer, packages in VIEWERS.items():
@@ -154,18 +166,18 @@ def look_up(chosen: dict[str, str]) -> None:
             names = ' '.join(f'ros-jazzy-{name.replace("_", "-")}' for name in missing)
             raise RuntimeError(f'{viewer}:=true needs {", ".join(missing)}: apt install {names}')
     if not Path(chosen['parameters']).is_file():
-        raise RuntimeError(f'parameters:={chosen["parameters"]}: there is no such file')
+        raise RuntimeError(f'parameters:={chosen["parameters"]}: no such file')
 
 
 def prepare(chosen: dict[str, str]) -> Path:
     """
-    Put the run together and make its folder.
+    Set up the run and make its folder.
 
     Args:
         chosen: value of each launch argument.
 
     Returns:
-        The file of the parameters that go before those of the user's.
+        The file of the parameters that override the user's.
 
     """
     from handover_dmp.handover.lockstep import REPLAY_AT_S
@@ -180,11 +192,11 @@ def prepare(chosen: dict[str, str]) -> Path:
     simulated = _is_true(chosen['use_sim_time'])
     info = run_info(scenario, 1.0) | {'command': shlex.join(['ros2', *sys.argv[1:]])}
     parameters = graph_parameters(folder, scenario, info, simulated)
-    # For people to watch, not as fast as it goes.
+    # In real time, for people to watch.
     del parameters['robot_sim']['real_time_factor']
     for name, own in parameters.items():
         own['lockstep'] = simulated
-        # `robot_sim` makes the time of the others.
+        # `robot_sim` publishes the time of the others.
         own['use_sim_time'] = simulated and name != 'robot_sim'
     by_itself = chosen['start'] == 'auto'
     parameters['hand_tracker']['replay_at_s'] = REPLAY_AT_S if by_itself else -1.0
@@ -195,7 +207,7 @@ def prepare(chosen: dict[str, str]) -> Path:
 
 
 def frame_of(chosen: dict[str, str]) -> str:
-    """Return the frame of all positions, as the parameters of the user have it."""
+    """Return the frame of all positions, by the user's parameters."""
     from handover_dmp.common.plain_yaml import load_plain
     from handover_dmp.common.ros_parameters import merged, sections
     from handover_dmp.common.settings import defaults
@@ -206,7 +218,7 @@ def frame_of(chosen: dict[str, str]) -> str:
 
 
 def write_layout(folder: Path, frame: str) -> None:
-    """Leave a layout for Foxglove in the folder of the run, if its frame is not the usual one."""
+    """Write a layout for Foxglove into the folder of the run, if its frame is not the default."""
     layout = share_path('config/handover.foxglove.json')
     if frame == FRAME:
         return
@@ -217,7 +229,7 @@ def write_layout(folder: Path, frame: str) -> None:
 
 
 def viewers(folder: Path, namespace: str, simulated: bool, frame: str) -> list[Node]:
-    """Make the viewers that were asked for; `robot_sim` publishes the transforms they need."""
+    """Make the requested viewers; `robot_sim` publishes the transforms they need."""
     use_sim_time = {'use_sim_time': simulated}
     own_time = [('/clock', 'clock')] if simulated else []
     # RViz has only absolute names in its files.
@@ -236,7 +248,7 @@ def viewers(folder: Path, namespace: str, simulated: bool, frame: str) -> list[N
             package='foxglove_bridge',
             executable='foxglove_bridge',
             namespace=namespace or None,
-            # Nothing leaves the machine unless asked for.
+            # Nothing leaves the machine unless requested.
             parameters=[{'address': '127.0.0.1'}, use_sim_time],
             remappings=own_time,
             condition=IfCondition(LaunchConfiguration('foxglove')),
@@ -245,7 +257,7 @@ def viewers(folder: Path, namespace: str, simulated: bool, frame: str) -> list[N
 
 
 def rviz_file(folder: Path, namespace: str) -> Path:
-    """Give the file for RViz; in a namespace a copy, as links are called after that."""
+    """Return the file for RViz; in a namespace a copy, since its links have a prefix."""
     file = share_path('config/handover.rviz')
     if not namespace.strip('/'):
         return file
@@ -256,7 +268,7 @@ def rviz_file(folder: Path, namespace: str) -> Path:
 
 
 def _scenario(chosen: dict[str, str]) -> Any:
-    """Read the recording; else learn from one synthetic handover and take another."""
+    """Read the recording, or learn from one synthetic handover and replay another."""
     from handover_dmp.dmp import save_model
     from handover_dmp.handover.object_profile import object_profile
     from handover_dmp.handover.recordings import EXAMPLE
@@ -286,18 +298,18 @@ def _scenario(chosen: dict[str, str]) -> Any:
 
 
 def _span_s(chosen: dict[str, str]) -> tuple[float, float] | None:
-    """Read where the handover in a bag begins and ends."""
+    """Read the start and end of the handover in a bag."""
     words = chosen['from'], chosen['to']
     if not any(words):
         return None
     if not (all(words) and chosen['bag']):
-        raise RuntimeError('from and to go together, and with bag')
+        raise RuntimeError('from and to must be given together, and with bag')
     try:
         begin_s, end_s = map(float, words)
     except ValueError as error:
-        raise RuntimeError(f'from:={words[0]} to:={words[1]}: not two times in s') from error
+        raise RuntimeError(f'from:={words[0]} to:={words[1]}: expected two times in s') from error
     if not begin_s < end_s:
-        raise RuntimeError(f'from:={words[0]} to:={words[1]}: ends before it begins')
+        raise RuntimeError(f'from:={words[0]} to:={words[1]}: to must be later than from')
     return begin_s, end_s
 
 

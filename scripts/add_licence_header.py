@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Puts the licence header on every Python file of the repository that has none.
+Adds the licence header to every Python file of the repository that has none.
 
-With `--check` it only names those files, and exits with 1 if there are any.
+With `--check` it only lists those files, and exits with 1 if there are any.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ HEADER = """\
 # limitations under the License.
 """
 FOLDERS = ('examples', 'handover_dmp', 'launch', 'scripts', 'test')
-# Any year and any holder will do, and the licence text must follow.
+# Any year and any holder are accepted; the licence text must follow.
 PRESENT = re.compile(
     r'(#!.*\n)?# Copyright \d{4}(-\d{4})? \S.*\n' + re.escape(HEADER.split('\n', 1)[1])
 )
 
 
 def python_files(root: Path) -> list[Path]:
-    """List the Python files that need a header; ament_copyright asks for none in `setup.py`."""
+    """List the Python files that need a header; `setup.py` does not, by ament_copyright."""
     return [file for folder in FOLDERS for file in sorted((root / folder).rglob('*.py'))]
 
 
@@ -63,8 +63,12 @@ def with_header(text: str) -> str:
 def main() -> int:
     """Add the headers, or check them."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--check', action='store_true', help='name the files, change nothing')
-    parser.add_argument('files', nargs='*', type=Path, help='all of the repository if left out')
+    parser.add_argument(
+        '--check', action='store_true', help='list the files without changing them'
+    )
+    parser.add_argument(
+        'files', nargs='*', type=Path, help='files to check (default: the whole repository)'
+    )
     options = parser.parse_args()
     root = Path(__file__).resolve().parents[1]
     missing = [

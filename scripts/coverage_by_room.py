@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Prints what share of each room the tests run through, from the JSON file of `coverage`."""
+"""Prints the test coverage of each room, from the JSON file of `coverage`."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ WANTED = 85.0
 
 def shares(report: dict[str, dict[str, dict[str, dict[str, int]]]]) -> dict[str, float]:
     """
-    Sum up files by room.
+    Sum up the coverage by room.
 
     Args:
-        report: of `coverage json`.
+        report: report of `coverage json`.
 
     Returns:
-        Room, or loose module, to the share of its statements, %.
+        Room or single module to the covered share of its statements, %.
 
     """
     run, all_of_them = Counter[str](), Counter[str]()

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Writes the lower bounds of what this package requires as requirements for pip, in two parts.
+Writes the lower bounds of the requirements of this package for pip, in two parts.
 
     python scripts/lower_bounds.py > lowest.txt
     python scripts/lower_bounds.py pinocchio > lowest-pinocchio.txt
@@ -21,8 +21,8 @@ Writes the lower bounds of what this package requires as requirements for pip, i
     pip install --no-deps -r lowest-pinocchio.txt
     pip install --no-deps --editable .
 
-The wheels of Pinocchio work with NumPy 1.26 but are declared to need 2.0, at which pip gives up; a
-Pinocchio that came with ROS 2 is built with the NumPy of its system.
+The wheels of Pinocchio work with NumPy 1.26, but declare that they need 2.0, so pip fails. The
+Pinocchio of a ROS 2 installation is built with the NumPy of its system.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ SETUP = Path(__file__).resolve().parents[1] / 'setup.py'
 REQUIREMENT = re.compile(r"^ +'([\w.-]+)(\[\w+\])?>=([\d.]+)[^;']*(;[^']*)?',$", re.MULTILINE)
 EXTRAS = ('ros', 'test')
 WITH_PINOCCHIO = ('coal', 'eigenpy', 'pin')
-# what these are made of, without a dependency that is not among them
+# the packages of Pinocchio, which have no dependencies other than these
 OF_PINOCCHIO = (
     'cmeel', 'cmeel-assimp~=6.0', 'cmeel-boost~=1.90.0', 'cmeel-console-bridge',
     'cmeel-octomap~=1.10', 'cmeel-qhull~=8.0.2.1', 'cmeel-tinyxml2', 'cmeel-urdfdom', 'cmeel-zlib',
@@ -45,13 +45,13 @@ LIBRARIES = {'coal': 'libcoal', 'pin': 'libpinocchio'}
 
 def lower_bounds(with_pinocchio: bool) -> list[str]:
     """
-    Read them out of `setup.py`, which no installation is needed for.
+    Read the lower bounds from `setup.py`, without an installation.
 
     Args:
-        with_pinocchio: whether those of Pinocchio, and what they need; else all others.
+        with_pinocchio: whether to return those of Pinocchio and its packages, or all others.
 
     Returns:
-        One line a requirement of the package itself, of ROS and of the tests.
+        One line per requirement of the package itself, of ROS and of the tests.
 
     """
     text = SETUP.read_text(encoding='utf-8')

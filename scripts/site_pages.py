@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Pages of the site that are not files of `docs/`: the README, and a reference page for each room.
+Pages of the site besides those of `docs/`: the README, and a reference page for each room.
 
-A hook of mkdocs; `mkdocs.yml` names it, `make docs` runs it.
+This is a hook of mkdocs, named in `mkdocs.yml` and run by `make docs`.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def rooms() -> dict[str, str]:
     List the rooms of the package.
 
     Returns:
-        Name of each to the first line of its docstring.
+        Room to the first line of its docstring.
 
     """
     found = {}
@@ -56,10 +56,10 @@ def reference(room: str, meaning: str) -> str:
 
     Args:
         room: its name.
-        meaning: what it is for.
+        meaning: its purpose.
 
     Returns:
-        Markdown: every module of the room, made from its docstrings.
+        Markdown with every module of the room, made from its docstrings.
 
     """
     modules = sorted(file.stem for file in (PACKAGE / room).glob('*.py'))
@@ -69,14 +69,14 @@ def reference(room: str, meaning: str) -> str:
 
 def within_site(markdown: str, folder: Path) -> str:
     """
-    Turn links into the repository, which the site does not hold, into the names of the files.
+    Replace links to files of the repository that are not on the site by their names.
 
     Args:
-        markdown: of a page.
-        folder: to which its links are relative.
+        markdown: text of a page.
+        folder: folder to which its links are relative.
 
     Returns:
-        The page; links to pages and pictures of `docs/` lead there from its top.
+        The text; links to pages and pictures of `docs/` are relative to the site's root.
 
     """
 
@@ -100,11 +100,11 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     Add the pages.
 
     Args:
-        files: of `docs/`.
-        config: of the site.
+        files: files of `docs/`.
+        config: configuration of the site.
 
     Returns:
-        These and the others.
+        All files.
 
     """
     readme = (ROOT / 'README.md').read_text(encoding='utf-8')
@@ -123,16 +123,16 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
     """
-    Let the links of a page lead to what the site holds.
+    Adapt the links of a page to the site.
 
     Args:
-        markdown: of the page.
-        page: which.
-        config: of the site.
-        files: all.
+        markdown: text of the page.
+        page: the page.
+        config: configuration of the site.
+        files: all files.
 
     Returns:
-        The page.
+        The text.
 
     """
     if '/' in page.file.src_uri or page.file.src_uri == 'index.md':

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Write the table of docs/trackers.md: two trackers with real faults, alone and both."""
+"""Write the table of docs/trackers.md: two trackers with realistic faults, alone and together."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SEEDS = 20
 
 
 def main() -> int:
-    """Run every case, and write what came of it."""
+    """Run every case and write the results."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--seeds', type=int, default=SEEDS, help='runs of each case')
     seeds = range(parser.parse_args().seeds)
@@ -49,7 +49,7 @@ def main() -> int:
 
 
 def shown(errors: Errors) -> str:
-    """Word the errors of a cell."""
+    """Format the errors of a cell."""
     if errors.position_m == float('inf'):
         return 'no hand'
     return f'{1e3 * errors.position_m:.1f} mm, {1e3 * errors.velocity:.0f} mm/s'

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Write the tables of the documents; --check: only look.
+Write the tables of the documents; with --check, only compare them.
 
-Those of docs/parameters.md and docs/topics.md come from the code, those of docs/benchmarks.md and
-the README's from what `handover_dmp bench --json` has written into docs/.
+The tables of docs/parameters.md and docs/topics.md come from the code, those of docs/benchmarks.md
+and the README from the JSON files of `handover_dmp bench` in docs/.
 """
 
 from __future__ import annotations
@@ -44,19 +44,19 @@ NODES = (
     'hand_tracker', 'dmp', 'priority_ik', 'robot_sim', 'recorder', 'velocity_to_position',
     'calibration_motion',
 )  # fmt: skip
-# Helpers of nodes that have topics of their own, and who uses them.
+# Helper modules with topics, and the nodes that use them.
 HELPERS = {
     'markers': 'dmp', 'diagnostics': 'every node', 'hand_input': '`dmp`, `priority_ik`',
     'object_topics': 'robot_sim', 'gripper': 'dmp', 'wrench_input': 'dmp',
     'transforms': '`robot_sim`, or `recorder` into the bag',
 }  # fmt: skip
-# Their peers are other timers, and not other libraries.
+# These are compared with other timers, not with other libraries.
 OF_TIMERS = ('period error', 'hand pose to joint velocity', 'five ')
 BEGIN, END = '<!-- generated: {} -->', '<!-- end -->'
 
 
 def main() -> int:
-    """Write, or check."""
+    """Write or check the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--check', action='store_true', help='exit 1 if a table is out of date')
     check = parser.parse_args().check
@@ -96,7 +96,7 @@ def documents() -> dict[str, dict[str, str]]:
 
 
 def machine_line(figures: Path) -> str:
-    """Name the machine and the versions that figures hold for."""
+    """Name the machine and the versions of the figures."""
     told = json.loads(figures.read_text(encoding='utf-8'))['machine']
     versions = ', '.join(f'{name} {number}' for name, number in told['versions'].items())
     return (
@@ -106,7 +106,7 @@ def machine_line(figures: Path) -> str:
 
 
 def benchmark_table(results: Sequence[Measurement]) -> str:
-    """Choose what has a target and other libraries beside it, without the notes."""
+    """Select the rows with a target and other libraries, without notes."""
     beside = [r for r in results if r.peers and r.target and not r.name.startswith(OF_TIMERS)]
     rows = [
         (what, here, floor, peers.replace('\n', ', '))
@@ -116,11 +116,11 @@ def benchmark_table(results: Sequence[Measurement]) -> str:
 
 
 def filled(text: str, parts: dict[str, str]) -> str:
-    """Put the parts between their marks; every mark has to have its part and the reverse."""
+    """Insert the parts between their marks; marks and parts must correspond."""
     for name, part in parts.items():
         begin = BEGIN.format(name)
         if text.count(begin) != 1:
-            raise SystemExit(f'{begin} is not there once')
+            raise SystemExit(f'{begin} must occur exactly once')
         before, _, rest = text.partition(begin)
         _, end, after = rest.partition(END)
         if not end:
@@ -135,16 +135,16 @@ def module(node: str) -> Any:
 
 
 def own_parameters(node: str) -> Sequence[Parameter]:
-    """Return what a node declares beyond what all nodes do."""
+    """Return the parameters of a node beyond those of all nodes."""
     classes = [
         value for value in vars(module(node)).values() if getattr(value, 'NAME', None) == node
     ]
-    # the posture's default is that of the robot
+    # its default comes from the robot
     return (*classes[0].PARAMETERS, *getattr(module(node), 'POSTURE', ()))
 
 
 def other_defaults(node: str) -> Sequence[Parameter]:
-    """Return the parameters of every node that have another default in this one."""
+    """Return the parameters of all nodes whose default differs in this one."""
     usual, here = defaults('dmp'), defaults(node)
     return [parameter for parameter in COMMON if here[parameter.name] != usual[parameter.name]]
 
@@ -167,7 +167,7 @@ def parameter_table(node: str, parameters: Sequence[Parameter]) -> str:
 
 
 def settings_table() -> str:
-    """List what stands in `config/handover.yaml` without being a parameter of a running node."""
+    """List the entries of `config/handover.yaml` that are not parameters of a node."""
     rows = []
     comments = dict(yaml_comments())
     everywhere = {parameter.name for parameter in (*ARM, *DRIVER, *HAND)}
@@ -184,7 +184,7 @@ def settings_table() -> str:
 
 
 def yaml_comments() -> Iterator[tuple[tuple[str, str], str]]:
-    """Read the comment at the end of each line of the file of defaults."""
+    """Read the comments at the ends of the lines of `config/handover.yaml`."""
     section, path = '', []
     text = (ROOT / 'config' / 'handover.yaml').read_text(encoding='utf-8')
     for line in text.splitlines():
@@ -200,7 +200,7 @@ def yaml_comments() -> Iterator[tuple[tuple[str, str], str]]:
 
 
 def topic_table() -> str:
-    """Write who says what to whom, and how."""
+    """Write the table of topics."""
     published, subscribed = ends('advertise'), ends('subscribe')
     rows = []
     for topic in TOPICS:
@@ -242,7 +242,7 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def shown(value: Any) -> str:
-    """Write a default."""
+    """Format a default."""
     if value is None:
         return 'not set'
     if isinstance(value, bool):
@@ -255,13 +255,13 @@ def shown(value: Any) -> str:
 
 
 def kind(value: Any) -> str:
-    """Name the type of a parameter that has no range."""
+    """Name the type of a parameter without range."""
     kinds = {bool: '`true`, `false`', str: 'text', list: 'list'}
     return kinds.get(type(value), 'list of numbers')
 
 
 def number(value: float) -> str:
-    """Write a number as short as it goes."""
+    """Format a number as short as possible."""
     return f'{value:,.10g}'.replace(',', ' ') if abs(value) < 1e6 else f'{value:.3g}'
 
 

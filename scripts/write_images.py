@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Make the pictures of README and docs anew: python scripts/write_images.py [RUN SESSION]."""
+"""Make the pictures of README and docs: python scripts/write_images.py [RUN SESSION]."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ from handover_dmp.handover.recordings import example_model
 IMAGES = Path(__file__).resolve().parents[1] / 'docs' / 'images'
 MAX_BYTES = 3_000_000
 NEAR_SHARE = 0.27
-"""Distance of the hand in the figure of the approach, as a part of the learnt one."""
+"""Distance of the hand in the figure of the approach, as a fraction of the learnt one."""
 
 
 def main(run: Path, session: Path) -> None:
     """
-    Film the run at half its speed, take its figure of the three axes, and draw the approach.
+    Render the run at half speed, copy its figure of the three axes, and draw the approach.
 
-    Of the session, take its film and its figure; draw the postures of the partner.
+    Copy film and figure of the session, and draw the postures of the partner.
     """
     film = IMAGES / 'handover.webp'
     words = ['--no-video', '--image', str(film), '--speed', '0.5', '--size', '800x600']
     if handover_dmp(['render', str(run), *words]):
-        raise SystemExit(f'{run}: cannot be filmed')
+        raise SystemExit(f'{run}: cannot be rendered')
     shutil.copyfile(run / 'figures' / 'positions.png', IMAGES / 'positions.png')
     draw_approach(example_model(), NEAR_SHARE, IMAGES / 'approach.png')
     shutil.copyfile(session / 'session.webp', IMAGES / 'session.webp')

@@ -15,8 +15,8 @@
 """
 Make the pictures of the partner model: python scripts/write_partner_images.py DATASET [DRAWS].
 
-Distance against number of demonstrations, on that data set, and one late hand met without and with
-the model, side by side, simulated.
+They show the distance against the number of demonstrations, on that data set, and a simulated late
+hand, met without and with the model, side by side.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ LATE_S = 1.0
 
 
 def late(trial: HandoverTrial) -> HandoverTrial:
-    """Let the hand of a handover begin a second late; the rest of it is as it was."""
+    """Let the hand of a handover begin one second late, otherwise unchanged."""
     period_s = float(trial.times[1] - trial.times[0])
     waiting = round(LATE_S / period_s)
     times = trial.times[0] + period_s * np.arange(len(trial.times) + waiting)
@@ -53,7 +53,7 @@ def late(trial: HandoverTrial) -> HandoverTrial:
 
 
 def film(path: Path) -> None:
-    """Simulate a late hand without and with the model, and film both side by side."""
+    """Simulate a late hand without and with the model, and render both side by side."""
     with TemporaryDirectory() as name:
         folder = Path(name)
         save_model(example_model(), folder / 'model.json')
@@ -71,7 +71,7 @@ def film(path: Path) -> None:
 
 
 def main(data_set: Path, draws: int) -> None:
-    """Make both."""
+    """Make both pictures."""
     use_one_thread()
     curve = few_demonstrations(
         make_cases(read_data_set(data_set)),

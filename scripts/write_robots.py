@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Write docs/robots.md: the results for the arms of two public packages; takes minutes.
+Write the results of docs/robots.md for the arms of two public packages; takes minutes.
 
 The arms are those of example-robot-data and of PyBullet's pybullet_data, found by their joints,
-and small ones, each with one peculiarity in its description.
+and small ones that each have one peculiarity in their description.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def _odd_row(outcome: ZooOutcome, folder: str) -> Sequence[str]:
 
 
 def _limits(outcome: ZooOutcome) -> str:
-    """Give the used shares of position, velocity and acceleration limits."""
+    """Return the used shares of position, velocity and acceleration limits."""
     if outcome.shares is None:
         return '–'
     return ' / '.join(f'{100.0 * share:.0f}' for share in outcome.shares.values())

@@ -271,9 +271,9 @@ def test_a_trial_of_the_users_own(
     ('chosen', 'error', 'words'),
     [
         ({'trial': 'a.csv', 'bag': 'b'}, RuntimeError, 'exclude'),
-        ({'from': '1.0'}, RuntimeError, 'from and to go together'),
-        ({'bag': 'b', 'from': '2', 'to': '1'}, RuntimeError, 'ends before it begins'),
-        ({'bag': 'b', 'from': 'x', 'to': '1'}, RuntimeError, 'not two times'),
+        ({'from': '1.0'}, RuntimeError, 'from and to must be given together'),
+        ({'bag': 'b', 'from': '2', 'to': '1'}, RuntimeError, 'to must be later than from'),
+        ({'bag': 'b', 'from': 'x', 'to': '1'}, RuntimeError, 'expected two times'),
         ({'trial': '/none.csv'}, HandoverError, r'none\.csv'),
         ({'robot': '/none.urdf'}, HandoverError, r'none\.urdf'),
     ],

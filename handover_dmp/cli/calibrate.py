@@ -269,7 +269,7 @@ def _tell(
         result['parameters'] = str(options.output)
         console.print(f'parameters: {options.output}, figure: {figure}')
     else:
-        console.print('pose not determined, no parameters written; figure: ', style='red')
+        console.print(f'pose not determined, no parameters written; figure: {figure}', style='red')
     if options.json:
         import json
 

@@ -69,7 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--learn',
         metavar='LIST',
-        help='demonstrations to learn from, separated by commas (default: ',
+        help=f'demonstrations to learn from, separated by commas (default: {",".join(LEARN)})',
     )
     parser.add_argument(
         '--paper',

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What every room may use: errors, files, settings, resources, threads, quiet PyBullet."""
+"""Helpers for all rooms: errors, files, settings, resources, threads, quiet PyBullet."""

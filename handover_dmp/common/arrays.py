@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The types of numbers: arrays of NumPy, and tuples where a step of (8) has to be fast."""
+"""Types of numbers: arrays of NumPy, and tuples for fast steps of (8)."""
 
 from __future__ import annotations
 

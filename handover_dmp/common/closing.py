@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is to be closed at the end of a `with` statement."""
+"""Base class of objects that a `with` statement closes."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ Held = TypeVar('Held', bound='Closing')
 
 
 class Closing(ABC):
-    """Something that holds what has to be let go of; `with` closes it."""
+    """An owner of resources, which `with` closes."""
 
     @abstractmethod
     def close(self) -> None:
-        """Let go of what is held."""
+        """Release the resources."""
 
     def __enter__(self: Held) -> Held:
         return self

@@ -17,12 +17,12 @@
 
 def rounded(value: float, digits: int, sign: str = '-') -> str:
     """
-    Write a number with fixed digits; what rounds to zero has no minus.
+    Write a number with fixed digits; zero has no minus sign.
 
     Args:
         value: the number.
-        digits: behind the point.
-        sign: `+`: positive ones have a sign, too.
+        digits: digits after the point.
+        sign: `+`: positive numbers also have a sign.
 
     Returns:
         The text.

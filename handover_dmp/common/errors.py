@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Errors that a user can act on: one clear line each, and the exit code that goes with it."""
+"""Errors that a user can act on: one clear line each, with an exit code."""
 
 GET_ROS = "source a ROS 2 installation or run: pip install 'handover_dmp[ros]'"
 
@@ -29,10 +29,10 @@ class HandoverError(Exception):
 
 
 class DataError(HandoverError):
-    """A file or a message holds something that cannot be used; names file, line and fault."""
+    """A file or a message cannot be used; names file, line and fault."""
 
 
 class UsageError(HandoverError):
-    """The request itself makes no sense: unknown option, missing file name, wrong combination."""
+    """The request is invalid: unknown option, missing file name, wrong combination."""
 
     exit_code = 2

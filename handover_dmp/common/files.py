@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Writing files so that a reader sees the old one or the new one, never half of one."""
+"""Write files atomically: a reader sees the old or the new file, never a part."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ import tempfile
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """
-    Give a temporary path beside `path` and move it there if the block ends without an error.
+    Yield a temporary path beside `path`, and move it there if the block ends without an error.
 
     Args:
-        path: file to write; its folder is made if need be. A pipe or device is itself written to.
+        path: file to write; its folder is made if missing. Pipes and devices are written directly.
 
     Yields:
         The temporary path to write to, with the same suffix.
@@ -49,7 +49,7 @@ def replacing(path: Path) -> Iterator[Path]:
         temporary.chmod(0o666 & ~mask)
         temporary.replace(path)
     except OSError as error:
-        # a full disk does not say which file it was
+        # the error of a full disk does not name the file
         error.filename = error.filename or str(path)
         raise
     finally:
@@ -59,7 +59,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 def write_text(path: Path, text: str) -> None:
     """
-    Write a text file whole or not at all.
+    Write a text file completely or not at all.
 
     Args:
         path: file to write.

@@ -25,11 +25,11 @@ def lazy_names(
     package: str, homes: Mapping[str, str]
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """
-    Make the functions by which a package gives its names without importing their modules before.
+    Make the functions of a package that import its modules when their names are first used.
 
     Args:
-        package: its name.
-        homes: name to the module that it is in, below the package.
+        package: name of the package.
+        homes: public name to its module, below the package.
 
     Returns:
         `__getattr__` and `__dir__` of the package.

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""YAML of plain values from anywhere: nothing in it runs, and nothing in it unfolds."""
+"""YAML of plain values from untrusted files: no code, no aliases."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from typing import Any
 from handover_dmp.common.errors import DataError
 import yaml
 
-# What the constructors of the library raise at tags and numbers that do not fit their text.
+# Errors of the library's constructors for tags and numbers that do not fit their text.
 MISFIT = (
     yaml.YAMLError, RecursionError, ValueError, OverflowError, LookupError, AttributeError,
     TypeError,
@@ -33,16 +33,16 @@ MAX_DEPTH = 100
 
 def load_plain(text: str) -> Any:
     """
-    Read YAML of plain values, without aliases, of which a small text can unfold into a huge one.
+    Read YAML of plain values, without aliases, since these can expand a small text hugely.
 
     Args:
         text: the YAML text, nested at most 100 deep.
 
     Returns:
-        What it says.
+        The values.
 
     Raises:
-        DataError: not YAML, or with aliases.
+        DataError: the text is not YAML, or has aliases.
 
     """
     try:
@@ -55,10 +55,10 @@ def load_plain(text: str) -> Any:
 
 def dump_plain(tree: Any) -> str:
     """
-    Write YAML of plain values, without aliases: the parser of ROS 2 and others know none.
+    Write YAML of plain values, without aliases, which the parser of ROS 2 does not know.
 
     Args:
-        tree: what to write; the order of its keys is kept.
+        tree: values to write; the order of keys is kept.
 
     Returns:
         The text.
@@ -68,7 +68,7 @@ def dump_plain(tree: Any) -> str:
 
 
 class _PlainDumper(yaml.SafeDumper):
-    """Writes what stands twice twice."""
+    """Writes repeated values in full."""
 
     def ignore_aliases(self, data: Any) -> bool:
         return True
@@ -78,7 +78,7 @@ def _check_events(text: str) -> None:
     depth = 0
     for event in yaml.parse(text, Loader=_Loader):
         if isinstance(event, yaml.AliasEvent):
-            raise yaml.YAMLError('aliases are not understood')
+            raise yaml.YAMLError('aliases are not supported')
         depth += isinstance(event, yaml.CollectionStartEvent)
         depth -= isinstance(event, yaml.CollectionEndEvent)
         if depth > MAX_DEPTH:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How every figure looks, as settings of matplotlib."""
+"""Style of all figures, as settings of matplotlib."""
 
 from __future__ import annotations
 

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Unit quaternions x, y, z, w, their exponential and logarithm, one by one and in arrays.
+Unit quaternions x, y, z, w with exponential and logarithm, single and in arrays.
 
 A *turn* is a rotation vector: its direction is the axis, its length the angle in rad. q and −q are
-the same rotation, and everything here treats them alike.
+the same rotation, and all functions treat them alike.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ Turn = tuple[float, float, float]
 
 IDENTITY: Quaternion = (0.0, 0.0, 0.0, 1.0)
 SMALL = 1e-4
-"""Below this angle, series in its place are exact to rounding, rad."""
+"""Angle below which series are used, which are exact to rounding, rad."""
 
 
 def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
     """
-    Do one rotation after another.
+    Compose two rotations.
 
     Args:
-        a: done last.
-        b: done first.
+        a: second rotation.
+        b: first rotation.
 
     Returns:
         a ⊗ b.
@@ -60,7 +60,7 @@ def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
 
 def conjugate(q: Quaternion) -> Quaternion:
     """
-    Turn a rotation round.
+    Invert a rotation.
 
     Args:
         q: of norm 1.
@@ -74,7 +74,7 @@ def conjugate(q: Quaternion) -> Quaternion:
 
 def normalized(q: Sequence[float]) -> Quaternion:
     """
-    Bring a quaternion to norm 1.
+    Normalise a quaternion.
 
     Args:
         q: x, y, z, w, not all 0.
@@ -90,7 +90,7 @@ def normalized(q: Sequence[float]) -> Quaternion:
 
 def exponential(turn: Sequence[float]) -> Quaternion:
     """
-    Give the rotation of a turn.
+    Return the rotation of a turn.
 
     Args:
         turn: axis times angle, rad.
@@ -107,7 +107,7 @@ def exponential(turn: Sequence[float]) -> Quaternion:
 
 def logarithm(q: Quaternion) -> Turn:
     """
-    Give the shortest turn that is a rotation.
+    Return the shortest turn of a rotation.
 
     Args:
         q: of norm 1; −q gives the same.
@@ -124,14 +124,14 @@ def logarithm(q: Quaternion) -> Turn:
 
 def nearest_turn(turn: Turn, other: Sequence[float]) -> Turn:
     """
-    Of all turns that are the same rotation, give the one nearest to another.
+    Return the equivalent turn that is nearest to another turn.
 
     Args:
         turn: axis times angle, rad.
-        other: what it shall be near to, rad.
+        other: the other turn, rad.
 
     Returns:
-        The turn, by whole revolutions more or less.
+        The turn, changed by whole revolutions.
 
     """
     angle = hypot(*turn)
@@ -139,7 +139,7 @@ def nearest_turn(turn: Turn, other: Sequence[float]) -> Turn:
         axis_length = hypot(*other)
         if axis_length < pi:
             return turn
-        # about the axis of the other, since this one has none of its own
+        # about the axis of the other, since this one has no axis
         whole = 2.0 * pi * round(axis_length / (2.0 * pi)) / axis_length
         x, y, z = other
         return turn[0] + whole * x, turn[1] + whole * y, turn[2] + whole * z
@@ -151,14 +151,14 @@ def nearest_turn(turn: Turn, other: Sequence[float]) -> Turn:
 
 def angular_velocity(turn: Sequence[float], rate: Sequence[float]) -> Turn:
     """
-    Tell how fast a body turns whose turn changes: ω = J(r)ṙ, J the left Jacobian.
+    Convert the rate of a turn to an angular velocity: ω = J(r)ṙ, J the left Jacobian.
 
     Args:
-        turn: r, from where it began, rad.
+        turn: r, from the first orientation, rad.
         rate: ṙ, rad/s.
 
     Returns:
-        ω, rad/s, along the axes in which the turn is given.
+        ω, rad/s, in the axes of the turn.
 
     """
     x, y, z = turn
@@ -174,10 +174,10 @@ def angular_velocity(turn: Sequence[float], rate: Sequence[float]) -> Turn:
 
 def turn_rate(turn: Sequence[float], velocity: Sequence[float]) -> Turn:
     """
-    Tell how fast the turn of a body changes that turns so fast: ṙ = J(r)⁻¹ω.
+    Convert an angular velocity to the rate of a turn: ṙ = J(r)⁻¹ω.
 
     Args:
-        turn: r, from where it began, rad; its angle below 2π.
+        turn: r, from the first orientation, rad; its angle below 2π.
         velocity: ω, rad/s.
 
     Returns:
@@ -197,14 +197,14 @@ def turn_rate(turn: Sequence[float], velocity: Sequence[float]) -> Turn:
 
 def rotated(q: Quaternion, vector: Sequence[float]) -> Turn:
     """
-    Turn a vector.
+    Rotate a vector.
 
     Args:
         q: of norm 1.
         vector: (3,).
 
     Returns:
-        The vector as the rotation leaves it, (3,).
+        The rotated vector, (3,).
 
     """
     x, y, z, w = q
@@ -218,7 +218,7 @@ def rotated(q: Quaternion, vector: Sequence[float]) -> Turn:
 
 
 def _twisted(turn: Sequence[float], vector: Sequence[float], first: float, second: float) -> Turn:
-    """Give v + first·(r × v) + second·(r × (r × v))."""
+    """Return v + first·(r × v) + second·(r × (r × v))."""
     x, y, z = turn
     a, b, c = vector
     u, v, w = y * c - z * b, z * a - x * c, x * b - y * a
@@ -231,7 +231,7 @@ def _twisted(turn: Sequence[float], vector: Sequence[float], first: float, secon
 
 def to_matrix(q: Sequence[float]) -> Array:
     """
-    Give the rotation matrix of a quaternion.
+    Return the rotation matrix of a quaternion.
 
     Args:
         q: of norm 1.
@@ -252,10 +252,10 @@ def to_matrix(q: Sequence[float]) -> Array:
 
 def from_matrices(matrices: ArrayLike) -> Array:
     """
-    Give the quaternions of rotation matrices.
+    Return the quaternions of rotation matrices.
 
     Args:
-        matrices: (..., 3, 3); what is no rotation gives NaN.
+        matrices: (..., 3, 3); invalid rotations give NaN.
 
     Returns:
         (..., 4), of norm 1.
@@ -270,7 +270,7 @@ def from_matrices(matrices: ArrayLike) -> Array:
     )
     dx, dy, dz = a[0] - a[1], b[0] - b[1], c[0] - c[1]
     sx, sy, sz = a[0] + a[1], b[0] + b[1], c[0] + c[1]
-    # each row is the quaternion times four times one of its own elements; the largest is safe
+    # each row is the quaternion times four times one of its elements; the largest is safe
     rows = np.stack(
         [
             np.stack([1.0 + xx - yy - zz, sz, sy, dx], axis=-1),
@@ -292,11 +292,11 @@ def from_matrices(matrices: ArrayLike) -> Array:
 
 def multiply_all(a: ArrayLike, b: ArrayLike) -> Array:
     """
-    Do rotations one after another, many at once.
+    Compose arrays of rotations.
 
     Args:
-        a: done last, (n, 4) or (4,).
-        b: done first, (n, 4) or (4,).
+        a: second rotations, (n, 4) or (4,).
+        b: first rotations, (n, 4) or (4,).
 
     Returns:
         a ⊗ b, (n, 4) or (4,).
@@ -313,7 +313,7 @@ def multiply_all(a: ArrayLike, b: ArrayLike) -> Array:
 
 def with_continuous_signs(quaternions: ArrayLike) -> Array:
     """
-    Choose the sign of each quaternion so that none lies farther than need be from the one before.
+    Choose the sign of each quaternion so that it is nearest to the one before.
 
     Args:
         quaternions: (n, 4).
@@ -332,13 +332,13 @@ def with_continuous_signs(quaternions: ArrayLike) -> Array:
 
 def turns_from_start(quaternions: ArrayLike) -> Array:
     """
-    Tell how a body has turned since its first orientation: Log(qᵢ ⊗ q₀⁻¹), without jumps.
+    Return the turns of a body since its first orientation: Log(qᵢ ⊗ q₀⁻¹), without jumps.
 
     Args:
         quaternions: (n, 4), of norm 1.
 
     Returns:
-        (n, 3) rad, along the axes of the room; the first is 0.
+        (n, 3) rad, in the axes of the room; the first is 0.
 
     """
     path = [normalized(row) for row in np.asarray(quaternions, dtype=float).tolist()]

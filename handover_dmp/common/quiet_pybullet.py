@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-PyBullet without its chatter: it writes to the terminal from C, at import, start and loading.
+PyBullet without its output: it writes to the terminal from C, at import, start and loading.
 
-`silenced` does it for any library of C.
+`silenced` works for any C library.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ __all__ = ['pybullet', 'silenced']
 @contextmanager
 def silenced() -> Iterator[None]:
     """
-    Send what C code writes to stdout and stderr to nowhere while the block runs.
+    Discard what C code writes to stdout and stderr while the block runs.
 
-    Redirects the file descriptors 1 and 2 of the whole process, so keep the block short. The
-    buffers of the C library are flushed before and after; what stood in them would come out later.
+    It redirects the file descriptors 1 and 2 of the whole process, so keep the block short. The
+    buffers of the C library are flushed before and after, lest their content appear later.
     """
     flush = ctypes.CDLL(None).fflush
     flush(None)
@@ -49,7 +49,7 @@ def silenced() -> Iterator[None]:
         for descriptor in (1, 2):
             try:
                 kept.append((descriptor, os.dup(descriptor)))
-            except OSError:  # closed, as a daemon has it: nothing to silence
+            except OSError:  # closed, as in a daemon: nothing to silence
                 continue
             os.dup2(nowhere, descriptor)
         yield
@@ -62,7 +62,7 @@ def silenced() -> Iterator[None]:
 
 
 def __getattr__(name: str) -> Any:
-    # PyBullet is loaded when it is first asked for: `silenced` alone does not need it.
+    # PyBullet is loaded at its first use: `silenced` alone does not need it.
     if name != 'pybullet':
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     with silenced():

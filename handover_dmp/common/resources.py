@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where the files that come with the package lie: `config/`, `urdf/`, `launch/`."""
+"""Location of the files that come with the package: `config/`, `urdf/`, `launch/`."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def share_path(relative: str) -> Path:
     """
     Find a file of the package's share folder.
 
-    In a source tree that is the root of the repository; after an install (pip or colcon, both lay
-    it out alike) it is `share/handover_dmp` under the prefix that the package was installed to.
+    In a source tree this folder is the root of the repository. After an install (pip and colcon
+    have the same layout) it is `share/handover_dmp` under the prefix of the installation.
 
     Args:
         relative: path below the share folder, e.g. `urdf/lwr4.urdf`.

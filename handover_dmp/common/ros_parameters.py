@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Files of ROS parameters, merged for one node as rcl does.
+Files of ROS parameters, merged for one node in the same way as rcl.
 
-The keys of such a file are names of nodes, with namespaces in front or around, and with `*` for
-one name and `**` for any number of them. All that match a node count, in the order of the file:
-what stands later goes before what stands earlier, however exact its key is.
+The keys of such a file are names of nodes, with namespaces as a prefix or as outer keys, with `*`
+for one name and `**` for any number of names. All sections that match a node apply, in the order
+of the file: later ones override earlier ones, however exact their keys are.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ import re
 from typing import Any, NamedTuple
 
 PARAMETERS = 'ros__parameters'
-# What every node has, whoever wrote it.
+# Parameters of every ROS node.
 _OF_EVERY_NODE = ('use_sim_time', 'start_type_description_service')
 _OVERRIDES = 'qos_overrides.'
 _ALIKE = 0.75
@@ -39,7 +39,7 @@ class ParameterSection(NamedTuple):
     A section of a parameter file.
 
     Attributes:
-        node: full name of the nodes that it is for, perhaps with wildcards.
+        node: full name of its nodes, perhaps with wildcards.
         values: parameter name to value; names of nested parameters are joined by dots.
 
     """
@@ -54,7 +54,7 @@ class ParameterSection(NamedTuple):
 
     def is_for(self, node: str) -> bool:
         """
-        Tell whether a node takes its parameters from this section.
+        Tell whether this section applies to a node.
 
         Args:
             node: full name, e.g. `/dmp`.
@@ -72,7 +72,7 @@ def sections(tree: Any) -> list[ParameterSection]:
     List the sections of a parameter file.
 
     Args:
-        tree: the file, as YAML says it.
+        tree: the content of the file.
 
     Returns:
         The sections in the order of the file.
@@ -83,10 +83,10 @@ def sections(tree: Any) -> list[ParameterSection]:
 
 def merged(found: Collection[ParameterSection], node: str) -> dict[str, Any]:
     """
-    Merge what a parameter file says for one node.
+    Merge the sections of a parameter file for one node.
 
     Args:
-        found: its sections.
+        found: the sections.
         node: full name, e.g. `/dmp`.
 
     Returns:
@@ -107,13 +107,13 @@ def unknown_parameter(
     Find a name that no parameter has.
 
     Args:
-        names: as a file gives them.
-        known: names of parameters that there are.
+        names: names in a file.
+        known: names of the existing parameters.
         for_many: whether the names are meant for many nodes, of which others may have them; then
-            only a name that is nearly one of ours counts.
+            only a name that is nearly one of ours is a fault.
 
     Returns:
-        What is wrong, with the parameter that is nearest; empty if nothing is.
+        The fault, with the nearest parameter; empty if there is none.
 
     """
     for name in names:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The defaults of everything that a user may want to change; they stand once, in `config/`."""
+"""Defaults of all parameters and settings, which are defined once, in `config/`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from handover_dmp.common.plain_yaml import load_plain
 from handover_dmp.common.resources import share_path
 
 ANYWHERE = '/**/'
-"""Before the name of a node, in a parameter file: whatever namespace it is in."""
+"""Prefix of the name of a node in a parameter file: any namespace."""
 
 
 @cache
@@ -38,7 +38,7 @@ def defaults(node: str) -> dict[str, Any]:
         node: name of the node, e.g. `dmp`.
 
     Returns:
-        Parameter name to value; names of nested parameters are joined by dots, as ROS 2 does.
+        Parameter name to value; names of nested parameters are joined by dots, as in ROS 2.
 
     """
     tree = _table()
@@ -60,14 +60,14 @@ def _table() -> Any:
 @dataclass(frozen=True)
 class Setting:
     """
-    What stands beside the default of a number or word that a user may change.
+    Description and range of a parameter or setting.
 
     Attributes:
-        name: of the node's parameter, nested ones joined by dots.
-        description: what it sets, with its unit.
-        low: least value, of numbers.
-        high: greatest value, of numbers.
-        choices: the words it may be, of strings.
+        name: name of the node's parameter, nested ones joined by dots.
+        description: meaning, with its unit.
+        low: smallest number.
+        high: greatest number.
+        choices: permitted words.
         read_only: whether it is fixed once the node runs.
 
     """
@@ -81,13 +81,13 @@ class Setting:
 
     def fault(self, value: Any) -> str:
         """
-        Tell what is wrong with a value.
+        Return the fault of a value.
 
         Args:
-            value: as given.
+            value: the value.
 
         Returns:
-            What is wrong, after the name; empty if nothing is.
+            The fault, to follow the name; empty if there is none.
 
         """
         if self.choices and value not in self.choices:
@@ -116,16 +116,16 @@ def setting(
     """
     Make a dataclass field whose default is a parameter of `config/handover.yaml`.
 
-    This and that file are where the parameter stands; what the node declares, the options of the
-    command and docs/parameters.md are made of them.
+    The parameter is defined by this field and that file. The declarations of the nodes, the
+    options of the commands and docs/parameters.md are made from them.
 
     Args:
         node: name of the node.
         name: name of its parameter, nested ones joined by dots.
-        description: what it sets, with its unit.
-        low: least value, of numbers.
-        high: greatest value, of numbers.
-        choices: the words it may be, of strings.
+        description: meaning, with its unit.
+        low: smallest number.
+        high: greatest number.
+        choices: permitted words.
         read_only: whether it is fixed once the node runs.
 
     Returns:
@@ -138,7 +138,7 @@ def setting(
 
 def settings_of(kind: type[Any]) -> dict[str, Setting]:
     """
-    List what a dataclass has of fields made by `setting`.
+    List the fields of a dataclass that were made by `setting`.
 
     Args:
         kind: the dataclass.
@@ -152,15 +152,15 @@ def settings_of(kind: type[Any]) -> dict[str, Setting]:
 
 def check_settings(owner: Any, error: type[HandoverError], prefix: str = '') -> None:
     """
-    Refuse values that are out of range, or no choice.
+    Refuse values that are out of range or not one of the choices.
 
     Args:
         owner: a dataclass with fields made by `setting`.
-        error: what to raise.
-        prefix: before the name of the field.
+        error: error to raise.
+        prefix: prefix of the name of the field.
 
     Raises:
-        HandoverError: as asked for, naming the field and its range.
+        HandoverError: an `error` that names the field and its range.
 
     """
     for name, what in settings_of(type(owner)).items():
@@ -170,14 +170,14 @@ def check_settings(owner: Any, error: type[HandoverError], prefix: str = '') -> 
 
 def parameters_of(kind: type[Any], values: Mapping[str, Any]) -> dict[str, Any]:
     """
-    Choose the values that belong to a dataclass with fields made by `setting`.
+    Select the values of a dataclass with fields made by `setting`.
 
     Args:
         kind: the dataclass.
         values: parameter name to value, of this dataclass and of others.
 
     Returns:
-        Field name to value, for those that are given.
+        Field name to value, for those given.
 
     """
     names = {name: what.name for name, what in settings_of(kind).items()}
@@ -185,7 +185,7 @@ def parameters_of(kind: type[Any], values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _shown(value: object) -> str:
-    """Quote a text; whatever else a file holds may be too large to be shown."""
+    """Quote a text; only name the type of other values, which may be too large to show."""
     return repr(value)[:40] if isinstance(value, str) else f'of type {type(value).__name__}'
 
 

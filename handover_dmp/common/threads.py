@@ -15,8 +15,8 @@
 """
 One thread for linear algebra.
 
-The matrices here are small: a second thread costs more than it brings, and on a busy machine it
-costs a hundred times more. To be called before numpy is imported.
+The matrices here are small: a second thread costs more than it gains, and on a busy machine a
+hundred times more. Call this before numpy is imported.
 """
 
 from __future__ import annotations
@@ -27,6 +27,6 @@ VARIABLES = ('OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS', 'OMP_NUM_THREADS')
 
 
 def use_one_thread() -> None:
-    """Tell the linear algebra libraries, unless the user has told them something else."""
+    """Limit the linear algebra libraries to one thread, unless the user has set another number."""
     for variable in VARIABLES:
         os.environ.setdefault(variable, '1')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which versions of what it stands on are installed."""
+"""Installed versions of the libraries that this package uses."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, version
 
 LIBRARIES = ('numpy', 'scipy', 'pin', 'daqp', 'ruckig', 'pybullet', 'pybullet-arm64', 'mcap')
-"""Distributions that the results of a run depend on."""
+"""Distributions on which the results of a run depend."""
 
 
 def installed_versions(libraries: Iterable[str]) -> dict[str, str]:
@@ -31,8 +31,8 @@ def installed_versions(libraries: Iterable[str]) -> dict[str, str]:
         libraries: names of distributions.
 
     Returns:
-        Name to version, of those that Python knows of: a system's ROS brings some libraries
-        without telling it.
+        Name to version, of those that Python knows: a system's ROS has some libraries
+        without metadata.
 
     """
     found = {}
