@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The hand now: recordings played back, the model of a sensor, the estimator of the moving goal.
+Tracking of the hand: playback of recordings, sensor model, goal estimator, calibration.
 
-The public names are imported when they are first used, so that a node that needs the goal
-estimator alone does not load scipy.
+Public names are imported on first use, so a node that only needs the goal estimator does not
+load scipy.
 """
 
 from __future__ import annotations

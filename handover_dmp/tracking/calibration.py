@@ -13,19 +13,19 @@
 # limitations under the License.
 
 """
-Where a tracker stands and how late its stamps are, from one body that two sources saw.
+Calibration of a tracker, frame and delay, from one body that two sources saw.
 
-The reference says where a body is in the frame that counts (an arm its wrist, by its joints; a
-tracker that is calibrated a hand), the tracker sees a marker on it:
+The reference gives the pose of a body in the target frame (an arm the pose of its wrist, a
+calibrated tracker that of a hand), and the tracker sees a marker on it:
 
     p(t_i - d) + R_w(t_i - d)·m = R·y_i + x ,
 
-with p, R_w the reference's position and rotation, y_i what the tracker says with stamp t_i, R, x
-the place of the tracker's frame, d how much too late it stamps, m the marker in the axes of the
-body. The lag that fits best is searched first (`lag_search`); from there R (Kabsch), x, m and d
-are found jointly by least squares, without the poses that lie more than four standard deviations
-off. The intervals are those of the least squares, their covariance the sandwich of Newey and West
-(1987), since neither noise nor faults of a tracker are independent from one pose to the next.
+with p, R_w the position and rotation of the reference, y_i the position from the tracker with
+stamp t_i, R, x the pose of the tracker's frame, d the delay of its stamps, and m the marker in the
+axes of the body. First the best lag is searched (`lag_search`). Starting there, R (Kabsch), x, m
+and d are estimated jointly by least squares, without poses more than four standard deviations off.
+The intervals follow from the sandwich covariance of Newey and West (1987), since noise and faults
+of a tracker are correlated in time.
 """
 
 from __future__ import annotations
@@ -46,51 +46,52 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import t as student
 
 MIN_SPREAD_M = 0.02
-"""Standard deviation of a motion along a direction, below which there is none."""
+"""Standard deviation along a direction below which a motion has no extent in it."""
 MAX_TURN_DEG = 1.0
 MAX_SHIFT_M = 0.01
 MAX_DELAY_S = 0.02
-"""A quantity whose 95 % interval reaches further than this to either side is not determined."""
+"""A quantity with a larger 95 % interval, to either side, is not determined."""
 MIN_TURN_RAD = 0.1
-"""Standard deviation of the body's rotation, below which it tells nothing of the marker."""
+"""Standard deviation of the body's rotation below which the marker is not determined."""
 OUTLIER = 4.0
-"""In standard deviations of a pose."""
+"""Threshold in standard deviations of a pose."""
 MAX_LEFT_OUT = 0.2
 MAX_SCALE = 0.05
 MISFIT = 0.35
-"""Residual, relative to the motion, beyond which both are not of one body."""
+"""Residual, relative to the motion, above which the paths are of different bodies."""
 AMBIGUOUS_S = 0.1
 AMBIGUOUS = 1.5
-"""A lag as far off whose error is within this factor of the best fits about as well."""
+"""A lag this far off with an error within this factor of the best fits equally well."""
 CORRELATED_S = 1.0
-"""Errors of poses that are further apart in time are taken to be independent."""
+"""Time beyond which errors of poses count as independent, s."""
 ROUNDS = 8
 
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """
-    What was found. Each interval reaches so far to either side with 95 % probability.
+    Result of a calibration. Intervals are half-widths with 95 % probability.
 
     Attributes:
-        position: (3,) m, of the tracker's frame in that of the reference.
+        position: (3,) m, position of the tracker's frame in that of the reference.
         position_interval_m: (3,).
         quaternion: (4,) x, y, z, w, from the tracker's axes to those of the reference.
-        rotation_interval_deg: about the axis that is known least.
-        delay_s: how much too late the tracker stamps its poses, by the reference's clock.
-        delay_interval_s: of it.
-        marker: (3,) m, of the marker in the axes of the reference's body.
-        marker_interval_m: (3,); 0 along what was not estimated.
-        marker_estimated: whether any of it was.
-        residual_m: root mean square distance of marker and pose, of the poses that count.
-        residual_95_m: 95 % of these are nearer.
-        times: (n,) s, of the tracker's poses on the reference's clock.
-        expected: (n, 3) m, where the marker was by the reference.
-        seen: (n, 3) m, where the tracker saw it, in the reference's frame.
-        counted: (n,) which poses count.
+        rotation_interval_deg: about the least certain axis.
+        delay_s: delay of the tracker's stamps, by the reference's clock.
+        delay_interval_s: its interval.
+        marker: (3,) m, position of the marker in the axes of the reference's body.
+        marker_interval_m: (3,); 0 along axes that were not estimated.
+        marker_estimated: whether any of it was estimated.
+        residual_m: root-mean-square distance of marker and pose, over the poses used.
+        residual_95_m: 95th percentile of these distances.
+        times: (n,) s, times of the tracker's poses on the reference's clock.
+        expected: (n, 3) m, position of the marker according to the reference.
+        seen: (n, 3) m, position of the marker seen by the tracker, in the reference's frame.
+        counted: (n,) whether each pose is used.
         search: the search for the lag.
-        undetermined: what the motion does not determine: `rotation`, `position`, `delay`.
-        warnings: what a user should know.
+        undetermined: quantities that the motion does not determine: `rotation`, `position`,
+            `delay`.
+        warnings: warnings for the user.
 
     """
 
@@ -122,21 +123,22 @@ def calibrate(
     marker: Place | None = None,
 ) -> Calibration:
     """
-    Find place and delay of a tracker.
+    Estimate frame and delay of a tracker.
 
     Args:
-        reference: the body in the frame that counts.
-        tracker: the same body as the tracker says.
-        max_delay_s: how far to search for the delay to either side, around what the times of
-            recording tell, s.
-        marker: where the marker is in the axes of the body, m; if left out, it is estimated as
-            far as the body was turned, and zero beyond that.
+        reference: path of the body in the target frame.
+        tracker: path of the same body from the tracker.
+        max_delay_s: range of the search for the delay to either side of the difference of the
+            recording times, s.
+        marker: position of the marker in the axes of the body, m; by default it is estimated as
+            far as the rotation determines it, and zero otherwise.
 
     Returns:
-        Both, with intervals and warnings.
+        The calibration, with intervals and warnings.
 
     Raises:
-        DataError: the paths do not overlap, the body was at rest, or they are not of one body.
+        DataError: the paths do not overlap, the body was at rest, or the paths are of different
+            bodies.
 
     """
     known = ReferencePath(reference)
@@ -148,22 +150,22 @@ def calibrate(
 
 
 def _refuse_other_metres(known: ReferencePath, tracker: BodyPath, search: LagSearch) -> None:
-    """Refuse what no rigid transform can mend: a mirrored frame, other units of length."""
+    """Refuse what no rigid transform can correct: a mirrored frame, other units of length."""
     places = known.positions(tracker.times[search.inside] - search.best_s)
     seen = tracker.positions[search.inside]
     spread = np.linalg.norm(places - places.mean(axis=0), axis=1)
     if np.sqrt(np.square(spread).mean()) < MIN_SPREAD_M:
         raise DataError(
-            f'the body stays within {1e3 * spread.max():.0f} mm: carry it about for half a '
-            'minute, in all directions'
+            f'the body stays within {1e3 * spread.max():.0f} mm: move it for half a minute, '
+            'in all directions'
         )
     ratio = float(spread.sum() / np.linalg.norm(seen - seen.mean(axis=0), axis=1).sum())
     plain = 10.0 ** round(np.log10(ratio))
     if abs(ratio - 1.0) > 0.5:
         hint = {0.001: ' (millimetres?)', 0.01: ' (centimetres?)'}.get(plain, '')
         raise DataError(
-            f'{tracker.label}: ways {1.0 / ratio:.4g} times as long as those of the reference'
-            f'{hint}: positions are to be in metres'
+            f'{tracker.label}: the path is {1.0 / ratio:.4g} times as long as that of the '
+            f'reference{hint}: positions must be in metres'
         )
     middle = seen.mean(axis=0)
     depths = np.linalg.svd(seen - middle, compute_uv=False) / np.sqrt(len(seen))
@@ -175,7 +177,7 @@ def _refuse_other_metres(known: ReferencePath, tracker: BodyPath, search: LagSea
 
 
 class _Fit:
-    """The joint least squares: turn (3), place of the middle (3), delay, marker (0 to 3)."""
+    """The joint least squares: rotation (3), shift of the middle (3), delay, marker (0 to 3)."""
 
     def __init__(
         self, known: ReferencePath, tracker: BodyPath, search: LagSearch, marker: Place | None
@@ -195,7 +197,7 @@ class _Fit:
         self._start(inside)
 
     def _start(self, inside: NDArray[np.intp]) -> None:
-        """Turn about by Kabsch and marker by linear least squares, a few times."""
+        """Alternate a few times: rotation by Kabsch, marker by linear least squares."""
         at = self._tracker.times[inside] - self.delay_s
         places, turns = self._known.positions(at), self._known.rotations(at)
         seen = self._tracker.positions[inside] - self._middle
@@ -204,7 +206,7 @@ class _Fit:
             shift = marked.mean(axis=0)
             off = seen - seen.mean(axis=0)
             with catch_warnings():
-                # that a line leaves it open is said later
+                # a motion along a line leaves it undetermined, which is reported later
                 simplefilter('ignore', UserWarning)
                 self.turn = Rotation.align_vectors(marked - shift, off)[0]
             self.shift = shift - self.turn.apply(seen.mean(axis=0))
@@ -224,7 +226,7 @@ class _Fit:
         return np.asarray(self._given + self._axes @ self.offset)
 
     def solve(self) -> None:
-        """Solve again and again, without the poses that lie too far off, until they stay."""
+        """Solve repeatedly, without outliers, until the set of outliers does not change."""
         for _ in range(ROUNDS):
             self._least_squares()
             off = self._residuals(np.zeros(self._size), slice(None))
@@ -243,7 +245,7 @@ class _Fit:
         return 7 + len(self.offset)
 
     def _residuals(self, change: Array, rows: NDArray[np.bool_] | slice) -> Array:
-        """Return where the marker was by the reference, minus where it was seen, (n, 3) m."""
+        """Return the marker by the reference minus the seen position, (n, 3) m."""
         at = self._tracker.times[rows] - self.delay_s - change[6]
         marker = self._given + self._axes @ (self.offset + change[7:])
         expected = self._known.positions(at) + self._known.rotations(at) @ marker
@@ -252,7 +254,7 @@ class _Fit:
         return np.asarray(expected - seen - self.shift - change[3:6])
 
     def _jacobian(self, change: Array, rows: NDArray[np.bool_]) -> Array:
-        """Differentiate them, (n, 3, size)."""
+        """Return the derivatives of the residuals, (n, 3, size)."""
         step_s = 1e-3
         at = self._tracker.times[rows] - self.delay_s - change[6]
         marker = self._given + self._axes @ (self.offset + change[7:])
@@ -282,7 +284,7 @@ class _Fit:
         self.offset = self.offset + found[7:]
 
     def judged(self) -> Calibration:
-        """Put the result together and say what is not determined."""
+        """Assemble the result, with the undetermined quantities."""
         tracker, rows = self._tracker, self.inside
         times = tracker.times - self.delay_s
         valid = self._known.known(times)
@@ -290,7 +292,7 @@ class _Fit:
         lengths = np.linalg.norm(off, axis=1)
         covariance, factor = self._covariance(off)
         rotated_middle = self.turn.apply(self._middle)
-        # x = shift - R·middle, whose turn moves it by middle × turn
+        # x = shift - R·middle, so a change of the rotation moves it by middle × turn
         x, y, z = rotated_middle
         lever = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
         to_origin = np.hstack([lever, np.eye(3)])
@@ -325,7 +327,7 @@ class _Fit:
         )
 
     def _covariance(self, off: Array) -> tuple[Array, float]:
-        """Return the covariance of all that was solved for, and the factor of a 95 % interval."""
+        """Return the covariance of all unknowns, and the factor of a 95 % interval."""
         jacobian = self._jacobian(np.zeros(self._size), self.inside)
         flat = jacobian.reshape(-1, self._size)
         scale = np.maximum(np.linalg.norm(flat, axis=0), 1e-12)
@@ -342,7 +344,7 @@ class _Fit:
             middle += (1.0 - lag / (lags + 1)) * (product + product.T)
         count = len(scores)
         middle *= count / (count - self._size / 3.0)
-        # what independent errors would give is the least there is
+        # not less than the covariance for independent errors
         plain = float(np.square(off).sum()) / (3 * count - self._size) * inverse
         robust = inverse @ middle @ inverse
         short = np.diag(robust) < np.diag(plain)
@@ -367,34 +369,34 @@ class _Fit:
         spreads, directions = _spreads(expected, seen)
         if np.sqrt(3.0) * deviation > MISFIT * float(np.linalg.norm(spreads)):
             raise DataError(
-                f'{self._tracker.label}: no transform and delay bring it nearer to the reference '
-                f'than {1e3 * np.sqrt(3.0) * deviation:.0f} mm: are both of one body, and is the '
-                f'delay within the search?'
+                f'{self._tracker.label}: the best transform and delay leave '
+                f'{1e3 * np.sqrt(3.0) * deviation:.0f} mm to the reference: check that both are '
+                'of one body, and that --max-delay exceeds the delay'
             )
         if spreads[1] < MIN_SPREAD_M:
             undetermined.append('rotation')
             line = ', '.join(f'{x:.2f}' for x in directions[0])
             warnings.append(
-                f'the motion is all on a line, along ({line}): the rotation about it is not '
+                f'the whole motion is on a line, along ({line}): the rotation about it is not '
                 'determined; move in two more directions'
             )
         elif np.rad2deg(intervals[:3].max()) > MAX_TURN_DEG:
             undetermined.append('rotation')
             warnings.append(
-                f'the rotation is known to {np.rad2deg(intervals[:3].max()):.1f}° only: move '
+                f'the rotation is uncertain by {np.rad2deg(intervals[:3].max()):.1f}°: move '
                 'farther, longer, at changing speeds'
             )
         if intervals[3:6].max() > MAX_SHIFT_M:
             undetermined.append('position')
             warnings.append(
-                f'the position is known to {1e3 * intervals[3:6].max():.0f} mm only: move farther '
+                f'the position is uncertain by {1e3 * intervals[3:6].max():.0f} mm: move farther '
                 'and longer'
             )
         warnings += self._delay_verdict(intervals[6], undetermined)
         warnings += self._marker_verdict(intervals[7:])
         left_out = 1.0 - self.inside.sum() / max(int(valid.sum()), 1)
         if left_out > MAX_LEFT_OUT:
-            warnings.append(f'{left_out:.0%} of the poses lie far off and were left out')
+            warnings.append(f'{left_out:.0%} of the poses are outliers and were left out')
         return tuple(undetermined), tuple(warnings)
 
     def _delay_verdict(self, interval_s: float, undetermined: list[str]) -> list[str]:
@@ -405,7 +407,7 @@ class _Fit:
         if min(abs(self.delay_s - end) for end in search.lags[[0, -1]]) < AMBIGUOUS_S:
             undetermined.append('delay')
             return [
-                f'the delay of {self.delay_s:.3f} s lies at the end of the search: widen '
+                f'the delay of {self.delay_s:.3f} s is at the end of the search range: increase '
                 '--max-delay'
             ]
         if far[rival] and search.errors[rival] < AMBIGUOUS * best + 1e-9:
@@ -419,7 +421,7 @@ class _Fit:
             ]
         if interval_s > MAX_DELAY_S:
             undetermined.append('delay')
-            return [f'the delay is known to {1e3 * interval_s:.0f} ms only: move faster']
+            return [f'the delay is uncertain by {1e3 * interval_s:.0f} ms: move faster']
         return []
 
     def _marker_verdict(self, intervals: Array) -> list[str]:
@@ -427,8 +429,8 @@ class _Fit:
             return []
         if not len(self.offset):
             return [
-                'the body was not turned (or its rotation is not told), so where the marker is on '
-                'it cannot be told: taken to be at its origin'
+                'the body was not turned (or its rotation was not recorded), so the position of '
+                'the marker is not determined: assumed to be at the origin of the body'
             ]
         warnings = []
         if len(self.offset) < 3:
@@ -437,19 +439,19 @@ class _Fit:
                 '(' + ', '.join(f'{x:.2f}' for x in axis) + ')' for axis in free.T
             )
             warnings.append(
-                'the body was turned about too few axes to tell where the marker is along '
-                f'{along} of its axes: taken as 0'
+                'the body was turned about too few axes to determine the marker along '
+                f'{along} of its axes: assumed to be 0'
             )
         if intervals.max() > MAX_SHIFT_M:
             warnings.append(
-                f'the place of the marker is known to {1e3 * intervals.max():.0f} mm only: turn '
+                f'the position of the marker is uncertain by {1e3 * intervals.max():.0f} mm: turn '
                 'the body farther, about two axes'
             )
         return warnings
 
 
 def _turned_axes(known: ReferencePath, times: Array) -> Array:
-    """Return the directions of the body in which a marker can be told from the frame, (3, k)."""
+    """Return the axes of the body along which the marker is determined, (3, k)."""
     if not known.turns:
         return np.zeros((3, 0))
     turns = known.rotations(times)
@@ -460,9 +462,9 @@ def _turned_axes(known: ReferencePath, times: Array) -> Array:
 
 def _spreads(expected: Array, seen: Array) -> tuple[Array, Array]:
     """
-    Tell how far the body moved, along which directions.
+    Return the spreads of the motion, and their directions.
 
-    From both paths together, so that noise, which they do not share, is no motion.
+    They use both paths, so independent noise does not count as motion.
     """
     product = (expected - expected.mean(axis=0)).T @ (seen - seen.mean(axis=0)) / len(seen)
     values, vectors = np.linalg.eigh((product + product.T) / 2.0)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The picture of a calibration: both paths in one frame, what is left, and how sure the lag is."""
+"""The figure of a calibration: both paths in one frame, residuals, and search for the lag."""
 
 from __future__ import annotations
 
@@ -39,17 +39,17 @@ def draw_calibration(found: Calibration, path: str | Path) -> None:
 
     Args:
         found: the calibration.
-        path: picture to write; its suffix tells the kind.
+        path: figure to write; its suffix selects the format.
 
     Raises:
-        UsageError: matplotlib knows no picture of this suffix.
+        UsageError: matplotlib does not support this suffix.
 
     """
     path = Path(path)
     with rc_context(PLOT_STYLE):
         figure = Figure(figsize=(11.0, 7.6))
         if path.suffix.lstrip('.').lower() not in figure.canvas.get_supported_filetypes():
-            raise UsageError(f'{path}: no kind of picture by its suffix; .png or .svg will do')
+            raise UsageError(f'{path}: unknown picture format; use e.g. .png or .svg')
         edges = {'bottom': 0.075, 'top': 0.94}
         left = figure.add_gridspec(4, 1, left=0.075, right=0.6, hspace=0.3, **edges)
         right = figure.add_gridspec(2, 1, left=0.68, right=0.985, hspace=0.3, **edges)
@@ -72,7 +72,7 @@ def _draw_axis(found: Calibration, axis: int, axes: Axes) -> None:
     times = found.times - start
     axes.plot(times[counted], found.seen[counted, axis], '.', color=SEEN, ms=4, label='tracker')
     axes.plot(times, found.expected[:, axis], color=EXPECTED, lw=1.0, label='reference')
-    # what lies far off is marked at the edge, and does not shrink the rest
+    # outliers are marked at the edge, so that they do not shrink the rest
     low, high = found.expected[:, axis].min(), found.expected[:, axis].max()
     room = 0.25 * (high - low) + 0.01
     axes.plot(

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A calibration as the parameters of the nodes, and as plain values for other programs."""
+"""A calibration as parameters of the nodes, and as plain values for other programs."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from handover_dmp.tracking.calibration import Calibration
 import numpy as np
 
 MAX_DELAY_S = 10.0
-"""What the nodes take, either way."""
+"""Maximum delay that the nodes accept, late or early, s."""
 MIN_NOISE_M = 1e-5
 
 
@@ -37,15 +37,15 @@ def node_parameters(
 
     Args:
         found: the calibration.
-        name: that the nodes know the tracker by.
-        topic: of its poses.
-        body: name or number of the body on the topic; empty where there is one only.
-        frame: that its poses name.
-        reference_frame: that the calibration is in.
+        name: name of the tracker in the nodes.
+        topic: topic of its poses.
+        body: name or number of the body on the topic; empty if there is only one.
+        frame: frame of its poses.
+        reference_frame: frame of the calibration.
 
     Returns:
-        YAML, also of how good and how frequent the poses were; without a delay that is not
-        determined, or that the nodes do not take.
+        YAML, including noise and rate of the poses; without a delay that is undetermined or
+        that the nodes do not accept.
 
     """
     values: dict[str, Any] = {}
@@ -69,13 +69,13 @@ def node_parameters(
 
 def tells_delay(found: Calibration) -> bool:
     """
-    Tell whether the parameter file holds the delay.
+    Return whether the parameter file includes the delay.
 
     Args:
         found: the calibration.
 
     Returns:
-        Whether it is determined, and not that of a clock which is far off.
+        Whether it is determined, and small enough for the nodes.
 
     """
     return 'delay' not in found.undetermined and abs(found.delay_s) <= MAX_DELAY_S
@@ -83,7 +83,7 @@ def tells_delay(found: Calibration) -> bool:
 
 def outcome(found: Calibration) -> dict[str, Any]:
     """
-    Tell the result as plain values, for JSON.
+    Return the result as plain values, for JSON.
 
     Args:
         found: the calibration.

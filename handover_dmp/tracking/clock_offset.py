@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How far the clocks of two trackers are apart, from the paths of the one hand that both saw."""
+"""The offset between the clocks of two trackers, from their paths of the same hand."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ MAX_OFFSET_S = 0.6
 STEP_S = 0.02
 MIN_MOTION_M = 0.03
 MIN_SAMPLES = 20
-# The errors of neighbouring poses are alike, so they tell less than as many independent ones.
+# Errors of neighbouring poses are correlated, so each carries less information.
 _CORRELATION = 3.0
 
 
 class ClockOffset(NamedTuple):
     """
-    By how much later one tracker stamps what another one saw, too.
+    Offset of one tracker's stamps relative to those of another one.
 
     Attributes:
-        offset_s: s.
+        offset_s: the offset, positive if late, s.
         deviation_s: its standard deviation, s.
 
     """
@@ -46,16 +46,16 @@ class ClockOffset(NamedTuple):
 
 def clock_offset(times: Array, path: Array, of_times: Array, of_path: Array) -> ClockOffset | None:
     """
-    Find the shift in time by which two paths fit best, up to a constant distance.
+    Find the time shift for which two paths fit best, up to a constant offset in space.
 
     Args:
-        times: (n,) s, increasing, and
-        path: (n, 3) m, of the tracker in question.
-        of_times: (m,) s, increasing, and
-        of_path: (m, 3) m, of the other one.
+        times: (n,) s, increasing, stamps of the tracker in question.
+        path: (n, 3) m, its positions.
+        of_times: (m,) s, increasing, stamps of the other tracker.
+        of_path: (m, 3) m, its positions.
 
     Returns:
-        How much later the first one stamps the same; None where the motion does not tell.
+        The delay of the first one's stamps; None if the motion does not determine it.
 
     """
     if len(times) < MIN_SAMPLES or len(of_times) < MIN_SAMPLES:
@@ -93,11 +93,11 @@ def compare_paths(
     other: Sequence[tuple[float, tuple[float, float, float]]],
 ) -> ClockOffset | None:
     """
-    Find the same from stamped places.
+    Find the same from stamped positions.
 
     Args:
-        path: stamp (s) and place (m) of each, of the tracker in question.
-        other: of the other one.
+        path: stamp (s) and position (m) of each pose of the tracker in question.
+        other: the same of the other tracker.
 
     Returns:
         As `clock_offset`.

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A place in one frame, told in another one."""
+"""Transformation of positions between frames."""
 
 from __future__ import annotations
 
@@ -27,37 +27,37 @@ Place = tuple[float, float, float]
 
 
 class FixedTransform:
-    """Where a frame (the child) lies in another one (its parent), as `tf2` has it."""
+    """Pose of a frame (the child) in another one (its parent), as in `tf2`."""
 
     def __init__(self, position: Sequence[float], quaternion: Sequence[float]) -> None:
         """
-        Take the place of the child.
+        Take the pose of the child.
 
         Args:
-            position: (3,), m, of its origin in the parent.
-            quaternion: x, y, z, w, from the child's axes to the parent's; of any length but 0.
+            position: (3,), m, position of its origin in the parent.
+            quaternion: x, y, z, w, from the child's axes to the parent's; of any norm except 0.
 
         Raises:
-            UsageError: it is no transform.
+            UsageError: a number is not finite, or the norm is 0.
 
         """
         numbers = (*position, *quaternion)
         if len(position) != 3 or len(quaternion) != 4 or not all(map(isfinite, numbers)):
             raise UsageError(
-                'a transform is a position x, y, z and a quaternion x, y, z, w of finite numbers, '
-                f'not {list(position)} and {list(quaternion)}'
+                'a transform needs a position x, y, z and a quaternion x, y, z, w of finite '
+                f'numbers, not {list(position)} and {list(quaternion)}'
             )
         if not any(quaternion):
-            raise UsageError('a transform has a quaternion of norm 1, not of norm 0')
+            raise UsageError('a transform needs a quaternion of norm 1, not 0')
         self._position = np.array(position, dtype=float)
         self._rotation = Rotation.from_quat(quaternion).as_matrix()
 
     def __call__(self, place: Sequence[float]) -> Place:
         """
-        Tell a place of the child in the parent.
+        Transform a position from the child to the parent.
 
         Args:
-            place: (3,), m, in the child.
+            place: (3,), m, position in the child.
 
         Returns:
             The same in the parent, m.

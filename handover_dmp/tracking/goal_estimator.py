@@ -13,21 +13,21 @@
 # limitations under the License.
 
 """
-Where the partner's hand is now and how fast it moves, from poses that come as they come.
+Estimate of position and velocity of the partner's hand, from real streams of poses.
 
-From one tracker or from several: a Kalman filter over the one hand (`HandTrack`). Around it is
-what real streams of poses need: poses that are none and repeated ones are dropped, far-off ones
-are not believed, and the answer is predicted to the time it is asked for.
+A Kalman filter of the hand (`HandTrack`) uses the poses of one or several trackers. The estimator
+adds what real streams need: invalid and repeated poses are dropped, outliers are rejected, and
+the result is predicted to the time of the query.
 
-A hand that was lost and is seen again is believed at once where a hand can have got to meanwhile,
-elsewhere only after many poses that agree: an outlier that lasts is still one. While another
-tracker goes on to see the hand, one that has left it is not believed at all.
+When a lost hand is seen again, it is accepted at once if it can have moved there meanwhile, and
+elsewhere only after many consistent poses: a lasting outlier is still an outlier. While another
+tracker still sees the hand, a tracker that has left it is not used at all.
 
-Several trackers check each other. One whose poses stay the same to the last bit, or lie further
-from the hand than its noise explains, or whose clock is not that of a better one, is left out and
-named while another one sees the hand.
+Several trackers check each other. While another one sees the hand, a tracker is excluded and named
+if its poses stay bitwise equal, if they are farther from the hand than its noise explains, or if
+its clock differs from that of a better one.
 
-Measured with the default parameters, for one tracker (the tests hold them):
+Measured with the default parameters, for one tracker (checked by the tests):
 
     rate of the poses, Hz                            200     120      60      24
     noise of the position / noise of a pose         0.63    0.73    0.85    0.96
@@ -35,7 +35,7 @@ Measured with the default parameters, for one tracker (the tests hold them):
     lag at constant speed, mm                          0       0       0       0
     lag at 1 m/s², mm                              0.085   0.094   0.096   0.070
     lag of the speed, ms                              13      14      15      17
-    reaches of the synthetic takes, 0.5 mm noise, poses 30 ms old, asked for at 200 Hz:
+    reaches of the synthetic takes, 0.5 mm noise, poses 30 ms old, queried at 200 Hz:
     error of the position, mm rms                    2.0     2.4     2.9     4.4
     error of the newest pose itself, mm rms         12.6    14.0    15.8    21.5
 """
@@ -57,11 +57,11 @@ from handover_dmp.tracking.tracker_watch import TrackerReport, TrackerWatch
 
 _FUTURE_S = 0.005
 _MAX_COORDINATE_M = 100.0
-# What is seen again amid outliers has to be seen so often, however near it is; and what was seen
-# less often than that may have been an outlier itself.
+# Number of poses for which a hand must be seen again amid outliers, however close it is. A hand
+# that was seen less often may have been an outlier itself.
 _FEW_POSES = 3
 _MAX_CANDIDATES = 4
-# How often clocks are compared, and from where on they are two.
+# Interval of the comparison of clocks, and offset from which they count as different.
 _CLOCKS_S = 1.0
 _CLOCK_OFF_S = 0.05
 _CLOCK_DEVIATIONS = 4.0
@@ -69,15 +69,14 @@ _CLOCK_DEVIATIONS = 4.0
 
 class HandEstimate(NamedTuple):
     """
-    The hand at the time asked for.
+    The hand at the time of the query.
 
     Attributes:
         position: x, y, z in m.
         velocity: x, y, z in m/s.
-        stamp_s: time of the newest pose that it rests on, s; a tracker's `delay_s` already taken
-            off.
-        deviation_m: standard deviation of the position on each axis, m, as the filter has it: it
-            knows nothing of a bias that no tracker is without.
+        stamp_s: time of the newest pose used, s, with the tracker's `delay_s` subtracted.
+        deviation_m: standard deviation of the position on each axis according to the filter, m;
+            it does not include a bias common to all trackers.
 
     """
 
@@ -89,18 +88,18 @@ class HandEstimate(NamedTuple):
 
 class GoalEstimator:
     """
-    Position and velocity of the hand, from stamped poses of one tracker or several.
+    Position and velocity of the hand, from stamped poses of one or several trackers.
 
-    Nothing that a stream can hold stops it: poses that are none, twice, late, out of order, far
-    off, from the future or from another clock are left out, and counted.
+    It handles any stream: poses that are invalid, repeated, late, out of order, outliers, from the
+    future or from another clock are refused and counted.
 
     Attributes:
-        parameters: of the filter.
-        trackers: whose poses it gets.
-        accepted: how many poses were worked in, ever.
-        rejected: how many were not, ever, by reason: those of `no_pose`, `frozen`, `future`,
-            `repeated`, `late`, `outlier`; of one tracker among several also `disagrees`,
-            `other_clock`.
+        parameters: parameters of the filter.
+        trackers: the trackers.
+        accepted: number of used poses since the beginning.
+        rejected: number of refused poses since the beginning, by reason: those of `no_pose`,
+            `frozen`, `future`, `repeated`, `late`, `outlier`; with several trackers also
+            `disagrees`, `other_clock`.
 
     """
 
@@ -108,22 +107,22 @@ class GoalEstimator:
         self, parameters: HandFilter | None = None, trackers: Sequence[Tracker] = ()
     ) -> None:
         """
-        Make an estimator that knows of no hand yet.
+        Make an estimator without a hand.
 
         Args:
-            parameters: of the filter; those of `config/handover.yaml` if left out.
-            trackers: whose poses it gets; one with the defaults of `config/handover.yaml` if left
-                out. The first one is meant where none is named.
+            parameters: parameters of the filter; by default those of `config/handover.yaml`.
+            trackers: the trackers; by default one with the parameters of `config/handover.yaml`.
+                The first one is used if none is named.
 
         Raises:
-            UsageError: two of them have one name.
+            UsageError: two of them have the same name.
 
         """
         self.parameters = parameters or HandFilter()
         self.trackers = tuple(trackers) or (Tracker(),)
         self._numbers = {one.name: number for number, one in enumerate(self.trackers)}
         if len(self._numbers) < len(self.trackers):
-            raise UsageError(f'two trackers of one name: {", ".join(self._numbers)}')
+            raise UsageError(f'two trackers have one name: {", ".join(self._numbers)}')
         self._watches = [TrackerWatch(one) for one in self.trackers]
         self.accepted = 0
         self.rejected: Counter[str] = Counter()
@@ -131,11 +130,11 @@ class GoalEstimator:
         self.reset()
 
     def __repr__(self) -> str:
-        """Say how many poses it has worked in."""
-        return f'GoalEstimator({self.accepted} poses, {sum(self.rejected.values())} left out)'
+        """Return a short description."""
+        return f'GoalEstimator({self.accepted} poses, {sum(self.rejected.values())} refused)'
 
     def reset(self) -> None:
-        """Forget the hand; the counts go on, and a bias that was learnt stays."""
+        """Forget the hand; counts and learnt biases are kept."""
         self._track = HandTrack(self.parameters, self.trackers, self._track)
         self._candidates: list[list[HandTrack]] = [[] for _ in self.trackers]
         self._now_s = -math.inf
@@ -145,12 +144,12 @@ class GoalEstimator:
 
     @property
     def unchanged_s(self) -> float:
-        """For how long every tracker's poses have been the same to the last bit, s."""
+        """Time for which the poses of every tracker have been bitwise equal, s."""
         return min(watch.unchanged_s for watch in self._watches)
 
     @property
     def timeout_s(self) -> float:
-        """Age of the newest pose up to which no newer one is missed, s."""
+        """Age of the newest pose up to which no newer one is expected, s."""
         heard = self._watches if len(self._watches) == 1 else self._others(-1)
         return max((watch.tracker.timeout_s for watch in heard), default=0.0)
 
@@ -164,20 +163,20 @@ class GoalEstimator:
         tracker: str = '',
     ) -> str:
         """
-        Work in a pose.
+        Process a pose.
 
         Args:
-            stamp_s: when it was measured, s.
+            stamp_s: time of the measurement, s.
             position: x, y, z in m.
-            now_s: the time now on the clock of the stamps, s, where it is known; poses that are
-                stamped later are then left out.
-            orientation: quaternion x, y, z, w, where the tracker tells one; it is not followed,
-                but tells of some trackers that the pose is none.
-            covariance: (36,), m² and rad², the same.
-            tracker: name of the one it is from; the first one if left out.
+            now_s: the present time on the clock of the stamps, s, if known; poses with later
+                stamps are then refused.
+            orientation: quaternion x, y, z, w, if the tracker has one; it is not followed, but
+                some trackers mark invalid poses with it.
+            covariance: (36,), m² and rad², likewise.
+            tracker: name of its tracker; the first one if left out.
 
         Returns:
-            Why it did not change the estimate, one of the reasons in `rejected`; empty if it did.
+            The reason why it was refused, as in `rejected`; empty if it was used.
 
         """
         number = self._numbers[tracker] if tracker else 0
@@ -208,11 +207,11 @@ class GoalEstimator:
 
     def refuse(self, reason: str, tracker: str = '') -> None:
         """
-        Count a pose that cannot be used.
+        Count a refused pose.
 
         Args:
-            reason: why, in a word.
-            tracker: name of the one it is from; the first one if left out.
+            reason: the reason, one word.
+            tracker: name of its tracker; the first one if left out.
 
         """
         self._watches[self._numbers[tracker] if tracker else 0].count(reason, math.nan, math.nan)
@@ -220,14 +219,14 @@ class GoalEstimator:
 
     def estimate(self, at_s: float) -> HandEstimate | None:
         """
-        Tell where the hand is.
+        Return the hand at a time.
 
         Args:
-            at_s: the time asked for, s; now, as a rule, so that the delay of the newest pose is
-                made up for.
+            at_s: time of the query, s; usually the present, which compensates the age of the
+                newest pose.
 
         Returns:
-            The hand at that time, or None if there was no pose yet.
+            The hand at that time; None before the first pose.
 
         """
         if not self._track.poses:
@@ -238,7 +237,7 @@ class GoalEstimator:
         ahead = max(at_s - newest.stamp, -limit)
         ahead_s, share = ahead, 1.0
         if ahead > limit:
-            # Uniformly braked from full speed at `limit` to a stand at twice that.
+            # Uniform deceleration from full speed at `limit` to rest at twice that.
             braking = min(ahead - limit, limit)
             share = 1.0 - braking / limit if limit else 0.0
             ahead_s = limit + 0.5 * braking * (1.0 + share)
@@ -251,13 +250,13 @@ class GoalEstimator:
 
     def report(self, now_s: float) -> list[TrackerReport]:
         """
-        Tell how each tracker did since the last report.
+        Report on each tracker since the last report.
 
         Args:
-            now_s: the time now on the clock of the stamps, s.
+            now_s: the present time on the clock of the stamps, s.
 
         Returns:
-            Of each tracker, in their order.
+            One report per tracker, in their order.
 
         """
         reports = []
@@ -286,16 +285,16 @@ class GoalEstimator:
         if self.parameters.refuse_frozen and watch.unchanged_s > self.parameters.frozen_s:
             return 'frozen'
         others = self._others(number)
-        # the hand cannot be told so far ahead, and somebody saw it later
+        # the prediction would be too long, and another tracker saw the hand later
         if others and self._now_s - stamp > self.parameters.prediction_limit_s:
             return 'late'
-        # a live tracker always has noise, so the one that changes is believed
+        # a live tracker always has noise, so the one that changes is used
         if watch.unchanged_s and any(not one.unchanged_s for one in others):
             return 'frozen'
         return ''
 
     def _others(self, number: int) -> list[TrackerWatch]:
-        """List the other trackers that saw the hand just now."""
+        """List the other trackers that currently see the hand."""
         if len(self._watches) == 1:
             return []
         since_s = self._now_s - self.parameters.lost_s
@@ -308,7 +307,7 @@ class GoalEstimator:
     def _follow(
         self, number: int, stamp: float, place: Point, variance: float
     ) -> tuple[str, float]:
-        """Return why a pose was left out, if so, and how far from the hand it was, m."""
+        """Return why a pose was refused, if so, and its distance from the hand, m."""
         watch, others = self._watches[number], self._others(number)
         left_out = bool(others) and watch.is_left_out
         sight = self._track.add(stamp, place, number, variance, only_look=left_out)
@@ -320,7 +319,7 @@ class GoalEstimator:
             if any(one.tracker.variance <= variance for one in others):
                 watch.judge(sight.surprise)
         elif outcome == 'outlier' and others:
-            # it had the hand, and has left it
+            # it saw the hand, and has left it
             watch.outliers += bool(watch.outliers or watch.used_at_s >= self._since_s())
         if left_out:
             return outcome or ('other_clock' if watch.clock_off_s else 'disagrees'), sight.distance
@@ -336,7 +335,7 @@ class GoalEstimator:
 
     @staticmethod
     def _may_be_the_hand(watch: TrackerWatch, others: Sequence[TrackerWatch]) -> bool:
-        """Tell whether a tracker may be right that sees the hand elsewhere than the others do."""
+        """Return whether a tracker may be right if it sees the hand elsewhere than the others."""
         if not others:
             return True
         best = min(one.tracker.variance for one in others)
@@ -345,7 +344,7 @@ class GoalEstimator:
     def _consider(
         self, number: int, stamp: float, place: Point, variance: float, doubted: bool
     ) -> bool:
-        """Follow what was not believed, a few hands at a time; believe what may well be it."""
+        """Follow a few rejected candidates for the hand; accept one that is plausible."""
         candidates = self._candidates[number]
         amid_outliers = bool(candidates)
         for index, candidate in enumerate(candidates):
@@ -353,7 +352,7 @@ class GoalEstimator:
             if outcome == 'repeated':
                 return False
             if not outcome:
-                # The one followed last is the last to be given up.
+                # The most recently followed candidate is dropped last.
                 candidates.append(candidates.pop(index))
                 break
         else:
@@ -373,14 +372,14 @@ class GoalEstimator:
         former, self._track = self._track, best
         if best.is_plausible:
             best.count += former.count
-        # Should what follows belong to the one that was believed before, that one was right.
+        # If later poses fit the previous hand again, that one was right.
         former.is_plausible = True
         candidates[:] = [former]
         return True
 
     def _compare_clocks(self) -> None:
-        """Find whose clock is not that of the others, while the hand moves enough to tell."""
-        # not at the top: who has one tracker needs no NumPy
+        """Find a tracker whose clock differs, while the hand moves enough to determine it."""
+        # imported here: one tracker alone needs no NumPy
         from handover_dmp.tracking.clock_offset import compare_paths
 
         known = [watch for watch in self._watches if watch.path]
@@ -395,7 +394,7 @@ class GoalEstimator:
             watch.clock_off_s = best.clock_off_s = 0.0
             if abs(offset) < max(_CLOCK_OFF_S, _CLOCK_DEVIATIONS * found.deviation_s):
                 continue
-            # Poses come soon after they were measured, and never before.
+            # Poses arrive soon after their measurement, and never before.
             one_is_early = best.min_age_s < -_FUTURE_S
             if one_is_early or 0.0 < offset < best.min_age_s + _CLOCK_OFF_S:
                 best.clock_off_s = -offset

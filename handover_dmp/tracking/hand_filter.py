@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The parameters by which the hand is followed, whatever trackers see it."""
+"""Parameters of the filter of the hand, common to all trackers."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from handover_dmp.common.settings import check_settings, setting
 @dataclass(frozen=True)
 class HandFilter:
     """
-    Parameters of the goal estimator; the defaults stand in `config/handover.yaml`.
+    Parameters of the goal estimator; the defaults are in `config/handover.yaml`.
 
     Raises:
-        UsageError: a value is out of range.
+        UsageError: a value is out of its range.
 
     """
 

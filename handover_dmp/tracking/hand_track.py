@@ -13,13 +13,12 @@
 # limitations under the License.
 
 """
-Where one hand was, from the poses of all trackers in the order in which they were measured.
+The track of one hand, from the poses of all trackers in the order of their measurement.
 
-A Kalman filter of constant velocity, driven by white acceleration noise, with a bias for each
-tracker that has one to be learnt. The state of an axis is (position, velocity, bias, bias, ...).
-The three axes share one covariance, since they share the model and the noise, and it is so small
-that plain floats are several times as fast as NumPy. A pose that comes late is put in its place,
-and those after it are filtered again.
+A constant-velocity Kalman filter with white acceleration noise, and a bias for each tracker with a
+learnt one. The state of an axis is (position, velocity, bias, bias, ...). The three axes share one
+covariance, since they share the model and the noise. It is so small that plain floats are several
+times as fast as NumPy. A late pose is inserted by its stamp; later ones are filtered again.
 """
 
 from __future__ import annotations
@@ -35,11 +34,11 @@ from handover_dmp.tracking.tracker import Tracker
 
 SAME_STAMP_S = 1e-7
 _FIRST_SPEED_DEVIATION = 0.5
-# Bounds the work of one update, whatever the stream.
+# Bounds the work of one update for any stream.
 _MAX_POSES_KEPT = 32
-# However long ago the last pose, the gate is at most so many times as wide as at first.
+# Maximum width of the gate after a gap, relative to its initial width.
 _MAX_GATE = 3.0
-# A pose this many standard deviations off is no noise.
+# Standard deviations beyond which the error of a pose is not noise.
 _GATE_DEVIATIONS = 6.0
 _BIAS_GATE_DEVIATIONS = 3.0
 _NO_BIAS = -1
@@ -47,13 +46,13 @@ _NO_BIAS = -1
 
 class Bias(NamedTuple):
     """
-    What is known of the bias of a tracker at one time.
+    Estimate of a tracker's bias at one time.
 
     Attributes:
         mean: (3,) m.
         position: its covariance with the position, m².
-        velocity: with the velocity, m²/s.
-        biases: (k,) with each bias, itself among them, m².
+        velocity: its covariance with the velocity, m²/s.
+        biases: (k,) its covariance with each bias, including itself, m².
 
     """
 
@@ -63,8 +62,8 @@ class Bias(NamedTuple):
     biases: tuple[float, ...]
 
 
-# What is known of the hand at one time: x, y, z, vx, vy, vz; of one axis the covariances position,
-# position-velocity, velocity; the biases.
+# State of the hand at one time: x, y, z, vx, vy, vz; the covariances of one axis (position,
+# position-velocity, velocity); the biases.
 State: TypeAlias = tuple[
     float, float, float, float, float, float, float, float, float, tuple[Bias, ...]
 ]
@@ -72,15 +71,15 @@ State: TypeAlias = tuple[
 
 class TrackedPose(NamedTuple):
     """
-    A pose that was worked in.
+    A pose that was used.
 
     Attributes:
-        stamp: when it was measured, s.
-        place: m, as its tracker told it.
-        variance: of it on each axis, m².
-        bias: place of its tracker's bias in the state; -1 where it has none.
+        stamp: time of the measurement, s.
+        place: m, position from the tracker.
+        variance: its variance on each axis, m².
+        bias: index of its tracker's bias in the state; -1 if it has none.
         tracker: number of the tracker.
-        state: of the filter after it.
+        state: state of the filter after it.
 
     """
 
@@ -94,12 +93,12 @@ class TrackedPose(NamedTuple):
 
 class Sight(NamedTuple):
     """
-    How a pose lies to what was expected.
+    Comparison of a pose with its prediction.
 
     Attributes:
-        outcome: why it was left out; empty if it was not.
-        distance: from what was expected, m; NaN where nothing was.
-        surprise: its square over what noise explains on average; NaN likewise.
+        outcome: why it was refused; empty if it was used.
+        distance: distance from the prediction, m; NaN if there was none.
+        surprise: its square relative to the mean for noise alone; NaN likewise.
 
     """
 
@@ -110,13 +109,14 @@ class Sight(NamedTuple):
 
 class HandTrack:
     """
-    The newest poses that belong together, in order, with the filter's state after each.
+    The newest consistent poses, in order, with the filter's state after each.
 
     Attributes:
         poses: oldest first.
-        count: how many poses of the hand there were in all, as far back as they hang together.
+        count: number of poses since the track began.
         seen: number of a tracker to the stamp of its newest pose, s.
-        is_plausible: whether the hand can have got to its first pose from where it was last seen.
+        is_plausible: whether the hand can have moved to the first pose from where it was last
+            seen.
 
     """
 
@@ -127,9 +127,9 @@ class HandTrack:
         Begin without a pose.
 
         Args:
-            parameters: of the filter.
-            trackers: whose poses it gets.
-            before: what was followed until now, and whose biases are known.
+            parameters: parameters of the filter.
+            trackers: the trackers.
+            before: the previous track, whose biases are kept.
 
         """
         self.parameters = parameters
@@ -139,7 +139,7 @@ class HandTrack:
         self.is_plausible = False
         self._trackers = trackers
         self._density = parameters.acceleration_noise**2
-        # who is trusted as it is needs no bias; if nobody is, the first one sets the scale
+        # a reference tracker has no bias; without one, the first tracker is the reference
         learnt = [number for number, one in enumerate(trackers) if one.bias == 'learnt']
         if len(learnt) == len(trackers):
             del learnt[0]
@@ -147,7 +147,7 @@ class HandTrack:
         self._drifts = [trackers[number].bias_drift ** 2 for number in learnt]
         self._max_poses = _MAX_POSES_KEPT * len(trackers)
         self._biases = [
-            # the bias that was told is taken off before
+            # the given bias is subtracted before
             ((0.0, 0.0, 0.0), trackers[number].bias_deviation_m ** 2)
             for number in learnt
         ]
@@ -155,7 +155,7 @@ class HandTrack:
             self._biases = before.biases()
 
     def biases(self) -> list[tuple[Point, float]]:
-        """Tell each bias that is learnt, m, and its variance, m²."""
+        """Return each learnt bias, m, and its variance, m²."""
         if not self.poses:
             return self._biases
         known = self.poses[-1].state[9]
@@ -171,17 +171,17 @@ class HandTrack:
         only_look: bool = False,
     ) -> Sight:
         """
-        Work in a pose.
+        Process a pose.
 
         Args:
-            stamp: s.
-            place: m, the bias that was told taken off.
-            tracker: number of the one it is from.
-            variance: of it on each axis, m².
-            only_look: whether to leave it out and tell how it lies alone.
+            stamp: time of the measurement, s.
+            place: m, position with the given bias subtracted.
+            tracker: number of its tracker.
+            variance: its variance on each axis, m².
+            only_look: whether only to compare it with the prediction.
 
         Returns:
-            Whether it was worked in, and how far off it was.
+            Whether it was used, and its distance from the prediction.
 
         """
         poses, bias = self.poses, self._bias_of.get(tracker, _NO_BIAS)
@@ -222,7 +222,7 @@ class HandTrack:
         return Sight('', distance, surprise)
 
     def reaches(self, stamp: float, place: Point, tracker: int) -> bool:
-        """Tell whether a hand can have got from the newest pose to a later one, s and m."""
+        """Return whether a hand can have moved from the newest pose to a later one, s and m."""
         if not self.poses:
             return True
         last = self.poses[-1]
@@ -231,23 +231,23 @@ class HandTrack:
         return math.dist(seen, again) <= reach
 
     def unbiased(self, place: Point, tracker: int) -> Point:
-        """Take the learnt bias of a tracker off a place, m."""
+        """Subtract the learnt bias of a tracker from a position, m."""
         x, y, z = self.bias(tracker)
         return (place[0] - x, place[1] - y, place[2] - z)
 
     def deviation(self, ahead_s: float) -> float:
-        """Tell the standard deviation of the position on each axis, s after the newest pose, m."""
+        """Return the standard deviation of each axis, m, at a time after the newest pose, s."""
         p, c, s = self.poses[-1].state[6:9]
         p += ahead_s * (2.0 * c + ahead_s * (s + self._density * ahead_s / 3.0))
         return math.sqrt(max(p, 0.0))
 
     def bias(self, tracker: int) -> Point:
-        """Tell the bias of a tracker beyond that which was told, m."""
+        """Return the learnt bias of a tracker in addition to the given one, m."""
         place = self._bias_of.get(tracker, _NO_BIAS)
         return (0.0, 0.0, 0.0) if place == _NO_BIAS else self.biases()[place][0]
 
     def _first(self, place: Point, variance: float, bias: int) -> State:
-        """Know nothing of the position, then see it."""
+        """Initialise the state with the first position."""
         x, y, z = place
         count = len(self._biases)
         rows = [[0.0] * count for _ in range(count)]
@@ -267,7 +267,7 @@ class HandTrack:
     def _compare(
         self, state: State, elapsed: float, place: Point, bias: int, variance: float
     ) -> tuple[float, float, float]:
-        """Tell distance (m), surprise and gate (m) of a pose."""
+        """Return distance (m), surprise and gate (m) of a pose."""
         parameters = self.parameters
         dx, dy, dz = place[0] - state[0], place[1] - state[1], place[2] - state[2]
         spread = state[6] + variance
@@ -283,7 +283,7 @@ class HandTrack:
         return math.sqrt(square), square / (3.0 * (spread + moved * moved)), gate
 
     def _predict(self, state: State, dt: float) -> State:
-        """Move on over dt, s."""
+        """Predict over dt, s."""
         x, y, z, vx, vy, vz, p, c, s, biases = state
         noise = self._density * dt
         if biases:
@@ -314,10 +314,10 @@ class HandTrack:
 
 
 def _correct(state: State, place: Point, bias: int, variance: float) -> State:
-    """See the place, m, with its variance, m²."""
+    """Update with a measured position, m, and its variance, m²."""
     x, y, z, vx, vy, vz, p, c, s, biases = state
     dx, dy, dz = place[0] - x, place[1] - y, place[2] - z
-    # covariances of what is seen with position, velocity and biases
+    # covariances of the measurement with position, velocity and biases
     seen_p, seen_c = p, c
     total = p + variance
     if biases:

@@ -13,14 +13,13 @@
 # limitations under the License.
 
 """
-The lag that fits best, whatever the poses that fit nothing.
+Search for the lag that fits best, robust against outliers.
 
-For each lag of a row, the best transform is found by least trimmed squares (P. Rousseeuw, K. Van
-Driessen, Data Min. Knowl. Discov. 12, 2006): from rigid fits (Kabsch) to random handfuls of poses,
-the best is refined by fitting again and again to that share of all poses which it fits best. The
-fit is linear, p = A·y + t − R·m, with any matrix A in place of a rotation, so it is exact for the
-marker's offset m as well, and A tells afterwards whether the frame is a mirror image or its metre
-another one.
+For each lag of a grid, the best transform is found by least trimmed squares (P. Rousseeuw, K. Van
+Driessen, Data Min. Knowl. Discov. 12, 2006): the best of several rigid fits (Kabsch) to random
+samples of poses is refined by refitting to the share of all poses that it fits best. The fit is
+linear, p = A·y + t − R·m, with any matrix A instead of a rotation. So it is also exact for the
+marker's offset m, and A reveals a mirrored frame or another unit of length.
 """
 
 from __future__ import annotations
@@ -40,24 +39,24 @@ HANDFULS = 16
 HANDFUL = 4
 REFITS = 6
 KEPT = 0.6
-"""Share of the poses that is fitted; so many of the others may be wrong."""
+"""Share of the poses that is fitted; all others may be wrong."""
 MIN_OVERLAP = 0.4
-"""Share of the poses that has to lie within the other path at a lag, of those that can."""
+"""Minimum share of the poses within the other path at a lag, of those that can be."""
 MAX_LAGS = 20_000
 
 
 @dataclass(frozen=True, eq=False)
 class LagSearch:
     """
-    What was found.
+    Result of the search.
 
     Attributes:
         lags: (k,) s.
-        errors: (k,) m, root mean square of the best share of the poses at each lag; infinite
-            where the paths hardly overlap.
+        errors: (k,) m, root mean square over the best share of the poses at each lag; infinite
+            if the paths hardly overlap.
         best_s: the lag that fits best, s.
-        matrix: (3, 3), from the tracker's positions to those of the reference, there.
-        inside: (n,) poses of the tracker that were fitted, of all of them.
+        matrix: (3, 3), from the tracker's positions to those of the reference, at that lag.
+        inside: (n,) indices of the tracker's poses that were fitted.
 
     """
 
@@ -75,14 +74,14 @@ def search_lag(
     Find the lag of a tracker.
 
     Args:
-        reference: the path that is known.
-        tracker: the path of the same body, of which stamps and frame are to be found.
-        centre_s: lag to search around, s; positive: stamped too late.
-        reach_s: how far to either side, s.
-        seed: of the random handfuls.
+        reference: the known path.
+        tracker: the path of the same body with unknown delay and frame.
+        centre_s: centre of the search, s; positive: stamped too late.
+        reach_s: range to either side, s.
+        seed: seed of the random samples.
 
     Returns:
-        The lag, and what fits there.
+        The lag, and the fit at that lag.
 
     Raises:
         DataError: the paths do not overlap in time.
@@ -114,8 +113,8 @@ def search_lag(
     fit = fits[best]
     if fit is None:
         raise DataError(
-            f'{tracker.label}: does not overlap in time with the reference within {reach_s:g} s; '
-            'widen --max-delay, or see whether the two are of one recording'
+            f'{tracker.label}: does not overlap in time with the reference within {reach_s:g} s: '
+            'increase --max-delay, or check that both are of one recording'
         )
     return LagSearch(lags, errors, float(lags[best]), *fit)
 
@@ -129,7 +128,7 @@ def kabsch(known: Array, seen: Array) -> tuple[Array, Array]:
         seen: (b, n, 3) m, the same points in another frame.
 
     Returns:
-        Rotations (b, 3, 3) and translations (b, 3), m, that take `seen` to `known`.
+        Rotations (b, 3, 3) and translations (b, 3), m, from `seen` to `known`.
 
     """
     known_middle, seen_middle = known.mean(axis=1), seen.mean(axis=1)
@@ -143,7 +142,7 @@ def kabsch(known: Array, seen: Array) -> tuple[Array, Array]:
 def _trimmed(
     known: Array, turns: Array | None, seen: Array, handfuls: Array
 ) -> tuple[float, Array, NDArray[np.intp]]:
-    """Fit the best share of the poses; return its error, the matrix and which poses they are."""
+    """Fit the best share of the poses; return its error, the matrix and the poses."""
     share = max(int(KEPT * len(seen)), HANDFUL)
     picked = np.argpartition(handfuls, HANDFUL, axis=1)[:, :HANDFUL]
     rotations, shifts = kabsch(known[picked], seen[picked])

@@ -13,24 +13,23 @@
 # limitations under the License.
 
 """
-What to expect of the partner's hand: where it will be met, and how far it is ahead of its time.
+The partner model: the expected meeting point, and the lead of the partner over its usual time.
 
-The primitive looks at the hand late and knows nothing of how hands move. This model stands in
-front of it and knows one thing more, the mean path m₁(u) of the hand in the demonstrations. Each
-period, with hand p and its velocity ṗ, u the time since the start in units of τ:
+The primitive reacts to the hand late and has no model of how hands move. This model supplies its
+inputs, and uses the mean path m₁(u) of the hand in the demonstrations. In each period, with the
+hand p and its velocity ṗ, u the time since the start in units of τ:
 
     y = (p − p(0))·ê = (1 + a)π(u + e) + noise,                                  (P1)
     m = m₁(u + e), n = |p − m − (x₀ − m₂(0))|, ρ = clip((n_max − n)/n_width, 0, 1),  (P2)
     q = ρ·½[1 − erf((φ − φ_q)/(σ_q√2))],                                        (P3)
     ĝ = p + o + q(m₁(1) − m), its velocity ṗ − q·m₁′(u + e)/τ,                  (P4)
-    r = clip(1 + (ρ·c·e − δ)·τ/T, 0, r_max), δ the time by which the phase is ahead already.  (P5)
+    r = clip(1 + (ρ·c·e − δ)·τ/T, 0, r_max), δ the present lead of the phase.   (P5)
 
-An extended Kalman filter finds the partner's lead e, in units of τ, and how much farther than
-usual the hand goes, a, from (P1), where π is the mean way along the line ê from start to end of
-m₁. By (P2), a hand unlike the demonstrations gets the plain primitive. The primitive is drawn
-towards ĝ, the hand and what is left of its way as it is known, and as the phase passes φ_q, to
-the hand itself; and it goes along with the lead of the partner by the share c, for that is what
-people do.
+An extended Kalman filter estimates the partner's lead e, in units of τ, and the relative excess a
+of its distance, from (P1), where π is the mean path along the line ê from start to end of m₁. By
+(P2), the plain primitive is used for a hand unlike the demonstrations. The primitive is attracted
+to ĝ, the hand plus the rest of its expected path, and to the hand itself once the phase passes
+φ_q. The phase follows the lead of the partner by the share c, as people do.
 """
 
 from __future__ import annotations
@@ -49,17 +48,17 @@ from handover_dmp.dmp.state import Rollout
 import numpy as np
 
 PARTNER_MODEL = ('auto', 'off')
-"""Used where the movement knows how the partner's hand moves, or not at all."""
+"""Used if the movement has a partner path, or never."""
 MIN_LENGTH_M = 0.05
-"""A hand that moves less in the demonstrations tells little of its amplitude."""
+"""Length of the partner path below which the amplitude is not estimated, m."""
 MAX_LEAD = 2.0
-"""In units of τ, to either side."""
+"""Maximum lead or lag, in units of τ."""
 MIN_AMPLITUDE, MAX_AMPLITUDE = -0.8, 1.0
-"""How much farther than usual a hand may be taken to go, as a share."""
+"""Bounds of the relative excess of the hand's distance."""
 RETURN_GAIN = 4.0
-"""A hand that goes back tells more against the demonstrations than one that is aside."""
+"""Weight of a hand that turns back, relative to a deviation aside."""
 MIN_WAY_M = 1e-6
-"""A mean path that is shorter has no direction."""
+"""Length below which a mean path has no direction, m."""
 
 
 @dataclass(frozen=True)
@@ -161,29 +160,29 @@ class PartnerOptions:
 
 def check_partner_model(word: str) -> None:
     """
-    Check the word that says whether the partner model is used.
+    Check the option `partner_model`.
 
     Args:
-        word: as given.
+        word: the given value.
 
     Raises:
-        DataError: it is another one than those known.
+        DataError: the value is unknown.
 
     """
     if word not in PARTNER_MODEL:
-        raise DataError(f'partner_model is {word!r}; known: {", ".join(PARTNER_MODEL)}')
+        raise DataError(f'partner_model is {word!r}, not one of {", ".join(PARTNER_MODEL)}')
 
 
 class Expectation(NamedTuple):
     """
-    What is expected of the hand in one period.
+    Output of the partner model in one period.
 
     Attributes:
-        goal: ĝ, where the wrist is drawn to, m.
-        goal_velocity: of the same, m/s.
-        phase_rate: r, how fast the phase runs.
-        trust: ρ, from 0, nothing is expected, to 1.
-        lead: e, how far the partner is ahead of its usual time, in units of τ.
+        goal: expected goal ĝ, m.
+        goal_velocity: its velocity, m/s.
+        phase_rate: r, speed of the phase.
+        trust: ρ, from 0 (the model is not used) to 1.
+        lead: e, lead of the partner over its usual time, in units of τ.
 
     """
 
@@ -196,32 +195,32 @@ class Expectation(NamedTuple):
 
 def with_goal_weight_of(model: DecoupledDmp, options: PartnerOptions) -> DecoupledDmp:
     """
-    Learn a movement anew for the goal weight that goes with the partner model.
+    Relearn a movement for the goal weight of the partner model.
 
     Args:
         model: the movement.
-        options: μ and σ.
+        options: constants, of which μ and σ are used.
 
     Returns:
-        The same movement with these; itself if it has them.
+        The same movement with these; `model` itself if it has them.
 
     """
     return relearn(model, mu=options.mu, sigma=options.sigma)
 
 
 class PartnerModel:
-    """The partner in one handover, from its start on; a new one for each."""
+    """The partner model of one handover; each handover needs a new one."""
 
     def __init__(self, model: DecoupledDmp, options: PartnerOptions | None = None) -> None:
         """
-        Take what was learnt of the partner.
+        Take the partner path of a movement.
 
         Args:
-            model: a movement of three dimensions with the path of its partner.
+            model: a movement of three dimensions with a partner path.
             options: the constants; those of `config/` if left out.
 
         Raises:
-            DataError: the movement has no such path.
+            DataError: the movement has no partner path.
 
         """
         if model.partner_path is None or model.dimensions != 3:
@@ -246,14 +245,14 @@ class PartnerModel:
 
     @property
     def amplitude(self) -> float:
-        """Tell a, how much farther than usual the hand is taken to go, as a share."""
+        """Return a, the estimated relative excess of the hand's distance."""
         return self._amplitude
 
     def wait(self, dt: float) -> None:
         """
-        Let time pass without a hand: it moves on unseen, while the phase stands still.
+        Advance without a hand: it is assumed to move on unseen, while the phase stands still.
 
-        Before the hand was seen for the first time, nothing has begun.
+        Before the hand is first seen, time does not advance.
 
         Args:
             dt: length of the period, s.
@@ -273,17 +272,17 @@ class PartnerModel:
         phase_rate: float = 1.0,
     ) -> Expectation:
         """
-        Look at the hand, and tell what to expect of it in the period that begins.
+        Process the hand, and return the expectation for the next period.
 
         Args:
-            hand: p, m; the first one is where it starts.
+            hand: p, m; the first one is its start.
             hand_velocity: ṗ, m/s.
-            state: of the primitive, at the start of the period.
+            state: state of the primitive at the start of the period.
             dt: length of the period, s.
-            phase_rate: how fast the arm lets the phase run, 0 to 1.
+            phase_rate: maximum speed of the phase that the arm permits, 0 to 1.
 
         Returns:
-            The goal, and how fast the phase is to run if the arm lets it.
+            The expected goal, and the phase rate if the arm permits it.
 
         """
         options, tau = self.options, self._duration_s
@@ -323,13 +322,13 @@ class PartnerModel:
         )
 
     def _stray(self, hand: Vector, mean: Sequence[float], start: Vector) -> float:
-        """Tell how far a hand is from where it is expected, seen from the start of the wrist."""
+        """Return the deviation of a hand from its mean path, relative to the wrist's start."""
         (px, py, pz), (sx, sy, sz), (lx, ly, lz) = hand, start, self._learnt_start
         mx, my, mz, _ = mean
         return dist((px - mx, py - my, pz - mz), (sx - lx, sy - ly, sz - lz))
 
     def _update(self, hand: Vector, dt: float) -> None:
-        """Take one look at how far the hand has come, (P1)."""
+        """Update the filter with the distance of the hand, (P1)."""
         options = self.options
         assert self._first is not None
         u = dt / self._duration_s
@@ -359,7 +358,7 @@ class PartnerModel:
         self._amplitude_variance = p_aa - to_amplitude * to_amplitude * share
 
     def _mean(self, u: float) -> tuple[Sequence[float], Sequence[float]]:
-        """Give m₁ and π at a time in units of τ, and their slopes; at rest before and after."""
+        """Return m₁ and π at a time in units of τ, and their slopes; constant before and after."""
         rows = self._rows
         last = len(rows) - 1
         node = u * last
@@ -386,12 +385,12 @@ def rollout_expecting(
     options: PartnerOptions | None = None,
 ) -> Rollout:
     """
-    Run a movement against a hand, with what it may expect of it, from its start at rest.
+    Run a movement with the partner model against a hand, from rest at its start.
 
     Args:
-        model: a movement of three dimensions with the path of its partner, learnt for the goal
-            weight of the partner model (`with_goal_weight_of`).
-        times: s, (n,), rising.
+        model: a movement of three dimensions with a partner path, learnt for the goal weight of
+            the partner model (`with_goal_weight_of`).
+        times: s, (n,), increasing.
         hands: p at these times, m, (n, 3).
         hand_velocities: ṗ, m/s, (n, 3).
         start: x₀, m, (3,).
@@ -401,7 +400,7 @@ def rollout_expecting(
         The motion at these times.
 
     Raises:
-        DataError: the movement has no path of the partner.
+        DataError: the movement has no partner path.
 
     """
     partner = PartnerModel(model, options)

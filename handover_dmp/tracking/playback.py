@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-A recorded partner played back: what a tracker would have to say now.
+Playback of a recorded partner, as trackers would publish it.
 
-`Replay` is the recording on a clock that starts at 0, `TrackedHand` the same as a tracker sees it,
-before, during and after. `PlayedTrial` and `PlayedBag` are the partner of a trial and of a bag.
+`Replay` is the recording on a clock that starts at 0, `TrackedHand` is the same seen by a tracker,
+before, during and after. `PlayedTrial` and `PlayedBag` are the partners of a trial and of a bag.
 """
 
 from __future__ import annotations
@@ -43,18 +43,18 @@ MAX_POSES = 2_000_000
 NANOSECONDS = 1_000_000_000
 ROUNDING_S = 1e-6
 EARLIEST_S = 1e-9
-"""The earliest time that a stamp can tell, s."""
+"""The earliest time that a stamp can represent, s."""
 
 
 def as_stamped(time_s: float) -> float:
     """
-    Give a time as a message tells it, so that a hand is the same with messages and without.
+    Round a time as in a message, so that a hand is the same with messages and without.
 
     Args:
         time_s: s.
 
     Returns:
-        The same to the nanosecond, s.
+        The time, rounded to nanoseconds, s.
 
     """
     return round(time_s * NANOSECONDS) / NANOSECONDS
@@ -62,13 +62,13 @@ def as_stamped(time_s: float) -> float:
 
 class HandSample(NamedTuple):
     """
-    A pose to publish.
+    A hand pose to publish.
 
     Attributes:
-        stamp_s: when it was measured, s on the clock of the replay.
+        stamp_s: time of the measurement, s, on the clock of the replay.
         position: (3,) m.
-        orientation: quaternion x, y, z, w, where one was recorded.
-        frame: that it was recorded in; empty for ours.
+        orientation: quaternion x, y, z, w, if recorded.
+        frame: frame of the recording; empty for that of the nodes.
 
     """
 
@@ -82,9 +82,9 @@ class Replay:
     """
     A recorded hand on a clock that starts at 0.
 
-    Made from a trial, it answers for any time, between the samples too; before its start the hand
-    rests where it was first seen, after its end where it was last seen. Made from stamped poses,
-    it gives those poses and no others, the newest that has arrived.
+    A replay of a trial is defined at any time: it interpolates between the samples, and rests at
+    the first sample before the start and at the last one after the end. A replay of stamped poses
+    returns exactly those poses: the newest one that has arrived.
 
     Attributes:
         duration_s: from the first sample to the last arrival, s.
@@ -100,13 +100,13 @@ class Replay:
         samples: Sequence[HandSample] = (),
     ) -> None:
         """
-        Make a replay; `from_trial` and `from_poses` are easier to use.
+        Make a replay; usually by `from_trial` or `from_poses`.
 
         Args:
             duration_s: from the first sample to the last arrival, s.
-            path: (3,) m at any time of the replay; else recorded samples are played back.
-            arrivals: when each sample arrives, s, in order.
-            samples: what arrives.
+            path: position, (3,) m, at any time of the replay; None: samples are played back.
+            arrivals: arrival time of each sample, s, in order.
+            samples: the samples.
 
         """
         self.duration_s = duration_s
@@ -120,7 +120,7 @@ class Replay:
         Play back the hand of P1.
 
         Args:
-            trial: the handover, conditioned where it is noisy.
+            trial: the handover, filtered if noisy.
 
         Returns:
             Its replay; 0 is the first sample.
@@ -162,18 +162,18 @@ class Replay:
         poses: Sequence[tuple[float, ArrayLike]] | Sequence[tuple[float, float, ArrayLike]],
     ) -> Replay:
         """
-        Play back poses as they were recorded, those of a lost hand among them.
+        Play back poses as recorded, including those of a lost hand.
 
         Args:
             poses: (stamp in s, position (3,) in m) each, or (arrival in s, stamp in s, position)
-                each, as `SensorModel.observe` gives them. Where no arrival is told a pose arrives
-                when it was measured. Any clock; the replay's 0 is the earliest stamp.
+                each, as from `SensorModel.observe`. Without an arrival time, a pose arrives at its
+                stamp. Any clock; the replay's 0 is the earliest stamp.
 
         Returns:
             Their replay.
 
         Raises:
-            DataError: there are none, or a time is not finite.
+            DataError: there are no poses, or a time is not finite.
 
         """
         rows = [
@@ -183,7 +183,7 @@ class Replay:
             raise DataError('no poses to play back')
         for number, (arrival, stamp, position) in enumerate(rows):
             if position.shape != (3,) or not np.isfinite([arrival, stamp]).all():
-                raise DataError(f'pose {number} to play back is not three numbers at a time')
+                raise DataError(f'pose {number} to play back: expected a time and three numbers')
         rows.sort(key=lambda row: row[:2])
         zero = min(stamp for _, stamp, _ in rows)
         arrivals = [arrival - zero for arrival, _, _ in rows]
@@ -192,13 +192,13 @@ class Replay:
 
     def newest(self, time_s: float) -> HandSample | None:
         """
-        Tell what is to be published now.
+        Return the sample to publish at a time.
 
         Args:
             time_s: time since the start of the replay, s.
 
         Returns:
-            The newest sample; its stamp tells whether it is a new one. None before the first.
+            The newest sample; its stamp shows whether it is new. None before the first.
 
         """
         if self._path is not None:
@@ -208,14 +208,14 @@ class Replay:
 
     def between(self, after_s: float, until_s: float) -> list[HandSample]:
         """
-        Tell everything that arrived in a span of time, late and repeated poses included.
+        Return all samples that arrive in a span of time, including late and repeated ones.
 
         Args:
-            after_s: beginning of the span, s, not itself part of it.
+            after_s: beginning of the span, exclusive, s.
             until_s: end of the span, s.
 
         Returns:
-            The samples in order of arrival; of a replay that has one for any time, the last.
+            The samples in order of arrival; the last one only for a replay defined at any time.
 
         """
         if self._path is not None:
@@ -228,9 +228,9 @@ class TrackedHand:
     """
     The poses that a tracker publishes while a recording is played back.
 
-    The tracker measures at whole multiples of its period, so that the same times give the same
-    poses whoever asks and however often. Before the start of the replay the hand rests where it
-    was first seen, after the end where it was last seen.
+    The tracker measures at integer multiples of its period, so the poses do not depend on the
+    times of the queries. The hand rests at its first position before the start of the replay, and
+    at its last one after the end.
     """
 
     def __init__(
@@ -244,11 +244,10 @@ class TrackedHand:
         Take the recording and the tracker.
 
         Args:
-            replay: the hand, for any time.
-            sensor: rate, noise, delay, faults; jitter and duplicates are for
-                `SensorModel.observe` alone.
-            tells_lost: whether it says NaN of a pose that is lost, where others say nothing: who
-                waits for one in lockstep need not wait for ever.
+            replay: the hand, defined at any time.
+            sensor: rate, noise, delay, faults; jitter and duplicates are ignored here.
+            tells_lost: whether a lost pose is published as NaN instead of being dropped, so that
+                nodes in lockstep do not wait for it.
 
         """
         self._replay = replay
@@ -260,15 +259,15 @@ class TrackedHand:
 
     @property
     def start_s(self) -> float:
-        """When the replay starts, s; infinite until it is told."""
+        """Start time of the replay, s; infinite until it is set."""
         return self._start_s
 
     def start(self, at_s: float) -> None:
         """
-        Play the recording back; who was seen at its end is not seen until shortly before.
+        Start the replay; a hand seen at the end of a previous one disappears until shortly before.
 
         Args:
-            at_s: when its first sample is, s.
+            at_s: time of its first sample, s.
 
         """
         self._hidden = math.isfinite(self._start_s)
@@ -276,10 +275,10 @@ class TrackedHand:
 
     def due(self, now_s: float) -> list[HandSample]:
         """
-        Tell what arrives now.
+        Return the poses that arrive now.
 
         Args:
-            now_s: the time, s; where it went back or far ahead, the tracker goes on from there.
+            now_s: the time, s; after a jump back or far ahead, the tracker continues from there.
 
         Returns:
             The poses that arrived since the last call, in order.
@@ -299,7 +298,7 @@ class TrackedHand:
         sensor = self._sensor
         stamp_s = as_stamped(number / sensor.rate_hz)
         if number < 0 or (number == 0 and sensor.delay_s > 0.0):
-            # measured before there was a time, or at zero, which as a stamp means none
+            # measured before time 0 or at 0, which is invalid as a stamp
             return HandSample(EARLIEST_S, np.full(3, np.nan)) if self._tells_lost else None
         position = self._seen(number, stamp_s - self._start_s)
         if position is None and not self._tells_lost:
@@ -310,7 +309,7 @@ class TrackedHand:
         return HandSample(as_stamped(stamp_s + sensor.clock_s), position)
 
     def _seen(self, number: int, elapsed_s: float) -> Array | None:
-        """Give where a pose of the tracker is, so long after the start; None where it has none."""
+        """Return a position of the tracker at a time after the start; None if it has none."""
         sensor = self._sensor
         if sensor.is_dead(elapsed_s):
             return None
@@ -336,7 +335,7 @@ class TrackedHand:
 
 
 class PlayedTrial:
-    """A trial as trackers see it: at rest before, in motion, at rest after."""
+    """A trial seen by trackers: at rest before, in motion, at rest after."""
 
     def __init__(
         self,
@@ -351,7 +350,7 @@ class PlayedTrial:
         Args:
             trial: the recording.
             sensors: how each tracker sees the hand.
-            tells_lost: whether they say NaN of a pose that is lost.
+            tells_lost: whether a lost pose is published as NaN.
 
         """
         replay = Replay.from_trial(trial)
@@ -362,7 +361,7 @@ class PlayedTrial:
 
     @property
     def start_s(self) -> float:
-        """When the trial starts, s; infinite until it is told."""
+        """Start time of the trial, s; infinite until it is set."""
         return self._hands[0].start_s
 
     def start(self, at_s: float) -> None:
@@ -377,25 +376,25 @@ class PlayedTrial:
         return signals
 
     def hands(self, now_s: float) -> list[list[HandSample]]:
-        """Give, of each tracker, the poses that arrived since the last call, at a time, s."""
+        """Return for each tracker the poses that arrived since the last call, at a time, s."""
         return [hand.due(now_s) for hand in self._hands]
 
     def truth(self, now_s: float) -> list[HandSample]:
-        """Give where the hand is at a time, s, whatever the trackers say."""
+        """Return the true position of the hand at a time, s."""
         sample = self._truth.newest(max(0.0, now_s - self.start_s))
         return [] if sample is None else [HandSample(now_s, sample.position)]
 
     def demonstrator(self, now_s: float) -> list[HandSample]:
-        """Give where the person is whose place the robot takes, at a time, s."""
+        """Return the position of the recorded demonstrator at a time, s."""
         sample = self._demonstrator.newest(max(0.0, now_s - self.start_s))
         return [] if sample is None else [HandSample(now_s, sample.position)]
 
 
 class PlayedBag:
     """
-    The poses of a bag, each stamped with the time at which it is due, and no others between them.
+    The poses of a bag, stamped with the times at which they are due, without interpolation.
 
-    Before its first pose, so that listeners know of it, the hand rests there.
+    Before the first pose the hand rests there, so that subscribers know it.
     """
 
     def __init__(self, path: Path | str) -> None:
@@ -403,11 +402,11 @@ class PlayedBag:
         Read the bag.
 
         Args:
-            path: a rosbag2 folder, an MCAP file or the folder of a run. Of its poses the stamps
-                count or, where these are zero, when they were recorded.
+            path: a rosbag2 folder, an MCAP file or the folder of a run. The times of its poses are
+                their stamps or, if these are zero, their recording times.
 
         Raises:
-            DataError: there is no such bag, it is damaged, or no poses of a hand are in it.
+            DataError: there is no such bag, it is damaged, or it has no poses of a hand.
 
         """
         seen, signals = _read(path)
@@ -428,21 +427,21 @@ class PlayedBag:
         """
         Give the times at which a handover is to start, s, that were not given yet.
 
-        It starts at the first signal of the bag, without one with its first pose.
+        That is at the first signal of the bag or, without one, at its first pose.
         """
         signals, self._signals = self._signals, []
         return signals
 
     def hands(self, now_s: float) -> list[list[HandSample]]:
-        """Give the poses that became due since the last call, at a time, s: of one tracker."""
+        """Return the poses of one tracker that became due since the last call, at a time, s."""
         return [self._hand.due(now_s, self.start_s)]
 
     def truth(self, _now_s: float) -> list[HandSample]:
-        """Give nothing, for nobody knows where that hand was."""
+        """Return nothing: the true position is unknown."""
         return []
 
     def demonstrator(self, now_s: float) -> list[HandSample]:
-        """Give the same of the person whose place the robot takes."""
+        """Return the poses of the recorded demonstrator that became due since the last call."""
         return self._demonstrator.due(now_s, self.start_s)
 
 
@@ -456,7 +455,7 @@ class _PlayedPoses:
         self._asked_s = -math.inf
 
     def due(self, now_s: float, start_s: float) -> list[HandSample]:
-        # nobody is served with what is long past, be it after a stall or a late start
+        # skip poses that are long past, after a stall or a late start
         after_s, self._asked_s = max(self._asked_s, now_s - CATCH_UP_S), now_s
         if not self._poses:
             return []
@@ -470,7 +469,7 @@ class _PlayedPoses:
 
 def _read(path: Path | str) -> tuple[dict[str, list[HandSample]], list[float]]:
     """Return the poses of both topics and the times of the signals, s, all on one clock."""
-    # not at the top: trials are played without the libraries that bags need
+    # imported here: playing trials does not need the libraries for bags
     from handover_dmp.recording import read_bag, recorded_namespace
 
     seen: dict[str, list[HandSample]] = {HAND_POSE.name: [], DEMONSTRATOR_POSE.name: []}
@@ -483,7 +482,7 @@ def _read(path: Path | str) -> tuple[dict[str, list[HandSample]], list[float]]:
         try:
             header = message if topic == SIGNAL.name else message.header
             time_ns = header.stamp.sec * NANOSECONDS + header.stamp.nanosec or log_time_ns
-            # seconds since 1970 leave a double only some tenths of a microsecond
+            # as seconds since 1970, a double only resolves some tenths of a microsecond
             zero_ns = time_ns if zero_ns is None else zero_ns
             time_s = (time_ns - zero_ns) / NANOSECONDS
             if topic == SIGNAL.name:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which body of a message is the hand, and in messages of which types a tracker may tell of it."""
+"""Selection of the hand among the bodies of a message, and the supported message types."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ TYPES = (
     'mocap4r2_msgs/msg/RigidBodies',
     'motion_capture_tracking_interfaces/msg/NamedPoseArray',
 )
-"""Of messages about the hand; their packages need not be installed."""
+"""Types of messages with a hand; their packages need not be installed."""
 
 
 class BodyChooser:
     """
-    Picks the hand among the bodies of messages; never a wrong one where several could be meant.
+    Selects the hand among the bodies of messages; none if the choice is ambiguous.
 
     Attributes:
-        names: of the bodies that were seen; those without have their number.
+        names: names of the bodies seen so far; their numbers if they have no names.
 
     """
 
@@ -46,7 +46,7 @@ class BodyChooser:
         Take the choice.
 
         Args:
-            wanted: name or number of the body; empty where there is only one.
+            wanted: name or number of the body; empty if there is only one.
 
         """
         self._wanted = wanted
@@ -54,14 +54,14 @@ class BodyChooser:
 
     def choose(self, bodies: Sequence[Body]) -> Body | str:
         """
-        Pick the hand.
+        Select the hand.
 
         Args:
-            bodies: of one message.
+            bodies: bodies of one message.
 
         Returns:
-            It, or in a word why there is none: `other_body` where others are seen, `ambiguous`
-            where several are and none is chosen, `absent` where the list is empty.
+            The hand, or the reason why there is none: `other_body` if only others are seen,
+            `ambiguous` if there are several and none is chosen, `absent` if there are none.
 
         """
         names = [body.name or str(number) for number, body in enumerate(bodies)]

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A path that can be asked for any time: smooth, honest about its gaps."""
+"""A path that is smooth and defined at any time, except for its gaps."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 CUTOFF_HZ = 8.0
-"""People and arms move slower; noise that is left in favours the times between samples."""
+"""Cutoff, above the frequencies of people and arms; noise would favour times off the samples."""
 SHARE_OF_RATE = 0.3
-"""The cut-off lies at most here, in units of the sampling rate."""
+"""Maximum cutoff, in units of the sampling rate."""
 MAX_GAP_S = 0.15
-"""Between two poses farther apart in time than this, and than three periods, nothing is known."""
+"""Time between two poses, if also above three periods, beyond which there is a gap."""
 SPIKE_M = 0.03
-"""So far beside its neighbours, and five times as far as is usual, a pose is no place."""
+"""Distance from its neighbours, if also five times the usual one, of an invalid pose, m."""
 SPIKE_NEIGHBOURS = 5
 RESAMPLED_HZ = 200.0
 
@@ -40,10 +40,10 @@ class ReferencePath:
 
     def __init__(self, path: BodyPath) -> None:
         """
-        Lay curves through a path, without its spikes and low-passed.
+        Interpolate a path after removing spikes and low-pass filtering.
 
         Args:
-            path: of the body.
+            path: path of the body.
 
         """
         kept = ~spikes(path.positions)
@@ -56,7 +56,7 @@ class ReferencePath:
         self._gaps = np.column_stack([self.times[edges - 1], self.times[edges]])
         columns = [path.positions[kept]]
         self.turns = path.quaternions is not None
-        """Whether the path says how the body was turned."""
+        """Whether the path has rotations."""
         if path.quaternions is not None:
             columns.append(_continuous(path.quaternions[kept]))
         times, smoothed, _ = smooth(self.times, np.hstack(columns), RESAMPLED_HZ, cutoff_hz)
@@ -66,13 +66,13 @@ class ReferencePath:
 
     def known(self, times: Array) -> NDArray[np.bool_]:
         """
-        Tell when the body was seen.
+        Return whether the body was seen at given times.
 
         Args:
             times: (n,) s.
 
         Returns:
-            (n,) whether each lies within the path and in none of its gaps.
+            (n,) whether each is within the path and outside its gaps.
 
         """
         inside = (times >= self.times[0]) & (times <= self._end_s)
@@ -82,10 +82,10 @@ class ReferencePath:
 
     def positions(self, times: Array) -> Array:
         """
-        Give places.
+        Return positions.
 
         Args:
-            times: (n,) s; those that are not known get the nearest that is.
+            times: (n,) s; unknown times get the nearest known position.
 
         Returns:
             (n, 3) m.
@@ -96,7 +96,7 @@ class ReferencePath:
 
     def velocities(self, times: Array) -> Array:
         """
-        Give velocities.
+        Return velocities.
 
         Args:
             times: (n,) s, as for `positions`.
@@ -110,13 +110,13 @@ class ReferencePath:
 
     def rotations(self, times: Array) -> Array:
         """
-        Give rotations from the body's axes to those of the path's frame.
+        Return rotations from the body's axes to those of the path's frame.
 
         Args:
             times: (n,) s, as for `positions`.
 
         Returns:
-            (n, 3, 3); the identity where the path does not say how the body was turned.
+            (n, 3, 3); the identity if the path has no rotations.
 
         """
         if not self.turns:
@@ -127,7 +127,7 @@ class ReferencePath:
 
 
 def _continuous(quaternions: Array) -> Array:
-    """Choose of the two quaternions of each rotation the one nearer to that before."""
+    """Choose the sign of each quaternion closer to the previous one."""
     turned = np.einsum('ij,ij->i', quaternions[1:], quaternions[:-1]) < 0.0
     signs = np.concatenate([[1.0], np.cumprod(np.where(turned, -1.0, 1.0))])
     return np.asarray(quaternions * signs[:, None])
@@ -135,13 +135,13 @@ def _continuous(quaternions: Array) -> Array:
 
 def spikes(positions: Array) -> NDArray[np.bool_]:
     """
-    Find single poses that lie far beside those before and after them.
+    Find single poses far from those before and after them.
 
     Args:
         positions: (n, 3) m, in the order of time.
 
     Returns:
-        (n,) which they are.
+        (n,) whether each pose is a spike.
 
     """
     half = SPIKE_NEIGHBOURS // 2

@@ -15,8 +15,8 @@
 """
 A tracker with the faults of real ones, for tests.
 
-Rate, noise, delay, drop-outs, outliers, an offset, a wrong clock; and what happens to one in mid
-motion: it dies, freezes, jumps, drifts.
+Rate, noise, delay, drop-outs, outliers, an offset, a wrong clock, and faults in mid-motion: it
+dies, freezes, jumps or drifts.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ from numpy.random import RandomState
 
 class Observation(NamedTuple):
     """
-    One pose as it reaches the listener.
+    One pose as received.
 
     Attributes:
-        arrival_s: when it arrives, s.
-        stamp_s: when it says it was measured, s.
+        arrival_s: time of arrival, s.
+        stamp_s: stamp of the measurement, s.
         position: (3,) m.
 
     """
@@ -51,34 +51,34 @@ class Observation(NamedTuple):
 
 FAULTS = ('none', 'dies', 'freezes', 'jumps', 'drifts')
 DRIFT_S = 1.0
-"""How long a tracker that drifts takes for it, s."""
+"""Duration of a drift, s."""
 
 
 @dataclass(frozen=True)
 class SensorModel:
     """
-    How a tracker sees a hand.
+    Model of a tracker of the hand.
 
     Attributes:
-        rate_hz: poses a second.
+        rate_hz: poses per second.
         noise_m: standard deviation of white noise on each axis, m.
-        delay_s: from the measurement to the arrival, s.
+        delay_s: time from the measurement to the arrival, s.
         dropout: share of poses that never arrive, 0 to 1.
-        outliers: share of poses that lie `outlier_distance_m` off in a random direction, 0 to 1.
-        seed: of the random stream; the same seed sees the same.
-        jitter_s: largest extra delay of a pose, s, drawn evenly; more than a period brings poses
-            out of order.
+        outliers: share of poses that are `outlier_distance_m` off in a random direction, 0 to 1.
+        seed: random seed.
+        jitter_s: maximum extra delay of a pose, uniformly distributed, s; more than a period
+            reorders poses.
         duplicates: share of poses that arrive twice, 0 to 1.
-        outlier_distance_m: how far off an outlier lies, m.
-        offset_m: (3,), m, by which all poses are off.
-        clock_s: how much later than the truth poses are stamped, s.
-        fault: what happens to it in motion: it `dies`, `freezes` (goes on with its last pose),
-            `jumps` or `drifts` (by `fault_m`), or `none`.
-        fault_at_s: when, after the start of the motion, s.
-        fault_m: (3,), m.
+        outlier_distance_m: distance of an outlier from the truth, m.
+        offset_m: (3,), m, constant error of all poses.
+        clock_s: offset of the stamps, positive if late, s.
+        fault: fault in motion: it `dies`, `freezes` (repeats its last pose), `jumps` or `drifts`
+            (by `fault_m`), or `none`.
+        fault_at_s: time of the fault after the start of the motion, s.
+        fault_m: (3,), m, size of the jump or drift.
 
     Raises:
-        UsageError: a value is out of range.
+        UsageError: a value is out of its range.
 
     """
 
@@ -99,11 +99,11 @@ class SensorModel:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.rate_hz <= 10_000.0:
-            raise UsageError(f'sensor rate of {self.rate_hz} Hz is not between 0 and 10000')
+            raise UsageError(f'sensor rate_hz: {self.rate_hz} is not between 0 and 10000')
         for name in ('noise_m', 'delay_s', 'jitter_s', 'outlier_distance_m'):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0.0):
-                raise UsageError(f'sensor {name}: {value} is not 0 or more')
+                raise UsageError(f'sensor {name}: {value} is negative or not finite')
         for name in ('dropout', 'outliers', 'duplicates'):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise UsageError(f'sensor {name}: {getattr(self, name)} is not between 0 and 1')
@@ -112,22 +112,22 @@ class SensorModel:
             if len(value) != 3 or not all(map(math.isfinite, value)):
                 raise UsageError(f'sensor {name}: {list(value)} is not three numbers')
         if not (math.isfinite(self.clock_s) and math.isfinite(self.fault_at_s)):
-            raise UsageError('sensor clock_s and fault_at_s: not both are finite')
+            raise UsageError('sensor clock_s and fault_at_s: both must be finite')
         if self.fault not in FAULTS:
-            raise UsageError(f'sensor fault {self.fault!r} is none of {", ".join(FAULTS)}')
+            raise UsageError(f'sensor fault: {self.fault!r} is not one of {", ".join(FAULTS)}')
         if not 0 <= self.seed < 2**32:
             raise UsageError(f'sensor seed: {self.seed} is not between 0 and {2**32 - 1}')
 
     def is_dead(self, elapsed_s: float) -> bool:
-        """Tell whether it sees nothing any more, some time after the start of the motion, s."""
+        """Return whether it is dead at a time after the start of the motion, s."""
         return self.fault == 'dies' and elapsed_s >= self.fault_at_s
 
     def seen_at(self, elapsed_s: float) -> float:
-        """Tell from when the pose is that it gives some time after the start, both in s."""
+        """Return the time of the pose that it gives at a time after the start, both in s."""
         return min(elapsed_s, self.fault_at_s) if self.fault == 'freezes' else elapsed_s
 
     def off_by(self, elapsed_s: float) -> Array:
-        """Tell by how much it is off some time after the start (s), its noise aside: (3,) m."""
+        """Return its error without noise at a time after the start, s: (3,) m."""
         off = np.array(self.offset_m, dtype=float)
         if self.fault == 'jumps' and elapsed_s >= self.fault_at_s:
             off += self.fault_m
@@ -138,27 +138,27 @@ class SensorModel:
 
     def observe(self, trial: HandoverTrial) -> list[Observation]:
         """
-        Watch the hand of P1.
+        Observe the hand of P1.
 
         Args:
-            trial: the handover; its P1 is taken for the truth.
+            trial: the handover; its P1 is the truth.
 
         Returns:
-            What arrives, in the order of arrival, on the clock of the trial.
+            The poses in the order of arrival, on the clock of the trial.
 
         """
         return self.observe_motion(trial.times, trial.partner)
 
     def observe_motion(self, times: Array, positions: Array) -> list[Observation]:
         """
-        Watch any motion.
+        Observe any motion.
 
         Args:
             times: (n,) s, strictly increasing.
-            positions: (n, 3) m, taken for the truth.
+            positions: (n, 3) m, the truth.
 
         Returns:
-            What arrives, in the order of arrival.
+            The poses in the order of arrival.
 
         """
         random = RandomState(self.seed)
@@ -173,7 +173,7 @@ class SensorModel:
         lost = random.uniform(size=count) < self.dropout
         elapsed = stamps - times[0]
         seen += [self.off_by(time) for time in elapsed]
-        # the pose that it hangs at, its noise and all
+        # the frozen pose, including its noise
         seen = seen[[math.floor(self.seen_at(time) * self.rate_hz + 1e-6) for time in elapsed]]
         lost |= np.array([self.is_dead(time) for time in elapsed])
         twice = random.uniform(size=count) < self.duplicates

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-The partner of a recorded session, played back, who waits at each exchange.
+Playback of the partner of a recorded session, with a wait at each exchange.
 
-The recording runs as it is, until the hand is held out and would be taken back. There it slows to
-a standstill until the object has passed, and then goes on; so a robot that is late drops nothing.
-Where the object lies on a table yet, the partner asks for it, and waits until it is picked up.
+The recording runs until the held-out hand would be withdrawn. There it stops until the object has
+changed hands, so a late robot drops nothing. If the object is still on a table, the partner
+signals, and waits until it is picked up.
 """
 
 from __future__ import annotations
@@ -36,21 +36,21 @@ from handover_dmp.tracking.waiting_clock import WaitingClock
 import numpy as np
 
 RECEIVERS = {'give': 'partner', 'take': 'robot'}
-"""Who holds the object after an exchange, as `object/holder` says it."""
+"""Holder of the object after an exchange, as on `object/holder`."""
 NOT_FETCHED = 'table'
-"""As `object/holder` says it, before it is picked up."""
+"""Holder before the object is picked up, as on `object/holder`."""
 SIGNAL_AHEAD_S = 0.1
-"""How long before a reach its signal is given, so that nobody hears of it too late, s."""
+"""Time between the signal of a reach and its start, so that it arrives in time, s."""
 BEFORE_PARTING_S = 0.1
-"""How long before a hand would leave the exchange it waits, s."""
+"""Time before the end of the exchange at which the hand waits, s."""
 
 
 class SessionSignal(NamedTuple):
     """
-    The partner's sign that the robot is to come.
+    The partner's signal to the robot.
 
     Attributes:
-        stamp_s: when the reach is to start, s.
+        stamp_s: start time of the reach, s.
         direction: `give` (the robot gives) or `take`.
 
     """
@@ -61,14 +61,14 @@ class SessionSignal(NamedTuple):
 
 class SessionStep(NamedTuple):
     """
-    What there is to say at one time.
+    Poses and signals at one time.
 
     Attributes:
-        hands: of each tracker, the poses that arrived since the last step, as
-            `TrackedHand.due` gives them.
-        truth: where the hand is.
-        demonstrator: where the person is whose place the robot takes.
-        signals: that became due since the last step.
+        hands: for each tracker, the poses that arrived since the last step, as from
+            `TrackedHand.due`.
+        truth: true position of the hand.
+        demonstrator: position of the recorded demonstrator.
+        signals: signals that became due since the last step.
 
     """
 
@@ -80,9 +80,9 @@ class SessionStep(NamedTuple):
 
 class SessionPlayback:
     """
-    A recorded session as trackers see its partner: at rest before, in motion, at rest after.
+    A recorded session with its partner seen by trackers: at rest before and after.
 
-    While nobody says who holds the object, the partner does not wait, and it all goes as recorded.
+    If the holder of the object is unknown, the partner does not wait.
     """
 
     def __init__(
@@ -98,13 +98,13 @@ class SessionPlayback:
         Take the recording and the trackers.
 
         Args:
-            session: the recording, low-passed where it is noisy, and when its exchanges are.
-            sensors: how each tracker sees the hand.
-            tells_lost: whether they say NaN of a pose that is lost.
-            lead_s: how much of the recording before the first reach is played, s; all of it if
+            session: the recording, filtered if noisy, with its exchanges.
+            sensors: model of each tracker.
+            tells_lost: whether a lost pose is published as NaN.
+            lead_s: part of the recording before the first reach that is played, s; all of it if
                 left out.
-            patience_s: how long the partner holds out the hand for, s, before it goes on as if
-                the object had passed.
+            patience_s: time for which the partner holds out the hand, s, before continuing as if
+                the object had changed hands.
 
         """
         motion = session.motion
@@ -130,13 +130,13 @@ class SessionPlayback:
 
     @property
     def next_exchange(self) -> Segment | None:
-        """Return the exchange that comes or is; None after the last."""
+        """Return the current or next exchange; None after the last."""
         over = self._at_exchange == len(self.exchanges)
         return None if over else self.exchanges[self._at_exchange]
 
     @property
     def ends_s(self) -> float:
-        """When the recording is over, s, as far as the partner does not wait; else infinite."""
+        """End of the recording, s; infinite while the partner may still wait."""
         return self.start_s + self._clock.when(self._last_s)
 
     def start(self, at_s: float) -> None:
@@ -148,19 +148,19 @@ class SessionPlayback:
         self._told = self._asks = False
 
     def is_waiting(self, now_s: float) -> bool:
-        """Tell whether the partner holds out the hand and waits for the object, at a time, s."""
+        """Return whether the partner holds out the hand and waits for the object, at a time, s."""
         if self.next_exchange is None or not self._told or self._asks:
             return False
         return self.start_s + self._clock.when(_waiting_place(self.next_exchange)) <= now_s
 
     def step(self, now_s: float, holder: str | None = None) -> SessionStep:
         """
-        Tell everything that is due.
+        Return all poses and signals that are due.
 
         Args:
             now_s: the time, s.
-            holder: who holds the object: `robot`, `partner`, `both`, `table` or `nobody`; None: it
-                is not known.
+            holder: holder of the object: `robot`, `partner`, `both`, `table` or `nobody`; None:
+                unknown.
 
         Returns:
             Poses and signals.
@@ -178,7 +178,7 @@ class SessionPlayback:
         )
 
     def _hear(self, elapsed_s: float, holder: str | None) -> None:
-        """Go on where the object has passed, wait where it has not."""
+        """Continue if the object has changed hands, otherwise wait."""
         part = self.next_exchange
         if part is None:
             return
@@ -216,21 +216,21 @@ class SessionPlayback:
         return due
 
     def _places(self, elapsed_s: float) -> Array:
-        """Return where P1 and P2 are, (6,) m, so long after the start."""
+        """Return the positions of P1 and P2, (6,) m, at a time after the start."""
         recorded_s = min(self._clock.recorded(elapsed_s), self._last_s)
         places: Array = self._both(recorded_s)
         return places
 
 
 class PlayedSession:
-    """A session with the face of a `PlayedTrial`, that hears who holds the object."""
+    """A session with the interface of a `PlayedTrial`, and with the holder of the object."""
 
     def __init__(self, playback: SessionPlayback) -> None:
         """
         Play a session.
 
         Args:
-            playback: of its partner.
+            playback: playback of its partner.
 
         """
         self._playback = playback
@@ -249,31 +249,31 @@ class PlayedSession:
         self._signals = []
 
     def hear(self, holder: str) -> None:
-        """Take who holds the object, as `object/holder` says it."""
+        """Process the holder of the object, as on `object/holder`."""
         self._holder = holder
 
     def hands(self, now_s: float) -> list[list[HandSample]]:
-        """Go on to a time, s, and give the poses that arrived since the last call."""
+        """Advance to a time, s, and return the poses that arrived since the last call."""
         self._told = self._playback.step(now_s, self._holder)
         self._signals += [signal.stamp_s for signal in self._told.signals]
         return self._told.hands
 
     def truth(self, _now_s: float) -> list[HandSample]:
-        """Give where the hand is, whatever the trackers say."""
+        """Return the true position of the hand."""
         return [] if self._told is None else [self._told.truth]
 
     def demonstrator(self, _now_s: float) -> list[HandSample]:
-        """Give where the person is whose place the robot takes."""
+        """Return the position of the recorded demonstrator."""
         return [] if self._told is None else [self._told.demonstrator]
 
     def signals(self) -> list[float]:
-        """Give the times at which a handover is to start, s, that were not given yet."""
+        """Return the new start times of handovers, s."""
         signals, self._signals = self._signals, []
         return signals
 
 
 def _waiting_place(part: Segment) -> float:
-    """Return when in the recording the partner's hand is held out for the last time, s."""
+    """Return the last time in the recording at which the partner's hand is held out, s."""
     if part.parting_s is None:
         return part.exchange_s
     return max(part.exchange_s, part.parting_s - BEFORE_PARTING_S)

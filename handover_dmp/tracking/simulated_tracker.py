@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A tracker that stands somewhere, sees a marker on a moving body, and says so too late."""
+"""A simulated tracker with an unknown frame and delay, which sees a marker on a moving body."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ NODE = 'calibration_motion'
 
 @dataclass(frozen=True)
 class TrackerPlace:
-    """What is to be found out about the tracker."""
+    """Frame, delay and noise of the tracker, which the calibration has to find."""
 
     position: Sequence[float] = setting(
         NODE,
@@ -72,14 +72,14 @@ class TrackerPlace:
 
 
 class SimulatedTracker:
-    """Sees the marker, pose by pose."""
+    """Measures the marker, pose by pose."""
 
     def __init__(self, place: TrackerPlace) -> None:
         """
         Set the tracker up.
 
         Args:
-            place: of it.
+            place: its parameters.
 
         """
         self._turn = Rotation.from_quat(place.quaternion).as_matrix()
@@ -89,15 +89,15 @@ class SimulatedTracker:
 
     def see(self, time_s: float, position: Array, rotation: Array) -> list[tuple[float, Array]]:
         """
-        Look at the body now.
+        Observe the body now.
 
         Args:
-            time_s: now, s.
-            position: (3,) m, of the body.
+            time_s: present time, s.
+            position: (3,) m, position of the body.
             rotation: (3, 3), from its axes to those of the room.
 
         Returns:
-            What the tracker publishes now: stamp, s, and place of the marker in its frame, m.
+            The published pose: stamp, s, and position of the marker in the tracker's frame, m.
 
         """
         marker = position + rotation @ np.array(self._place.marker)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is told of a tracker: how good its poses are, how late, and how often they come."""
+"""Parameters of a tracker: accuracy, delay and rate of its poses."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ from handover_dmp.common.errors import UsageError
 from handover_dmp.common.settings import check_settings, setting
 
 PATIENCE_PERIODS = 2.2
-"""Of a tracker, without a pose: one that is lost does not stop the arm."""
+"""Time-out of a tracker in periods: one lost pose does not stop the arm."""
 
 
 @dataclass(frozen=True)
 class Tracker:
     """
-    One of the trackers that see the hand; the defaults stand in `config/handover.yaml`.
+    A tracker of the hand; the defaults are in `config/handover.yaml`.
 
     Attributes:
-        name: of it, for what is said of it.
+        name: its name, for messages.
 
     Raises:
-        UsageError: a value is out of range.
+        UsageError: a value is out of its range.
 
     """
 
@@ -113,10 +113,10 @@ class Tracker:
 
     @property
     def variance(self) -> float:
-        """Of a pose on each axis, as it counts, m²."""
+        """Effective variance of a pose on each axis, m²."""
         return self.noise_m**2 / self.weight
 
     @property
     def timeout_s(self) -> float:
-        """How long it may be silent while it still sees the hand, s."""
+        """Time without a pose after which it has lost the hand, s."""
         return PATIENCE_PERIODS / self.rate_hz

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Trackers of a kind, by their presets: what is told of one, and how a simulated one sees the hand.
+Presets for kinds of trackers: their parameters, and the sensor model of a simulated one.
 
-A preset is a file of ROS parameters, `config/trackers/NAME.yaml` or one's own. Nodes take it as
-any other; whoever runs without ROS reads it here.
+A preset is a file of ROS parameters, `config/trackers/NAME.yaml` or a user's own. Nodes read it as
+any other parameter file; this module reads it without ROS.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ SENSOR = 'sensor.'
 @dataclass(frozen=True)
 class TrackerPreset:
     """
-    A tracker of a kind.
+    The preset of a tracker.
 
     Attributes:
-        tracker: what is told of it to whoever follows the hand.
-        sensor: how it sees the hand.
-        topic: of its poses.
-        parameters: all of it, by the names of ROS parameters without that of the tracker.
+        tracker: its parameters.
+        sensor: its sensor model.
+        topic: topic of its poses.
+        parameters: all values, by the names of ROS parameters without the tracker's name.
 
     """
 
@@ -57,12 +57,12 @@ class TrackerPreset:
 
     @property
     def name(self) -> str:
-        """Of the tracker."""
+        """Name of the tracker."""
         return self.tracker.name
 
     @property
     def absolute_topic(self) -> str:
-        """Of its poses, in the root namespace."""
+        """Topic of its poses, in the root namespace."""
         return '/' + self.topic.lstrip('/')
 
 
@@ -71,15 +71,15 @@ def read_trackers(names: Sequence[str], seed: int = 0) -> list[TrackerPreset]:
     Read presets.
 
     Args:
-        names: of those in `config/trackers/`, or paths of files like them.
-        seed: of what they draw at random; each draws its own.
+        names: names of presets in `config/trackers/`, or paths of such files.
+        seed: random seed; each tracker gets its own stream.
 
     Returns:
-        Its trackers, in their order.
+        The trackers, in order.
 
     Raises:
-        DataError: a file is not there, or cannot be read.
-        UsageError: it has no tracker, or a wrong one, or one that is there already.
+        DataError: a file does not exist, or cannot be read.
+        UsageError: a file has no tracker or an invalid one, or a name or topic occurs twice.
 
     """
     found = [
@@ -89,7 +89,7 @@ def read_trackers(names: Sequence[str], seed: int = 0) -> list[TrackerPreset]:
     labels = [one.name for one in found]
     for what, values in (('name', labels), ('topic', [one.topic for one in found])):
         if len(set(values)) < len(values):
-            raise UsageError(f'two trackers of one {what}: {", ".join(values)}')
+            raise UsageError(f'two trackers have one {what}: {", ".join(values)}')
     return found
 
 
@@ -99,7 +99,9 @@ def _read(name: str) -> list[TrackerPreset]:
         path = share_path('config/trackers') / f'{name}.yaml'
         if not path.is_file():
             known = sorted(file.stem for file in path.parent.glob('*.yaml'))
-            raise UsageError(f'tracker {name!r}: none of {", ".join(known)}, and no .yaml file')
+            raise UsageError(
+                f'tracker {name!r} is unknown: give one of {", ".join(known)}, or a .yaml file'
+            )
     try:
         tree = load_plain(path.read_text(encoding='utf-8'))
     except OSError as error:
@@ -107,7 +109,9 @@ def _read(name: str) -> list[TrackerPreset]:
     values = {key: value for section in sections(tree) for key, value in section.values.items()}
     names = list(dict.fromkeys(key.partition('.')[0] for key in values if '.' in key))
     if not names:
-        raise UsageError(f'{path}: no parameters NAME.topic, NAME.noise_m and so on of a tracker')
+        raise UsageError(
+            f'{path}: no parameters of a tracker; expected NAME.topic, NAME.noise_m, …'
+        )
     return [_tracker(path, one, values) for one in names]
 
 
@@ -123,7 +127,7 @@ def _tracker(path: Path, name: str, values: Mapping[str, Any]) -> TrackerPreset:
     }
     unknown = sorted(set(own) - known)
     if unknown:
-        raise UsageError(f'{path}: {name}.{unknown[0]} is no parameter of a tracker')
+        raise UsageError(f'{path}: {name}.{unknown[0]} is not a parameter of a tracker')
     told = {field.name for field in fields(Tracker)}
     try:
         return TrackerPreset(

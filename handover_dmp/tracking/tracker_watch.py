@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is noticed of one tracker while it is heard: how often, how far off, whether it hangs."""
+"""Monitoring of one tracker: its rate, its distance from the hand, whether it is frozen."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from typing import NamedTuple
 from handover_dmp.common.arrays import Point
 from handover_dmp.tracking.tracker import Tracker
 
-# So many poses of it are judged together, whether noise explains how far off they are.
+# Number of poses that are compared with their noise together.
 _POSES_TOGETHER = 8.0
 _DISAGREES, _AGREES = 6.0, 2.0
 _MAX_SURPRISE = 30.0
@@ -34,17 +34,17 @@ _LASTING = 10
 
 class TrackerReport(NamedTuple):
     """
-    How a tracker does, since it was last asked for.
+    Report on a tracker since the last report.
 
     Attributes:
-        name: of the tracker.
-        rate_hz: poses a second, by their stamps, those that were refused among them.
-        age_s: of the newest pose that was used, s; infinite before any.
-        bias_m: (3,) of its poses, m.
-        refused: share of its poses that were not used.
-        distance_m: of its poses from the hand, root mean square, the bias taken off, m; NaN where
-            there was no hand to compare them with.
-        fault: why it is left out, or what is wrong with it; empty if all is well.
+        name: name of the tracker.
+        rate_hz: poses per second, by their stamps, including refused ones.
+        age_s: age of the newest pose used, s; infinite before any.
+        bias_m: (3,) bias of its poses, m.
+        refused: share of refused poses.
+        distance_m: root-mean-square distance of its poses from the hand, without the bias, m; NaN
+            if there was no hand to compare with.
+        fault: why it is excluded, or its fault; empty if there is none.
 
     """
 
@@ -59,18 +59,18 @@ class TrackerReport(NamedTuple):
 
 class TrackerWatch:
     """
-    Keeps in mind how a tracker did.
+    Collects statistics of a tracker.
 
     Attributes:
-        tracker: what was told of it.
-        rejected: how many of its poses were not used, ever, by reason.
-        disagrees: whether its poses are further from the hand than noise explains.
-        clock_off_s: by how much its clock is off, s; 0 while it is not.
-        path: stamp (s) and place (m) of its poses, now and then, of the last seconds.
-        min_age_s: least age of its poses when they came, s.
-        used_s: stamp of its newest pose that was used, s.
-        used_at_s: when that was, s.
-        outliers: how many poses it has told in a row from where the hand is not, after it had it.
+        tracker: its parameters.
+        rejected: number of its refused poses since the beginning, by reason.
+        disagrees: whether its poses are farther from the hand than noise explains.
+        clock_off_s: offset of its clock, s; 0 if none was found.
+        path: stamp (s) and position (m) of a selection of its poses of the last seconds.
+        min_age_s: minimum age of its poses at arrival, s.
+        used_s: stamp of its newest pose used, s.
+        used_at_s: time of its use, s.
+        outliers: number of consecutive outliers since it last saw the hand.
 
     """
 
@@ -79,7 +79,7 @@ class TrackerWatch:
         Begin without a pose.
 
         Args:
-            tracker: what is told of it.
+            tracker: its parameters.
 
         """
         self.tracker = tracker
@@ -94,7 +94,7 @@ class TrackerWatch:
         self.forget()
 
     def forget(self) -> None:
-        """Forget the hand; the counts go on."""
+        """Forget the hand; the counts are kept."""
         self.same: tuple[float, float, Point] | None = None
         self.used_at_s = -math.inf
         self.outliers = 0
@@ -106,16 +106,16 @@ class TrackerWatch:
 
     @property
     def unchanged_s(self) -> float:
-        """For how long its poses have been the same to the last bit, by their stamps, s."""
+        """Time for which its poses have been bitwise equal, by their stamps, s."""
         return 0.0 if self.same is None else self.same[1] - self.same[0]
 
     @property
     def is_left_out(self) -> bool:
-        """Whether its poses are not used, however near they lie."""
+        """Whether its poses are excluded, even if they are close to the hand."""
         return self.disagrees or self.clock_off_s != 0.0
 
     def see(self, stamp: float, place: Point, now_s: float | None) -> None:
-        """Take note of a pose that is one, at a stamp and now in s, m."""
+        """Record a valid pose, m, with its stamp and the present time, s."""
         since = stamp if self.same is None or self.same[2] != place else self.same[0]
         self.same = (since, max(since, stamp), place)
         if now_s is not None:
@@ -129,12 +129,12 @@ class TrackerWatch:
                 self.path.popleft()
 
     def judge(self, surprise: float) -> None:
-        """Take note of how much more a pose was off than noise explains, squared."""
+        """Record the squared distance of a pose relative to that for noise alone."""
         self.surprise += (min(surprise, _MAX_SURPRISE) - self.surprise) / _POSES_TOGETHER
         self.disagrees = self.surprise > (_AGREES if self.disagrees else _DISAGREES)
 
     def count(self, reason: str, stamp: float, distance: float) -> None:
-        """Count a pose, refused for a reason or not, at a stamp in s, so far (m) from the hand."""
+        """Count a pose with its reason for refusal (or none), stamp, s, and distance, m."""
         self.heard += 1
         if reason:
             self._refused += 1
@@ -146,7 +146,7 @@ class TrackerWatch:
             self._compared += 1
 
     def report(self, age_s: float, bias_m: Point) -> TrackerReport:
-        """Sum up, with age (s) and bias (m) as they are, and begin anew."""
+        """Return the report with the given age (s) and bias (m), and begin the next one."""
         elapsed = self._newest_s - self._reported_s
         known = math.isfinite(elapsed) and elapsed > 0.0
         report = TrackerReport(
@@ -168,9 +168,9 @@ class TrackerWatch:
         if self.clock_off_s:
             late = 'late' if self.clock_off_s > 0.0 else 'early'
             return (
-                f'{name} stamps its poses {abs(self.clock_off_s):.2f} s too {late}, left out: set '
-                f'its clock, or {name}.delay_s'
+                f'{name} stamps its poses {abs(self.clock_off_s):.2f} s too {late}, left out: '
+                f'correct its clock, or {name}.delay_s'
             )
         if self.disagrees or self.outliers >= _LASTING:
-            return f'{name} is further from the hand than its noise explains, left out'
+            return f'{name} is farther from the hand than its noise explains, left out'
         return ''

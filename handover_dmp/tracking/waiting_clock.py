@@ -13,11 +13,10 @@
 # limitations under the License.
 
 """
-The clock of a recording whose people wait: it slows down, stands, and goes on.
+The clock of a recording whose people wait: it slows down, stops, and continues.
 
-Its rate is 1 but for ramps of 0.2 s to and from a standstill, which ends exactly where it is told
-to wait. So whoever is played back by it moves with a continuous velocity, and in between exactly
-as recorded.
+Its rate is 1 except for ramps of 0.2 s to and from a standstill, which is exactly at the given
+time. So a played-back person moves with a continuous velocity, and otherwise exactly as recorded.
 """
 
 from __future__ import annotations
@@ -27,12 +26,12 @@ import math
 from typing import NamedTuple
 
 RAMP_S = 0.2
-"""From full rate to a standstill, s."""
+"""Time from full rate to a standstill, s."""
 _ROUNDING_S = 1e-9
 
 
 class _Piece(NamedTuple):
-    """From `since_s` on, the rate changes evenly; where it stood then, and how fast it ran."""
+    """A piece with a linear change of the rate: its start, and the reading and rate there."""
 
     since_s: float
     at_s: float
@@ -42,10 +41,10 @@ class _Piece(NamedTuple):
 
 class WaitingClock:
     """
-    Time of a recording over time of the day; it stands still at the beginning.
+    Time of a recording as a function of time of day; it stands still at the beginning.
 
-    All in s. What it has shown once it will always show: only the future changes when it is told
-    to wait or to go on.
+    All times in s. Past readings never change: a command to wait or to continue only affects the
+    future.
     """
 
     def __init__(self, start_s: float, wait_s: float = math.inf) -> None:
@@ -62,10 +61,10 @@ class WaitingClock:
 
     def recorded(self, time_s: float) -> float:
         """
-        Tell what the clock shows.
+        Return the reading of the clock.
 
         Args:
-            time_s: time of the day; before 0 it shows what it does at 0.
+            time_s: time of day; before 0 the reading is that at 0.
 
         Returns:
             The time of the recording.
@@ -74,17 +73,17 @@ class WaitingClock:
         return self._state(max(time_s, 0.0))[0]
 
     def rate(self, time_s: float) -> float:
-        """Tell how fast it runs at a time of the day, 0 to 1."""
+        """Return its rate at a time of day, 0 to 1."""
         return self._state(max(time_s, 0.0))[1]
 
     def go_on(self, time_s: float, wait_s: float = math.inf) -> None:
         """
-        Change where it stands still next.
+        Change the time of the next standstill.
 
         Args:
-            time_s: time of the day from which this counts.
-            wait_s: time of the recording; infinite: it runs on. Where it is too late to stop
-                there, it stops as soon as it can.
+            time_s: time of day from which this applies.
+            wait_s: time of the recording; infinite: it runs on. If it is too late to stop there,
+                it stops as soon as it can.
 
         """
         at_s, rate = self._state(time_s)
@@ -94,7 +93,7 @@ class WaitingClock:
             # too late to stop there
             self._stop(time_s, at_s, rate, _braking(rate))
             return
-        # the greatest rate from which it still comes to a standstill in time
+        # the maximum rate from which it still stops in time
         peak = min(1.0, math.sqrt(left_s / RAMP_S + 0.5 * rate * rate))
         since_s, at_s = self._add(time_s, at_s, rate, 1.0 / RAMP_S, RAMP_S * (peak - rate))
         if math.isinf(wait_s):
@@ -106,13 +105,13 @@ class WaitingClock:
 
     def when(self, recorded_s: float) -> float:
         """
-        Tell when it will show a time of the recording.
+        Return the time of day for a time of the recording.
 
         Args:
             recorded_s: time of the recording.
 
         Returns:
-            Time of the day; infinite where it will wait before.
+            Time of day; infinite if it will wait before.
 
         """
         for piece, after in zip(self._pieces, [*self._pieces[1:], None], strict=True):
@@ -129,7 +128,7 @@ class WaitingClock:
         return math.inf
 
     def _stop(self, since_s: float, at_s: float, rate: float, left_s: float) -> None:
-        """Come to a standstill over what is left to show."""
+        """Stop within the remaining time of the recording."""
         if left_s > _ROUNDING_S:
             duration_s = 2.0 * left_s / rate
             since_s, at_s = self._add(since_s, at_s, rate, -rate / duration_s, duration_s)
@@ -138,7 +137,7 @@ class WaitingClock:
     def _add(
         self, since_s: float, at_s: float, rate: float, change: float, duration_s: float
     ) -> tuple[float, float]:
-        """Add a piece; return when the next one begins, and what the clock shows then."""
+        """Add a piece; return the beginning of the next one, and the reading there."""
         self._pieces.append(_Piece(since_s, at_s, rate, change))
         end_s = at_s + (rate + 0.5 * change * duration_s) * duration_s
         return since_s + duration_s, end_s
@@ -151,5 +150,5 @@ class WaitingClock:
 
 
 def _braking(rate: float) -> float:
-    """Return what the clock goes on by while it comes to a standstill, s."""
+    """Return by how much the reading advances while the clock stops, s."""
     return 0.5 * RAMP_S * rate * rate

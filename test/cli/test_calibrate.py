@@ -177,7 +177,7 @@ def test_what_is_not_determined_is_not_written(
     output = tmp_path / 'tracker.yaml'
     assert main(['calibrate', str(arm), str(camera), '-o', str(output)]) == 1
     said = capsys.readouterr().out
-    assert 'all on a line' in said
+    assert 'is on a line' in said
     assert 'no parameters written' in said
     assert not output.exists()
     assert output.with_suffix('.png').is_file()

@@ -164,7 +164,7 @@ def test_a_hand_with_two_trackers_that_are_noisy_both() -> None:
     assert place_mm < 1.0
     assert turn_deg < 0.1
     assert delay_ms < 2.0
-    assert any('taken to be at its origin' in warning for warning in found.warnings)
+    assert any('assumed to be at the origin' in warning for warning in found.warnings)
     np.testing.assert_array_equal(found.marker, 0.0)
 
 
@@ -197,7 +197,7 @@ def test_a_line_does_not_tell_the_rotation_about_it() -> None:
     seen = scene.turn.inv().apply(truth - scene.place) + noise
     found = calibrate(turned_into(reference, on_line), turned_into(tracker, seen))
     assert 'rotation' in found.undetermined
-    assert any('all on a line' in warning for warning in found.warnings)
+    assert any('motion is on a line' in warning for warning in found.warnings)
     assert found.delay_s == pytest.approx(DELAY_S, abs=2e-3)  # which a line does tell
 
 
@@ -246,7 +246,7 @@ def test_what_no_transform_mends_is_refused() -> None:
     mirrored = turned_into(tracker, tracker.positions * [1.0, 1.0, -1.0])
     with pytest.raises(DataError, match='mirror image'):
         calibrate(reference, mirrored)
-    with pytest.raises(DataError, match='both of one body'):
+    with pytest.raises(DataError, match='both are of one body'):
         calibrate(reference, Scene(99).paths()[1])
     with pytest.raises(DataError, match='overlap'):
         calibrate(reference, replace(tracker, times=tracker.times + 1000.0))

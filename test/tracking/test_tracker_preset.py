@@ -58,7 +58,7 @@ def test_ones_own_with_two_trackers(tmp_path):
     [
         (['lidar'], UsageError, 'depth_camera, mocap, webcam'),
         (['nowhere.yaml'], DataError, 'nowhere.yaml'),
-        (['mocap', 'mocap'], UsageError, 'two trackers of one name'),
+        (['mocap', 'mocap'], UsageError, 'two trackers have one name'),
     ],
 )
 def test_what_is_not_there(names, kind, words):
@@ -69,11 +69,11 @@ def test_what_is_not_there(names, kind, words):
 @pytest.mark.parametrize(
     ('text', 'words'),
     [
-        ('eye: {noise: 0.1}', 'eye.noise is no parameter'),
+        ('eye: {noise: 0.1}', 'eye.noise is not a parameter'),
         ('eye: {noise_m: -1.0}', 'eye.noise_m'),
         ('eye: {noise_m: much}', 'lab.yaml'),
         ('eye: {sensor: {fault: sleeps}}', 'sleeps'),
-        ('a: {noise_m: 0.1}\n    b: {noise_m: 0.1}', 'two trackers of one topic'),
+        ('a: {noise_m: 0.1}\n    b: {noise_m: 0.1}', 'two trackers have one topic'),
         ('trackers: [eye]', 'no parameters'),
     ],
 )
