@@ -1,4 +1,4 @@
-"""Installs the package, for pip and for colcon alike: both lay it out as ROS 2 expects."""
+"""Installs the package with pip or colcon, in the layout that ROS 2 expects."""
 
 import os
 from pathlib import Path
@@ -12,8 +12,8 @@ NODES = (
     'calibration_motion',
 )  # fmt: skip
 
-# Lower bounds are what Ubuntu 24.04, the home of ROS 2 Jazzy, has, or the first release whose
-# wheels work with those of the others. Nothing is bound from above.
+# Lower bounds are the versions of Ubuntu 24.04, the platform of ROS 2 Jazzy, or the first release
+# whose wheels work with those of the others. There are no upper bounds.
 REQUIREMENTS = [
     'c3d>=0.6',
     'coal>=3.0.3',
@@ -30,8 +30,8 @@ REQUIREMENTS = [
     'numpy>=1.26',
     'pillow>=10.2',
     'pin>=4.0',
-    # PyBullet's own wheels end at Python 3.11. From there on the same module comes from a rebuild,
-    # which has wheels for x86-64, too.
+    # PyBullet's own wheels end at Python 3.11. After that the same module comes from a rebuild,
+    # which also has wheels for x86-64.
     'pybullet>=3.2.7; python_version < "3.12"',
     'pybullet-arm64>=3.2.8; python_version >= "3.12"',
     'PyYAML>=6.0.1',
@@ -45,8 +45,8 @@ REQUIREMENTS = [
 ]
 
 EXTRAS = {
-    # ROS 2 Jazzy itself, for machines that have none. Not to be installed beside a ROS 2 of the
-    # system: there the packages of package.xml take their place.
+    # ROS 2 Jazzy itself, for machines without it. Do not install it beside a ROS 2 of the
+    # system, for which package.xml lists the packages.
     'ros': [
         'ros-jazzy-common-interfaces>=5.3.6',
         'ros-jazzy-rclpy[fastrtps]>=7.1.6',
@@ -61,7 +61,7 @@ EXTRAS = {
         'check-jsonschema>=0.29',
         # colcon-core does not work with newer setuptools
         'colcon-common-extensions>=0.3',
-        # The reference implementation of C3D, to hold the reader against.
+        # The reference implementation of C3D, to compare the reader with.
         'ezc3d>=1.5.16; platform_machine == "x86_64" and python_version < "3.14"',
         'hypothesis>=6.100',
         'psutil>=5.9',
@@ -73,7 +73,7 @@ EXTRAS = {
         'setuptools>=70.1,<80',
     ],
     'coverage': ['pytest-cov>=5.0'],
-    # Pinned, with the NumPy whose type stubs they read: another version finds other faults.
+    # Pinned, with the NumPy whose type stubs they read, since other versions find other faults.
     'lint': [
         'check-jsonschema==0.39.0',
         'flake8==7.5.0',
@@ -103,21 +103,21 @@ EXTRAS = {
 
 
 class RosDistribution(Distribution):
-    """A distribution whose editable install has the files for `ros2 run`, too."""
+    """A distribution whose editable install also has the files for `ros2 run`."""
 
     def has_data(self) -> bool:
-        """Tell whether there are files for `lib/` and `share/`; setuptools asks by this name."""
+        """Tell whether there are files for `lib/` and `share/`; setuptools calls this name."""
         return bool(self.has_data_files())
 
 
 def version() -> str:
-    """Return the version that the package itself names."""
+    """Return the version from the package."""
     text = Path(PACKAGE, '__init__.py').read_text(encoding='utf-8')
     return re.search(r"^__version__ = '(.+)'$", text, re.MULTILINE)[1]
 
 
 def share(folder: str) -> list[tuple[str, list[str]]]:
-    """Return a folder of the source tree with all that is in it, as files of `share/`."""
+    """Return a folder of the source tree with its content, as files of `share/`."""
     return [
         (f'share/{PACKAGE}/{path}', [f'{path}/{file}' for file in sorted(files)])
         for path, _, files in sorted(os.walk(folder))

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Human to robot handover by a decoupled Dynamic Movement Primitive (Prada et al., IROS 2013).
+Human-robot handover with a decoupled Dynamic Movement Primitive (Prada et al., IROS 2013).
 
 The public names are imported when they are first used, so that `handover_dmp --help` stays fast.
 """

@@ -1,5 +1,5 @@
 #!/bin/sh
-# `make demo` and `make test` on every Python that is supported, each in an environment of its own,
+# `make demo` and `make test` on every supported Python, each in a separate environment,
 # and once with the oldest libraries that setup.py allows; then a table. Called by `make matrix`.
 #
 #     scripts/matrix.sh               all of them
@@ -8,7 +8,7 @@ cd "$(dirname "$0")/.." || exit 1
 logs=build/matrix
 mkdir -p "$logs"
 
-# The interpreter of a version: on the PATH, or among those of pyenv.
+# Find the interpreter of a version on the PATH or in pyenv.
 interpreter() {
     for found in "$(command -v "python$1")" "$HOME"/.pyenv/versions/"$1".*/bin/python; do
         if [ -x "$found" ] && "$found" -c '' 2>/dev/null; then
@@ -18,7 +18,7 @@ interpreter() {
     done
 }
 
-# Fill an environment with the oldest libraries, so that make finds nothing to install.
+# Install the oldest libraries in an environment, so that make has nothing to install.
 install_lowest() {
     [ -x "$2/bin/python" ] || "$1" -m venv "$2" || return
     python3 scripts/lower_bounds.py > "$logs/lowest.txt" || return
@@ -36,7 +36,7 @@ failed=0
 table=
 for name; do
     version=$name
-    # the last Python that has wheels of all of them
+    # the last Python with wheels of all of them
     [ "$name" != lowest ] || version=3.11
     python=$(interpreter "$version")
     if [ "$name" = lowest ] && [ -n "$python" ]; then

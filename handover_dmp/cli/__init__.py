@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The `handover_dmp` command: parses, calls, prints; one file a verb, imported when it is used."""
+"""The `handover_dmp` command: one file per verb, imported when it is used."""
 
 from handover_dmp.common.threads import use_one_thread
 

@@ -34,7 +34,7 @@ PROGRESS_FROM = 50
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
-    Declare the words after `bag`.
+    Add the arguments of `bag`.
 
     Args:
         parser: parser of the verb.
@@ -63,7 +63,7 @@ def run(options: argparse.Namespace) -> int:
     Write, describe or repair bags.
 
     Args:
-        options: what `add_arguments` declared.
+        options: the parsed arguments.
 
     Returns:
         0.

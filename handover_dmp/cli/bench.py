@@ -43,7 +43,7 @@ COMPARE = 'compare'
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
-    Declare the words after `bench`.
+    Add the arguments of `bench`.
 
     Args:
         parser: parser of the verb.
@@ -89,7 +89,7 @@ def run(options: argparse.Namespace) -> int:
     Measure, or compare two runs.
 
     Args:
-        options: what `add_arguments` declared.
+        options: the parsed arguments.
 
     Returns:
         0, or 1 if a comparison found a slowdown.

@@ -33,7 +33,7 @@ DURATION_S = 60.0
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
-    Declare the words after `calibrate`.
+    Add the arguments of `calibrate`.
 
     Args:
         parser: parser of the verb.
@@ -147,7 +147,7 @@ def run(options: argparse.Namespace) -> int:
     Calibrate.
 
     Args:
-        options: what `add_arguments` declared.
+        options: the parsed arguments.
 
     Returns:
         0, or 1 if the motion does not determine the pose of the tracker.

@@ -33,7 +33,7 @@ MAX_WIDTH = 400
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
-    Declare the words after `compare`.
+    Add the arguments of `compare`.
 
     Args:
         parser: parser of the verb.
@@ -54,7 +54,7 @@ def run(options: argparse.Namespace) -> int:
     Compare runs.
 
     Args:
-        options: what `add_arguments` declared.
+        options: the parsed arguments.
 
     Returns:
         0.

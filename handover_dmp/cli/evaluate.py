@@ -51,7 +51,7 @@ Update = Callable[[int, int], None]
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
-    Declare the words after `evaluate`.
+    Add the arguments of `evaluate`.
 
     Args:
         parser: parser of the verb.
@@ -161,7 +161,7 @@ def check_running_options(options: argparse.Namespace) -> None:
     Check the options of `add_running_arguments`.
 
     Args:
-        options: the parsed words.
+        options: the parsed arguments.
 
     Raises:
         UsageError: the seed is negative, or the number of processes is invalid.
@@ -215,7 +215,7 @@ def read_learning(options: argparse.Namespace) -> Learning:
     Convert the options of `add_learning_arguments` to parameters.
 
     Args:
-        options: the parsed words.
+        options: the parsed arguments.
 
     Returns:
         The parameters of the primitive and of the learning.
@@ -247,7 +247,7 @@ def run(options: argparse.Namespace) -> int:
     Evaluate a data set and write table, figures and page.
 
     Args:
-        options: what `add_arguments` declared.
+        options: the parsed arguments.
 
     Returns:
         0.

@@ -22,7 +22,7 @@ from pathlib import Path
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
-    Declare the words after `figure1`.
+    Add the arguments of `figure1`.
 
     Args:
         parser: parser of the verb.
@@ -67,7 +67,7 @@ def run(options: argparse.Namespace) -> int:
     Draw the figure.
 
     Args:
-        options: what `add_arguments` declared.
+        options: the parsed arguments.
 
     Returns:
         0.

@@ -50,10 +50,10 @@ _MAY_TELL = 'giv|gave|tak|took|receiv'
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
-    Add the options of this verb.
+    Add the arguments of the verb.
 
     Args:
-        parser: its parser.
+        parser: parser of the verb.
 
     """
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
@@ -81,8 +81,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             f'--{partner}',
             action='append',
             metavar='NAME',
-            help=f"marker or rigid body of {partner.upper()}'s wrist (given again: the middle of "
-            'several), or topic of a bag, TOPIC:BODY where it holds several bodies',
+            help=f"marker or rigid body of {partner.upper()}'s wrist (repeated: the centre of "
+            'several), or topic of a bag, TOPIC:BODY if it has several bodies',
         )
     parser.add_argument(
         '--unit',
@@ -101,12 +101,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--dry-run', action='store_true', help='show what would be written, but write nothing'
     )
-    default = (
-        'direction (default: as the bag says, else by the file name '
-        '<configuration>_<exchange>_<number>)'
-    )
-    parser.add_argument('--configuration', metavar='NAME', help=default)
-    parser.add_argument('--exchange', choices=('give', 'take'), help=default)
+    default = 'default: as the bag says, else by the file name <configuration>_<exchange>_<number>'
+    parser.add_argument('--configuration', metavar='NAME', help=f'configuration ({default})')
+    parser.add_argument('--exchange', choices=('give', 'take'), help=f'direction ({default})')
     bags = parser.add_argument_group('bags')
     bags.add_argument(
         '--part', type=int, metavar='N', help='part of a bag whose clock was set back, from 1'
@@ -163,7 +160,7 @@ def run(options: argparse.Namespace) -> int:
     Read the sources and write the data set.
 
     Args:
-        options: as parsed.
+        options: the parsed arguments.
 
     Returns:
         0.

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
-    Declare the words after `learn`.
+    Add the arguments of `learn`.
 
     Args:
         parser: parser of the verb.
@@ -97,7 +97,7 @@ def run(options: argparse.Namespace) -> int:
     Learn and write the model.
 
     Args:
-        options: what `add_arguments` declared.
+        options: the parsed arguments.
 
     Returns:
         0.

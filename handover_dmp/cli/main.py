@@ -53,7 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Run the command.
 
     Args:
-        arguments: the words after `handover_dmp`; those of the process if left out.
+        arguments: arguments after `handover_dmp`; default: those of the process.
 
     Returns:
         0 for success, 1 for bad data or a failed run, 2 for wrong usage.

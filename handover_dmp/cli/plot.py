@@ -26,7 +26,7 @@ DPI = 120
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
-    Declare the words after `plot`.
+    Add the arguments of `plot`.
 
     Args:
         parser: parser of the verb.
@@ -49,7 +49,7 @@ def run(options: argparse.Namespace) -> int:
     Draw a run and write its report.
 
     Args:
-        options: what `add_arguments` declared.
+        options: the parsed arguments.
 
     Returns:
         0.

@@ -35,7 +35,7 @@ PICTURES = ('.png', '.webp', '.jpg')
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
-    Declare the words after `render`.
+    Add the arguments of `render`.
 
     Args:
         parser: parser of the verb.
@@ -112,7 +112,7 @@ def run(options: argparse.Namespace) -> int:
     Film a run.
 
     Args:
-        options: what `add_arguments` declared.
+        options: the parsed arguments.
 
     Returns:
         0.
@@ -199,7 +199,7 @@ def chosen_files(options: argparse.Namespace) -> tuple[Path | None, Path | None]
     Tell which video and which image to write.
 
     Args:
-        options: what `add_arguments` declared.
+        options: the parsed arguments.
 
     Returns:
         Paths of video and image; None for one that is not wanted.

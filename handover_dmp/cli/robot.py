@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
-    Declare the words after `robot`.
+    Add the arguments of `robot`.
 
     Args:
         parser: parser of the verb.
@@ -47,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
     Inspect an arm.
 
     Args:
-        options: what `add_arguments` declared.
+        options: the parsed arguments.
 
     Returns:
         0.

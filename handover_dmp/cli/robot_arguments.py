@@ -35,7 +35,7 @@ def add_robot_arguments(parser: argparse.ArgumentParser, default: str) -> None:
 
     """
     more = 'default: %(default)s' if default else 'default: the arm of the recording'
-    parser.add_argument('--robot', default=default, help=f'{WHICH} ({more})')
+    parser.add_argument('--robot', default=default, help=f'arm: {WHICH} ({more})')
     add_frame_arguments(parser)
 
 
@@ -66,7 +66,7 @@ def chosen_arm(options: argparse.Namespace) -> ArmChoice:
     Return the arm that the options choose.
 
     Args:
-        options: what `add_robot_arguments` declared.
+        options: the parsed arguments of `add_robot_arguments`.
 
     Returns:
         The choice.

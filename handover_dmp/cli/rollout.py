@@ -24,7 +24,7 @@ HEADER = 't,x,y,z,vx,vy,vz,wg,s'
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
-    Declare the words after `rollout`.
+    Add the arguments of `rollout`.
 
     Args:
         parser: parser of the verb.
@@ -71,7 +71,7 @@ def run(options: argparse.Namespace) -> int:
     Roll out and write the motion.
 
     Args:
-        options: what `add_arguments` declared.
+        options: the parsed arguments.
 
     Returns:
         0.

@@ -26,10 +26,10 @@ SHORT_TRIALS, SHORT_SESSIONS = 300, 50
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
-    Add the options of this verb.
+    Add the arguments of the verb.
 
     Args:
-        parser: its parser.
+        parser: parser of the verb.
 
     """
     parser.description = (
@@ -90,7 +90,7 @@ def run(options: argparse.Namespace) -> int:
     Make the data set and write it.
 
     Args:
-        options: as parsed.
+        options: the parsed arguments.
 
     Returns:
         0.

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
-    Declare the words after `tune`.
+    Add the arguments of `tune`.
 
     Args:
         parser: parser of the verb.
@@ -68,7 +68,7 @@ def run(options: argparse.Namespace) -> int:
     Search, report on unseen trials, write the parameter file.
 
     Args:
-        options: what `add_arguments` declared.
+        options: the parsed arguments.
 
     Returns:
         0.

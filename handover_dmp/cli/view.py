@@ -27,7 +27,7 @@ from handover_dmp.cli.robot_arguments import add_robot_arguments, chosen_arm
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
-    Declare the words after `view`.
+    Add the arguments of `view`.
 
     Args:
         parser: parser of the verb.
@@ -51,7 +51,7 @@ def run(options: argparse.Namespace) -> int:
     Make the page and serve it until Ctrl-C.
 
     Args:
-        options: what `add_arguments` declared.
+        options: the parsed arguments.
 
     Returns:
         0.

@@ -28,7 +28,7 @@ TABLE = 'table.json'
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
-    Declare the words after `why`.
+    Add the arguments of `why`.
 
     Args:
         parser: parser of the verb.
@@ -52,7 +52,7 @@ def run(options: argparse.Namespace) -> int:
     Print why curves were rejected.
 
     Args:
-        options: what `add_arguments` declared.
+        options: the parsed arguments.
 
     Returns:
         0.

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The five ROS 2 nodes: each parameters, topics, timers and one object of the other rooms."""
+"""The ROS 2 nodes: parameters, topics and timers around objects of the other rooms."""
 
 import os
 import signal
@@ -22,7 +22,7 @@ from handover_dmp.common.threads import use_one_thread
 
 use_one_thread()
 
-# While `python -m handover_dmp.nodes.NAME` still loads libraries there is nothing to end cleanly,
+# While `python -m handover_dmp.nodes.NAME` still loads libraries there is nothing to clean up,
 # and Python would answer Ctrl-C with a traceback. `spinning.run` takes over from here.
 if sys.argv[:1] == ['-m']:
     for number in (signal.SIGINT, signal.SIGTERM):
