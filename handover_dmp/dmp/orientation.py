@@ -282,9 +282,9 @@ class OrientationPrimitive:
         Make one step.
 
         Args:
-            state: where it stands.
+            state: state at the start of the step.
             dt: length of the step, s.
-            phase_rate: how fast the phase runs.
+            phase_rate: speed of the phase, 1 as learnt.
             goal: g at the start of the step; turned from the start as in the demonstration if left
                 out.
             goal_velocity: its angular velocity, rad/s.

@@ -316,7 +316,7 @@ class Braking(NamedTuple):
         Bound the velocity away from the start, up to the goal's distance from the start.
 
         Args:
-            state: of the primitive.
+            state: state of the primitive.
             goal: g, m.
             goal_velocity: ġ, m/s.
 
@@ -336,7 +336,7 @@ class Braking(NamedTuple):
         Bound the velocity towards the goal, from any position.
 
         Args:
-            state: of the primitive.
+            state: state of the primitive.
             goal: g, m.
             goal_velocity: ġ, m/s.
 
@@ -377,7 +377,7 @@ def bounded(
         goal_velocity: ġ, m/s.
         dt: length of the period, s.
         acceleration_limit: m/s².
-        options: of the approach.
+        options: options of the approach.
 
     Returns:
         The state at the end of the period; `after` itself if it satisfies all bounds.

@@ -275,7 +275,7 @@ class HandoverController:
     Attributes:
         model: the movement that is run.
         options: the rules.
-        hand_stamp_s: when the newest accepted pose of the hand was measured, s; NaN before one.
+        hand_stamp_s: time of the newest accepted pose of the hand, s; NaN before one.
 
     """
 
@@ -502,7 +502,7 @@ class HandoverController:
 
     @property
     def starts_by(self) -> str:
-        """Tell what starts the next handover: `signal`, `motion` or `service`."""
+        """Return what starts the next handover: `signal`, `motion` or `service`."""
         return self.options.start
 
     @property

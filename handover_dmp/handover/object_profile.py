@@ -116,7 +116,7 @@ class ObjectProfile:
         Return the orientation task of the wrist.
 
         Args:
-            movement: as it is run.
+            movement: the movement.
 
         Returns:
             One of `ORIENTATIONS`.
@@ -132,7 +132,7 @@ class ObjectProfile:
         Return the parameters that the nodes need besides the movement.
 
         Args:
-            movement: as it is run.
+            movement: the movement.
 
         Returns:
             For `dmp` and `priority_ik`, name to value, as far as it is not the default.
@@ -183,7 +183,7 @@ class ObjectProfile:
         Return the movement that carries the object.
 
         Args:
-            movement: as learnt.
+            movement: the learnt movement.
 
         Returns:
             The movement with the pace and goal offset of the object, and without the learnt turn

@@ -65,7 +65,7 @@ def example_model(seed: int = 0, direction: str = EXAMPLE[1]) -> DecoupledDmp:
     Learn the movement of the example.
 
     Args:
-        seed: of the synthetic data set.
+        seed: seed of the synthetic data set.
         direction: `give` or `take`.
 
     Returns:

@@ -353,7 +353,7 @@ class SessionController(HandoverController):
 
     @property
     def starts_by(self) -> str:
-        """Tell what starts the next handover: `signal`, `motion` or `service`."""
+        """Return what starts the next handover: `signal`, `motion` or `service`."""
         return self.options.start if self.next_leg is Leg.GIVE else self.session.take_start
 
     @property

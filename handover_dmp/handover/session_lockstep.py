@@ -233,7 +233,7 @@ class SessionLoop(LockstepLoop):
         Run until the session is done, or given up; call again for the next one.
 
         Args:
-            progress: is told the share of the longest time that has passed.
+            progress: called with the share of the maximum time that has passed.
             session: another one than that of the scenario.
 
         Returns:

@@ -117,7 +117,7 @@ def trials_of(session: RecordedSession) -> list[HandoverTrial]:
     Cut a session into its handovers, each with P2's way back.
 
     Args:
-        session: as recorded.
+        session: the recording.
 
     Returns:
         One trial per exchange, in order.
@@ -132,7 +132,7 @@ def learn_from_session(session: RecordedSession) -> SessionModels:
     Learn the movements of a session from its first give and its first take.
 
     Args:
-        session: as recorded.
+        session: the recording.
 
     Returns:
         The movements.
@@ -234,7 +234,7 @@ def expected_session_path(models: SessionModels, session: RecordedSession) -> Ar
 
     Args:
         models: the movements.
-        session: as recorded.
+        session: the recording.
 
     Returns:
         (n, 3), m: the path to each exchange and back, except for the last way back.

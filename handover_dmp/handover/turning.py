@@ -48,7 +48,7 @@ class WristTurning:
         Change the movement from the next step on.
 
         Args:
-            movement: as it is run.
+            movement: the movement.
 
         """
         if movement is not self._movement:

@@ -137,7 +137,7 @@ def known_arm(tree: Element, origin: str, name: str = '') -> KnownArm:
 
     Args:
         tree: root of its description.
-        origin: of the description, for error messages.
+        origin: origin of the description, for error messages.
         name: its name there, if the arm was requested by it; then only its values count.
 
     Returns:
@@ -195,7 +195,7 @@ def check_link(tree: Element, link: str | None, what: str, origin: str) -> None:
         tree: root of the description.
         link: its name; None is accepted.
         what: its role, `wrist` or `base`.
-        origin: of the description, for error messages.
+        origin: origin of the description, for error messages.
 
     Raises:
         RobotDescriptionError: there is no such link.
@@ -220,7 +220,7 @@ def chain_between(
         tree: root of the description.
         wrist_frame: the wrist link.
         base_frame: first link of the arm; None: the root.
-        origin: of the description, for error messages.
+        origin: origin of the description, for error messages.
 
     Returns:
         The joints, from the base on.
@@ -266,7 +266,7 @@ def moving_joints(
     Args:
         tree: root of the description, which has passed `check_tree`.
         link: the link.
-        origin: of the description, for error messages.
+        origin: origin of the description, for error messages.
         base_frame: first link; None: the root.
 
     Returns:
@@ -372,7 +372,7 @@ def check_tree(tree: Element, origin: str) -> None:
 
     Args:
         tree: root of the description.
-        origin: of the description, for error messages.
+        origin: origin of the description, for error messages.
 
     Raises:
         RobotDescriptionError: they do not; the error says where.

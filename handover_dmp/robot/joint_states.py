@@ -49,7 +49,7 @@ class JointStateReader:
         Return whether joint states are of this arm, and not of a gripper or another arm.
 
         Args:
-            names: of the joints.
+            names: names of the joints.
 
         Returns:
             Whether one of the arm's joints is among them.
@@ -64,7 +64,7 @@ class JointStateReader:
         Extract the arm's joints.
 
         Args:
-            names: of the joints.
+            names: names of the joints.
             positions: rad, one per name.
             velocities: rad/s, one per name or none at all; NaN if they are not measured.
 

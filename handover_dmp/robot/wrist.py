@@ -51,7 +51,7 @@ def choose_wrist(tree: Element, base_frame: str | None, origin: str) -> tuple[st
     Args:
         tree: root of the description.
         base_frame: first link of the arm; None: the root.
-        origin: of the description, for error messages.
+        origin: origin of the description, for error messages.
 
     Returns:
         Its name, and a remark on the choice; empty if there was none to make.

@@ -208,7 +208,7 @@ class WristController:
         Process measured joint states, in any order, possibly with other joints.
 
         Args:
-            names: of the joints.
+            names: names of the joints.
             positions: rad, one per name.
             velocities: rad/s, one per name or none at all; NaN if not measured.
             arrival_s: time of arrival, s.

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The world in PyBullet: the arm, the partner's figure, the self-check of two engines."""
+"""The simulated world in PyBullet: arm, object, partner, and a self-check of two engines."""

@@ -13,11 +13,10 @@
 # limitations under the License.
 
 """
-The simulated arm behind what a real driver would put before it: checks, interpolation, watchdog.
+The simulated arm behind the functions of a real driver: checks, interpolation, watchdog.
 
-Whatever is sent to it, it stays within the limits of position, velocity, acceleration and jerk. It
-keeps simulated time alone, so that the same commands at the same times give the same motion, bit
-for bit.
+For any input, it respects the limits of position, velocity, acceleration and jerk. It only knows
+simulated time, so the same commands at the same times give bitwise the same motion.
 """
 
 from __future__ import annotations
@@ -47,14 +46,14 @@ from handover_dmp.simulation.self_check import check_models
 from handover_dmp.simulation.world import World, WorldOptions
 import numpy as np
 
-# The longest time, in steps, for which the joints are not read and the bounds not renewed.
+# Maximum number of steps between readings of the joints and updates of the bounds.
 STEPS_AT_ONCE = 5
 STILL_RAD_S = 1e-6
 STILL_RAD = 1e-6
 
 
 class SimulatedArm(Closing):
-    """A robot in PyBullet that takes joint velocities, as a velocity-controlled real arm does."""
+    """A robot in PyBullet that takes joint velocities, like a velocity-controlled real arm."""
 
     def __init__(
         self,
@@ -66,18 +65,18 @@ class SimulatedArm(Closing):
         carried: CarriedObjectOptions | None = None,
     ) -> None:
         """
-        Load the arm into a world of its own, at rest in its home posture.
+        Load the arm into a world of its own, at rest in its home configuration.
 
         Args:
             model: the robot.
-            figure: the human partner; None: nobody.
-            options: when it stops by itself.
-            world_options: how its world is stepped.
-            carried: what is handed over; None, or without a mass: nothing.
+            figure: the human partner; None: no partner.
+            options: conditions under which it stops by itself.
+            world_options: options of the physics.
+            carried: the handed-over object; None, or without a mass: no object.
 
         Raises:
-            DataError: PyBullet cannot read the URDF, or finds another robot in it.
-            ModelMismatchError: it has another robot than Pinocchio.
+            DataError: PyBullet cannot read the URDF, or reads another robot from it.
+            ModelMismatchError: its robot differs from that of Pinocchio.
 
         """
         self.model = model
@@ -98,21 +97,23 @@ class SimulatedArm(Closing):
 
     def reset(self, positions: Sequence[float] | Array | None = None) -> None:
         """
-        Start anew: at rest in a posture, at time zero, ready, with a clean report.
+        Restart: at rest in a configuration, at time zero, ready, with an empty report.
 
         Args:
-            positions: (n,), rad; None: the model's home posture.
+            positions: (n,), rad; None: the model's home configuration.
 
         Raises:
-            UsageError: wrong length, not finite or beyond the limits.
+            UsageError: the length is wrong, or a number is not finite or beyond the limits.
 
         """
         limits = self.model.limits
         home = self.model.home if positions is None else np.array(positions, dtype=float)
         if home.shape != (self.model.dof,) or not np.all(np.isfinite(home)):
-            raise UsageError(f'a posture of {self.model.name} is {self.model.dof} finite numbers')
+            raise UsageError(
+                f'a configuration of {self.model.name} needs {self.model.dof} finite numbers'
+            )
         if np.any(home < limits.lower - 1e-9) or np.any(home > limits.upper + 1e-9):
-            raise UsageError(f'the posture is beyond the joint limits of {self.model.name}')
+            raise UsageError(f'the configuration is beyond the joint limits of {self.model.name}')
         self.world.reset(home)
         self._driver.reset(home)
         self._positions, self._velocities = np.array(home), np.zeros(self.model.dof)
@@ -133,27 +134,27 @@ class SimulatedArm(Closing):
 
     @property
     def joint_positions(self) -> Array:
-        """Measured, (n,), rad, in the model's order."""
+        """Measured joint positions, (n,), rad, in the model's order."""
         return self._positions
 
     @property
     def joint_velocities(self) -> Array:
-        """Measured, (n,), rad/s, in the model's order."""
+        """Measured joint velocities, (n,), rad/s, in the model's order."""
         return self._velocities
 
     @property
     def reference_positions(self) -> Array:
-        """Tell what the motors follow: the integral of the interpolated commands, (n,), rad."""
+        """Return the reference of the motors, the integrated commands, (n,), rad."""
         return self._driver.reference
 
     @property
     def moving(self) -> bool:
-        """Whether the arm moves or has been told to."""
+        """Whether the arm moves or is commanded to move."""
         return self._driver.moving
 
     @property
     def report(self) -> ArmReport:
-        """Tell what the arm has to say about its commands since the last reset."""
+        """Report on the commands since the last reset."""
         return self._driver.report
 
     @property
@@ -163,28 +164,28 @@ class SimulatedArm(Closing):
 
     @property
     def wrench(self) -> Wrench:
-        """Return what acts on the wrist from what it holds, as the mean of the last `advance`."""
+        """Return the wrench of the held object on the wrist, mean of the last `advance`."""
         if self._carried is None:
             return Wrench(np.zeros(3), np.zeros(3))
         return self._carried.wrench(self._wrist())
 
     @property
     def partner_force(self) -> Array:
-        """Return what the partner's hand does to the object, mean of the last `advance`, N."""
+        """Return the force of the partner's hand on the object, mean of the last `advance`, N."""
         return np.zeros(3) if self._carried is None else self._carried.partner_force
 
     @property
     def object_state(self) -> ObjectState | None:
-        """All that is known of the object; None where there is none."""
+        """State of the object; None if there is none."""
         return None if self._carried is None else self._carried.state(self._wrist())
 
     @property
     def object_pose(self) -> tuple[Array, Array]:
         """
-        Where the object is: (3,), m, and its quaternion x, y, z, w, (4,).
+        Pose of the object: position, (3,), m, and quaternion x, y, z, w, (4,).
 
         Raises:
-            UsageError: there is none.
+            UsageError: there is no object.
 
         """
         if self._carried is None:
@@ -193,15 +194,15 @@ class SimulatedArm(Closing):
 
     @property
     def holder(self) -> Holder:
-        """Who has the object; nobody where there is none."""
+        """Holder of the object; nobody if there is none."""
         return Holder.NOBODY if self._carried is None else self._carried.holder
 
     def set_gripper(self, closed: bool) -> None:
         """
-        Close the gripper, on the object where that is within reach, or open it.
+        Close the gripper, on the object if that is within reach, or open it.
 
         Args:
-            closed: which.
+            closed: whether to close it.
 
         """
         if self._carried is not None:
@@ -211,11 +212,11 @@ class SimulatedArm(Closing):
         self, position: Sequence[float] | Array, velocity: Sequence[float] | Array | None = None
     ) -> None:
         """
-        Say where the partner's hand is that takes and gives the object.
+        Set position and velocity of the partner's hand that takes and gives the object.
 
         Args:
-            position: (3,), of the wrist, m, in `world`; one that is not finite is left out.
-            velocity: (3,), m/s; None: found from the positions.
+            position: (3,), position of the wrist, m, in `world`; ignored if not finite.
+            velocity: (3,), m/s; None: derived from the positions.
 
         """
         if self._carried is not None:
@@ -224,39 +225,39 @@ class SimulatedArm(Closing):
 
     def command(self, velocities: Sequence[float] | Array) -> CommandOutcome:
         """
-        Say what the joints are to do from now on; nothing moves before the next `advance`.
+        Process a joint velocity command; nothing moves before the next `advance`.
 
-        A command that is refused or ignored does not count as a sign of life.
+        A refused or ignored command does not reset the watchdog.
 
         Args:
             velocities: (n,), rad/s, in the model's order.
 
         Returns:
-            What became of it; `report` says why.
+            The outcome; `report` gives the reason.
 
         """
         return self._driver.command(velocities, self.time_s)
 
     def stop(self, fault: str = 'stopped on request') -> None:
         """
-        Brake within the limits and stay so until `resume`.
+        Brake within the limits and stay stopped until `resume`.
 
         Args:
-            fault: why, for the report.
+            fault: the reason, for the report.
 
         """
         self._driver.stop(fault)
 
     def resume(self) -> None:
-        """Obey commands again, from the next one on."""
+        """Follow commands again, from the next one on."""
         self._driver.resume()
 
     def show_hand(self, hand: Array) -> None:
         """
-        Say where the partner's wrist is; the figure follows at its own rate.
+        Set the position of the partner's wrist; the figure follows at its own rate.
 
         Args:
-            hand: (3,), m, in `world`; one that is not finite is left out.
+            hand: (3,), m, in `world`; ignored if not finite.
 
         """
         if np.all(np.isfinite(hand)):
@@ -264,7 +265,7 @@ class SimulatedArm(Closing):
 
     @property
     def rests(self) -> bool:
-        """Whether the arm stands, with nothing to do and nothing in its hand."""
+        """Whether the arm stands, without a command and without an object in its gripper."""
         return (
             self._carried is None
             and not self._driver.moving
@@ -275,10 +276,10 @@ class SimulatedArm(Closing):
 
     def wait(self, period_s: float) -> None:
         """
-        Let simulated time pass for an arm that rests, without the work of simulating that.
+        Advance the time of a resting arm without simulating it.
 
         Args:
-            period_s: how long, s.
+            period_s: the time, s.
 
         """
         self._until_s += period_s
@@ -286,20 +287,20 @@ class SimulatedArm(Closing):
 
     def advance(self, period_s: float, excused_s: float = 0.0) -> None:
         """
-        Let simulated time pass.
+        Advance simulated time.
 
-        Periods that are no whole number of steps add up without loss.
+        Fractions of a time step accumulate without loss.
 
         Args:
-            period_s: how long, s.
-            excused_s: how much of it no command could come in, s, as within a jump of a clock.
+            period_s: the period, s.
+            excused_s: part of it in which no command could arrive, s, e.g. a jump of a clock.
 
         Raises:
-            UsageError: negative or not finite.
+            UsageError: the period is negative or not finite.
 
         """
         if not isfinite(period_s) or period_s < 0.0:
-            raise UsageError(f'no arm can advance by {period_s} s')
+            raise UsageError(f'period {period_s} s is negative or not finite')
         self._until_s += period_s
         self._driver.excuse(excused_s)
         if self._carried is not None:
@@ -316,7 +317,7 @@ class SimulatedArm(Closing):
             self._figure_due_s = self.time_s + self._figure_period_s - 0.5 * self._time_step_s
 
     def _run(self, steps: int) -> None:
-        """Make a few steps towards the target, then read the joints."""
+        """Make a few steps towards the target, and then read the joints."""
         correction = self._gain * (self._driver.reference - self._positions)
         for velocities in self._driver.steps(self._time_step_s, steps):
             self.world.drive((velocities + correction).tolist())
@@ -331,5 +332,5 @@ class SimulatedArm(Closing):
         self._positions, self._velocities = np.array(read), np.array(moving)
 
     def close(self) -> None:
-        """Let PyBullet forget the arm's world."""
+        """Delete the arm's world from PyBullet."""
         self.world.close()

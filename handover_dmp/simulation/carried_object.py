@@ -13,13 +13,12 @@
 # limitations under the License.
 
 """
-The object that changes hands, as a rigid body of the world.
+The handed-over object, as a rigid body of the world.
 
-While the gripper is closed on it, a fixed joint holds it to the arm; what that joint transmits is
-what a force sensor in the wrist would feel. Wherever the gripper closes on it, it draws it to the
-one place where it holds it, so that after many handovers it lies there as after the first. The
-partner's hand is a spring on it. Held by nobody, it falls to the floor, but for the table that it
-lies on at the start.
+While the gripper is closed on it, a fixed joint connects it to the arm; a force sensor in the
+wrist would measure the wrench of that joint. The gripper draws the object to a fixed position in
+it, so errors do not accumulate over many handovers. The partner's hand is a spring on the object.
+Without a holder the object falls to the floor, or onto the table from which it was picked up.
 """
 
 from __future__ import annotations
@@ -40,21 +39,21 @@ from handover_dmp.simulation.world import World
 import numpy as np
 
 LIGHTEST_KG = 0.01
-"""With less, the spring of the partner's hand would shake in steps of 1 ms, kg."""
+"""Minimum mass for which the spring of the partner's hand is stable in steps of 1 ms, kg."""
 HAND_TURNS = 30.0
-"""How fast the hand turns the object back to how it was gripped, rad/s."""
+"""Natural frequency, critically damped, with which the hand restores the orientation, rad/s."""
 SEED = 0
-"""Of the sensor's noise: the same run is the same again."""
+"""Seed of the sensor's noise."""
 TABLE_SIDE_M = 0.4
-"""Of the square table on which it may lie, m."""
+"""Side of the square table, m."""
 LAID_DOWN_M = 0.03
-"""What is let go of no higher over the table than this is laid down, m."""
+"""Height over the table up to which a released object is laid down, m."""
 FLOOR_M = 0.0
-"""Height of the floor in the room, m."""
+"""Height of the floor in `world`, m."""
 
 
 class Holder(str, Enum):
-    """Who has the object; the values are what `/object/holder` says."""
+    """Holder of the object; the values are those of `/object/holder`."""
 
     ROBOT = 'robot'
     PARTNER = 'partner'
@@ -64,16 +63,16 @@ class Holder(str, Enum):
 
 
 HOLDERS = (Holder.ROBOT.value, Holder.PARTNER.value, Holder.TABLE.value)
-"""Who may have it at the start."""
+"""Possible holders at the start."""
 
 
 class Wrench(NamedTuple):
     """
-    What acts on the wrist from what it holds.
+    Wrench of the held object on the wrist.
 
     Attributes:
-        force: (3,), N, in the axes of the room.
-        torque: (3,), about the wrist, Nm, in the same.
+        force: (3,), N, in the axes of `world`.
+        torque: (3,), about the wrist, Nm, in the same axes.
 
     """
 
@@ -83,14 +82,14 @@ class Wrench(NamedTuple):
 
 class ObjectState(NamedTuple):
     """
-    What an object does at one moment.
+    State of an object at one time.
 
     Attributes:
-        position: (3,), of its middle, m.
+        position: (3,), position of its centre, m.
         quaternion: (4,), x, y, z, w.
-        holder: who has it.
-        wrench: on the wrist.
-        gripper_closed: whether the gripper has been told to close.
+        holder: its holder.
+        wrench: its wrench on the wrist.
+        gripper_closed: whether the gripper is commanded to be closed.
 
     """
 
@@ -104,13 +103,13 @@ class ObjectState(NamedTuple):
 @dataclass(frozen=True)
 class CarriedObjectOptions:
     """
-    What is handed over.
+    The handed-over object.
 
     Attributes:
-        partner: how the partner takes and gives it.
+        partner: options of the partner's hand.
 
     Raises:
-        UsageError: a mass or size that is none, or another holder.
+        UsageError: mass, size, position or holder are invalid.
 
     """
 
@@ -184,19 +183,21 @@ class CarriedObjectOptions:
     partner: PartnerGripOptions = field(default_factory=PartnerGripOptions)
 
     def __post_init__(self) -> None:
-        """Check them."""
+        """Check the values."""
         if self.mass_kg != 0.0 and not LIGHTEST_KG <= self.mass_kg < np.inf:
-            raise UsageError(f'object.mass_kg is {self.mass_kg}: 0, or at least {LIGHTEST_KG}')
+            raise UsageError(
+                f'object.mass_kg is {self.mass_kg}: it must be 0, or at least {LIGHTEST_KG}'
+            )
         if len(self.size) != 3 or not all(0.0 < side < np.inf for side in self.size):
-            raise UsageError(f'object.size is {list(self.size)}: three lengths over 0')
+            raise UsageError(f'object.size is {list(self.size)}: it must be three lengths above 0')
         for name, place in (('position', self.position), ('table', self.table)):
             if len(place) != 3 or not all(map(isfinite, place)):
-                raise UsageError(f'object.{name} is {list(place)}: three lengths')
+                raise UsageError(f'object.{name} is {list(place)}: it must be three lengths')
         for name, value in (('grip_s', self.grip_s), ('grip_speed', self.grip_speed)):
             if not 0.0 < value < np.inf:
                 raise UsageError(f'object.{name} is {value}: it must be positive')
         if self.holder not in HOLDERS:
-            raise UsageError(f'object.holder is {self.holder!r}: {", ".join(HOLDERS)}')
+            raise UsageError(f'object.holder is {self.holder!r}, not one of {", ".join(HOLDERS)}')
 
     @classmethod
     def between(
@@ -206,19 +207,19 @@ class CarriedObjectOptions:
         pick_up: Sequence[float] | Array | None = None,
     ) -> CarriedObjectOptions:
         """
-        Put an object in the robot's gripper so that its middle is between the wrists that meet.
+        Put an object in the robot's gripper, with its centre between the wrists at an exchange.
 
         Args:
             goal_offset: (3,), from the partner's wrist to the robot's at the exchange, m.
-            mass_kg: kg.
-            pick_up: (3,), of the robot's wrist where it picks the object up from a table, m; None:
-                it has it at the start.
+            mass_kg: mass, kg.
+            pick_up: (3,), m, wrist position at which the robot picks the object up from a table;
+                None: the robot holds it at the start.
 
         Returns:
-            What is handed over, all else as in `config/`.
+            The object, otherwise as in `config/`.
 
         Raises:
-            UsageError: a mass that is none.
+            UsageError: the mass is invalid.
 
         """
         position = [-0.5 * float(part) for part in goal_offset]
@@ -229,7 +230,7 @@ class CarriedObjectOptions:
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """Return what `robot_sim` has to be told of the object: name to value."""
+        """Return the parameters of `robot_sim` for the object: name to value."""
         return {
             'object.mass_kg': float(self.mass_kg),
             'object.position': list(map(float, self.position)),
@@ -239,7 +240,7 @@ class CarriedObjectOptions:
 
     @property
     def inertia(self) -> Array:
-        """Return that of the box about its axes, (3,), kg m²."""
+        """Return the inertia of the box about its axes, (3,), kg m²."""
         squares = np.square(self.size)
         inertia: Array = self.mass_kg / 12.0 * (squares.sum() - squares)
         return inertia
@@ -247,10 +248,10 @@ class CarriedObjectOptions:
 
 class CarriedObject:
     """
-    An object in the world of an arm, held by the arm, by the partner, by both or by nobody.
+    An object in the world of an arm, held by the arm, the partner, both or nobody.
 
     Attributes:
-        options: what it is.
+        options: the object.
 
     """
 
@@ -259,8 +260,8 @@ class CarriedObject:
         Put the object into the world.
 
         Args:
-            world: of the arm.
-            options: what it is; it has a mass.
+            world: world of the arm.
+            options: the object; its mass is not 0.
 
         """
         self.options = options
@@ -284,10 +285,10 @@ class CarriedObject:
 
     def reset(self, wrist: Array) -> None:
         """
-        Start anew, in the hand of who has it at the start.
+        Restart, with the holder of the start.
 
         Args:
-            wrist: (3,), m, of the arm at rest.
+            wrist: (3,), m, wrist of the arm at rest.
 
         """
         self._gripper.let_go()
@@ -305,25 +306,25 @@ class CarriedObject:
         self._place(np.array(self.options.table) if has_table else held_at)
         if self._gripper_closed:
             self._gripper.take_hold()
-            # before the first step, too, the wrist feels what it holds
+            # the wrist carries the object even before the first step
             self._felt[2] = -self._weight_n
 
     def state(self, wrist: Array) -> ObjectState:
         """
-        Tell all of it.
+        Return the state of the object.
 
         Args:
-            wrist: (3,), where it is now, m.
+            wrist: (3,), present position of the wrist, m.
 
         Returns:
-            Where the object is, who has it, and what that does to the wrist.
+            Pose, holder, and wrench on the wrist.
 
         """
         return ObjectState(*self.pose, self.holder, self.wrench(wrist), self._gripper_closed)
 
     @property
     def holder(self) -> Holder:
-        """Who has the object."""
+        """Holder of the object."""
         partner = self._grip.holds or self._is_waiting
         if self._gripper.holds:
             return Holder.BOTH if partner else Holder.ROBOT
@@ -333,24 +334,24 @@ class CarriedObject:
 
     @property
     def pose(self) -> tuple[Array, Array]:
-        """Where the object is: (3,), m, and its quaternion x, y, z, w, (4,)."""
+        """Pose of the object: position, (3,), m, and quaternion x, y, z, w, (4,)."""
         position, quaternion = pybullet.getBasePositionAndOrientation(self._body, **self._client)
         return np.array(position), np.array(quaternion)
 
     @property
     def velocity(self) -> Array:
-        """How fast its middle moves, (3,), m/s."""
+        """Velocity of its centre, (3,), m/s."""
         return np.array(pybullet.getBaseVelocity(self._body, **self._client)[0])
 
     def wrench(self, wrist: Array) -> Wrench:
         """
-        Tell what acts on the wrist, as the mean since `begin`.
+        Return the wrench on the wrist, mean since `begin`.
 
         Args:
             wrist: (3,), where it is now, m.
 
         Returns:
-            Force and torque; noise alone where the gripper holds nothing.
+            Force and torque; only noise if the gripper is empty.
 
         """
         mean = self._impulse / self._elapsed_s if self._elapsed_s > 0.0 else self._felt
@@ -360,10 +361,10 @@ class CarriedObject:
 
     def set_gripper(self, closed: bool, wrist: Array) -> None:
         """
-        Close the gripper on the object, if that is within its reach, or open it.
+        Close the gripper, on the object if that is within reach, or open it.
 
         Args:
-            closed: which.
+            closed: whether to close it.
             wrist: (3,), m.
 
         """
@@ -379,11 +380,11 @@ class CarriedObject:
 
     def set_partner_hand(self, position: Array, velocity: Array | None = None) -> None:
         """
-        Say where the partner's hand is now.
+        Set position and velocity of the partner's hand.
 
         Args:
-            position: (3,), m; one that is not finite is left out.
-            velocity: (3,), m/s; None: found from the positions.
+            position: (3,), m; ignored if not finite.
+            velocity: (3,), m/s; None: derived from the positions.
 
         """
         if not np.all(np.isfinite(position)):
@@ -398,11 +399,11 @@ class CarriedObject:
 
     @property
     def partner_force(self) -> Array:
-        """Return what the partner's hand does to the object, mean since `begin`, (3,), N."""
+        """Return the force of the partner's hand on the object, mean since `begin`, (3,), N."""
         return self._pulled / self._elapsed_s if self._elapsed_s > 0.0 else self._pull
 
     def begin(self) -> None:
-        """Begin to measure forces anew."""
+        """Restart the averaging of forces."""
         self._impulse = np.zeros(6)
         self._pulled = np.zeros(3)
         self._noise = self._random.normal(0.0, self.options.noise_n, 3)
@@ -410,7 +411,7 @@ class CarriedObject:
 
     def push(self, time_step_s: float) -> None:
         """
-        Let the partner's hand act in the next step.
+        Apply the partner's hand in the next step.
 
         Args:
             time_step_s: its length, s.
@@ -435,7 +436,7 @@ class CarriedObject:
             self._rest(position)
 
     def _apply(self, force: Array, position: Array, quaternion: Array, angular: Array) -> None:
-        """Pull on the object, and turn it back to how it was gripped."""
+        """Pull on the object, and restore its orientation at the grip."""
         body, client = self._body, self._client
         pybullet.applyExternalForce(
             body, -1, force.tolist(), position.tolist(), pybullet.WORLD_FRAME, **client
@@ -451,14 +452,14 @@ class CarriedObject:
         )
 
     def _is_on_table(self, position: Array) -> bool:
-        """Tell whether it lies on the table, or just above it; there is one if it began there."""
+        """Return whether it is on the table or just above; a table exists if it began there."""
         if self.options.holder != Holder.TABLE.value:
             return False
         x, y, z = np.abs(position - self.options.table)
         return bool(max(x, y) <= 0.5 * TABLE_SIDE_M and z <= LAID_DOWN_M)
 
     def _rest(self, position: Array) -> None:
-        """Let table and floor bear what falls on them."""
+        """Stop the object at table and floor."""
         if self._is_on_table(position):
             height = float(self.options.table[2])
         else:
@@ -468,7 +469,7 @@ class CarriedObject:
 
     def feel(self, time_step_s: float) -> None:
         """
-        Take what the joint has transmitted in the last step.
+        Add the wrench of the joint in the last step.
 
         Args:
             time_step_s: its length, s.
@@ -480,7 +481,7 @@ class CarriedObject:
         self._elapsed_s += time_step_s
 
     def _place(self, position: Array) -> None:
-        """Put the object somewhere, at rest."""
+        """Put the object at a position, at rest."""
         quaternion = self.pose[1].tolist()
         pybullet.resetBasePositionAndOrientation(
             self._body, position.tolist(), quaternion, **self._client

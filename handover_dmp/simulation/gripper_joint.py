@@ -13,11 +13,10 @@
 # limitations under the License.
 
 """
-The gripper as a fixed joint that holds an object at one place in it, wherever it has closed on it.
+The gripper as a fixed joint that holds an object at a fixed position in it.
 
-Fingers that close on an object draw it to where they hold it. A gripper that held it as it lay at
-that moment would hold it elsewhere after each handover, a centimetre or two, until it reached no
-hand any more.
+Closing fingers draw an object to their centre. Without that, its position in the gripper would
+shift by a centimetre or two with each handover, until it was out of reach of the hand.
 """
 
 from __future__ import annotations
@@ -31,27 +30,27 @@ from handover_dmp.simulation.world import World
 import numpy as np
 
 JOINT_FORCE_N = 1e6
-"""More than the joint ever has to bear: a fixed one does not give way, N."""
+"""Maximum force of the joint, N; larger than any load, since a fixed joint does not yield."""
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 PEAK = 1.875
-"""Greatest speed of a minimum-jerk motion, in means of it."""
+"""Peak speed of a minimum-jerk motion, relative to its mean."""
 
 
 class GripperJoint:
-    """A fixed joint between the last link of an arm and an object, while it is closed on it."""
+    """A fixed joint between the last link of an arm and an object, while the gripper holds it."""
 
     def __init__(
         self, world: World, body: int, size_m: float, grip_s: float, speed: float
     ) -> None:
         """
-        Begin open.
+        Begin with an open gripper.
 
         Args:
-            world: of the arm.
+            world: world of the arm.
             body: number of the object in it.
             size_m: longest side of the object, m.
-            grip_s: within which the object is drawn to its place, s,
-            speed: but no point of it faster than this, m/s.
+            grip_s: time in which the object is drawn to its position, s.
+            speed: maximum speed of any point of the object meanwhile, m/s.
 
         """
         self._robot, self._link = world.robot, world.joints[-1]
@@ -65,12 +64,12 @@ class GripperJoint:
 
     @property
     def holds(self) -> bool:
-        """Whether it is closed on the object."""
+        """Whether it holds the object."""
         return self._joint is not None
 
     @property
     def place(self) -> Array:
-        """Where in the room the joint acts on the object, (3,), m."""
+        """Position at which the joint acts on the object, (3,), m, in `world`."""
         body = pybullet.getBasePositionAndOrientation(self._body, **self._client)
         if not np.any(self._away):
             return np.array(body[0])
@@ -78,17 +77,17 @@ class GripperJoint:
 
     def hold_at(self, position: Array) -> None:
         """
-        Say where the object is held.
+        Set the position of the object in the gripper.
 
         Args:
-            position: (3,), of its middle in the room, m, upright, with the arm as it is now.
+            position: (3,), m, its centre in `world`, upright, for the present pose of the arm.
 
         """
         into = pybullet.invertTransform(*self._flange())
         self._place = pybullet.multiplyTransforms(*into, position.tolist(), UPRIGHT)
 
     def take_hold(self) -> None:
-        """Take hold of the object as it lies, and begin to draw it to its place."""
+        """Grasp the object at its present pose, and begin to draw it to its position."""
         body = pybullet.getBasePositionAndOrientation(self._body, **self._client)
         into_object = pybullet.invertTransform(*body)
         held_at = pybullet.multiplyTransforms(*self._flange(), *self._place)
@@ -107,7 +106,7 @@ class GripperJoint:
         pybullet.changeConstraint(self._joint, maxForce=JOINT_FORCE_N, **self._client)
 
     def let_go(self) -> None:
-        """Let go."""
+        """Release the object."""
         joint, self._joint = self._joint, None
         self._away = np.zeros(3)
         if joint is not None:
@@ -115,7 +114,7 @@ class GripperJoint:
 
     def draw(self, time_step_s: float) -> None:
         """
-        Draw what it holds on towards its place.
+        Continue to draw the object to its position.
 
         Args:
             time_step_s: length of the next step, s.
@@ -136,7 +135,7 @@ class GripperJoint:
         )
 
     def transmitted(self) -> Array:
-        """Return force and torque on the wrist in the last step, (6,), N and Nm; 0 where open."""
+        """Return force and torque on the wrist in the last step, (6,), N and Nm; 0 if open."""
         if self._joint is None:
             return np.zeros(6)
         return np.array(pybullet.getConstraintState(self._joint, **self._client))

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-The human partner as a kinematic figure, whose right hand is where P1's was.
+The human partner as a kinematic figure, whose right hand follows that of P1.
 
-The figure is the `human_description` of the package example-robot-data (36 joints, axes as the
-International Society of Biomechanics has them: x forward, y up, z to the right). It takes no part
-in the physics: the recorded hand moves as it moved, whatever the robot does.
+The figure is the `human_description` of the package example-robot-data (36 joints, axes by the
+convention of the International Society of Biomechanics: x forward, y up, z to the right). It is
+not part of the physics: the recorded hand moves as recorded, whatever the robot does.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ ARM_JOINTS = (
     'right_wrist_Z',
     'right_wrist_X',
 )
-# How much the acting arm minds to leave where it would rather be.
+# Weight of the deviation of the acting arm from its relaxed configuration.
 ARM_STIFFNESS = np.array([3.0, 0.25, 0.35, 0.25, 0.25, 0.6, 0.8, 0.8])
 # The same for the wrist's position, in 1/m, and for the direction of the fingers.
 WRIST_WEIGHT = 1e3
@@ -68,8 +68,8 @@ CLOTHES: Mapping[str, Colour] = {
     'hand': SKIN,
     'head': SKIN,
 }
-# The description's trunk is narrower than its shoulders are apart; these widen it to meet them:
-# factors on the scale of its meshes, forward, up and to the right.
+# The trunk of the description is narrower than the distance of its shoulders. These factors on the
+# scale of its meshes (forward, up, right) widen it.
 FIT: Mapping[str, tuple[float, float, float]] = {
     'thorax': (1.0, 1.0, 1.55),
     'abdomen': (1.0, 1.0, 1.35),
@@ -80,7 +80,7 @@ FIT: Mapping[str, tuple[float, float, float]] = {
 
 @dataclass(frozen=True)
 class PartnerFigureOptions:
-    """How the figure stands."""
+    """Options for the placement of the figure."""
 
     hand_below_shoulder_m: float = setting(
         'robot_sim',
@@ -106,8 +106,8 @@ class Mesh:
     One rigid piece of the figure's surface.
 
     Attributes:
-        path: its file.
-        scale: (3,), metres a file unit.
+        path: path of its file.
+        scale: (3,), metres per file unit.
         position: (3,), m, in the frame of the body part.
         orientation: (4,), quaternion x, y, z, w, in the same frame.
 
@@ -122,10 +122,10 @@ class Mesh:
 @dataclass(frozen=True)
 class BodyPart:
     """
-    Pieces of one colour that move as one.
+    Pieces of one colour that move together.
 
     Attributes:
-        joint: index of the arm's Pinocchio joint that carries them; 0: what stands still.
+        joint: index of the arm's Pinocchio joint that carries them; 0: fixed.
         colour: red, green, blue, opacity, 0 to 1.
         meshes: the pieces.
 
@@ -139,13 +139,13 @@ class BodyPart:
 @dataclass(frozen=True)
 class PartnerPosture:
     """
-    What the figure does at one moment.
+    Posture of the figure at one time.
 
     Attributes:
         joints: (8,), rad, of `ARM_JOINTS`.
-        shift: (3,), m, how far it has stepped from its place because the hand is out of reach.
-        hand_position: (3,), m, of the wrist, in `world`.
-        hand_rotation: (3, 3), of the hand, in `world`; -y points along the fingers.
+        shift: (3,), m, displacement from its placement because the hand is out of reach.
+        hand_position: (3,), m, position of the wrist in `world`.
+        hand_rotation: (3, 3), rotation of the hand in `world`; -y points along the fingers.
 
     """
 
@@ -160,7 +160,7 @@ class _Anatomy:
     """
     The figure before it is placed: arm model, surface, and lengths.
 
-    Where nothing else is said, in axes towards the partner, up and to the right of that.
+    By default, the axes point towards the partner, up, and to the right of that.
     """
 
     arm: Any
@@ -168,16 +168,16 @@ class _Anatomy:
     pitched: Array  # (3, 3), to these axes from those of the pelvis
     low: Array  # (3,), lowest corner of a box around all but the acting arm, from the pelvis
     high: Array  # (3,), its highest corner
-    shoulder: Array  # (3,), of the right shoulder, from the pelvis
+    shoulder: Array  # (3,), position of the right shoulder, from the pelvis
     reach_m: float  # shoulder to wrist, stretched
     trunk: Array  # (3,), unit vector from the pelvis to the neck
-    fingers: Array  # (3,), unit vector in axes of the pelvis, where they would rather point
-    ease: Array  # (8,), rad, of the arm
+    fingers: Array  # (3,), unit vector in axes of the pelvis, their preferred direction
+    ease: Array  # (8,), rad, relaxed configuration of the arm
 
 
 @cache
 def _description() -> tuple[Any, Any]:
-    """Read the figure as it is described: all of its joints, and its surface."""
+    """Read the description of the figure: all of its joints, and its surface."""
     share = example_robot_data_folder()
     urdf = share / 'robots' / 'human_description' / 'robots' / 'human.urdf'
     with silenced():
@@ -200,7 +200,7 @@ def _anatomy(stance: Stance) -> _Anatomy:
     pin.framesForwardKinematics(arm, data, np.zeros(arm.nq))
     joint = {name: data.oMi[arm.getJointId(name)].translation for name in ARM_JOINTS}
     neck = data.oMf[arm.getFrameId('middle_cervical_Z')].translation
-    # left is a turn about the axis that points up, forward one about that to the left
+    # a turn to the left is about the axis that points up, a forward one about the axis to the left
     pitched = pin.rpy.rpyToMatrix(0.0, stance.turn, 0.0) @ pin.rpy.rpyToMatrix(
         0.0, 0.0, -stance.pitch
     )
@@ -239,7 +239,7 @@ def _fit(piece_name: str) -> tuple[float, float, float]:
 
 
 def _still_corners(surface: Any) -> Array:
-    """Corners of the surface of all that the acting arm does not move, (n, 3), m."""
+    """Corners of the surface of all parts that the acting arm does not move, (n, 3), m."""
     return np.vstack(
         [
             piece.placement.translation
@@ -252,11 +252,11 @@ def _still_corners(surface: Any) -> Array:
 
 class PartnerFigure:
     """
-    A person who faces the partner, or works, and holds the right wrist where it is put.
+    A person who faces the partner, or works, with the right wrist at a given position.
 
-    The place is chosen once, from the path that the wrist will take, so that every point of it is
-    in reach and in front of the body. Should a wrist come that is out of reach all the same, the
-    whole figure steps after it.
+    The placement is chosen once from the path of the wrist, so that every point of it is within
+    reach and in front of the body. If a wrist position is out of reach all the same, the whole
+    figure moves towards it.
     """
 
     def __init__(
@@ -274,11 +274,11 @@ class PartnerFigure:
         Args:
             hand_path: (n, 3), m, positions of the right wrist in `world`; the last one is near the
                 exchange. One point is enough.
-            partner: (3,), m, where the partner stands or reaches to, in `world`.
-            floor_height_m: z of the floor; None: 0 if a person could hand over from there, else
-                below the exchange as `options` says.
-            stance: how the body is.
-            options: how it stands.
+            partner: (3,), m, where the other partner stands or reaches to, in `world`.
+            floor_height_m: z of the floor; None: 0 if a person could hand over from there,
+                otherwise below the exchange according to `options`.
+            stance: stance of the body.
+            options: options for the placement.
 
         Raises:
             RobotDescriptionError: example-robot-data is not installed.
@@ -306,12 +306,12 @@ class PartnerFigure:
 
     @property
     def parts(self) -> tuple[BodyPart, ...]:
-        """Return the surface, in pieces that move as one."""
+        """Return the surface, in pieces that move together."""
         return self._anatomy.parts
 
     @property
     def pelvis(self) -> Array:
-        """Where it is: position of the pelvis, (3,), m, in `world`."""
+        """Position of the pelvis, (3,), m, in `world`."""
         return self._pelvis
 
     @property
@@ -322,19 +322,19 @@ class PartnerFigure:
 
     @property
     def height_m(self) -> float:
-        """From the floor to the highest point of all but the acting arm, m."""
+        """Height of the figure without the acting arm, m."""
         return float(self._anatomy.high[1] - self._anatomy.low[1])
 
     @property
     def outline(self) -> Array:
-        """Corners of a box around all but the acting arm, (8, 3), m, in `world`."""
+        """Corners of a box around the figure without the acting arm, (8, 3), m, in `world`."""
         upright = pin.rpy.rpyToMatrix(np.pi / 2, 0.0, self.heading)
         ends = np.stack([self._anatomy.low, self._anatomy.high])
         corners = np.stack(np.meshgrid(*ends.T, indexing='ij'), axis=-1).reshape(-1, 3)
         return np.asarray(self._pelvis + corners @ upright.T)
 
     def _likely_floor(self, exchange_position: Array) -> float:
-        """Tell a room frame, with its floor at z = 0, from a frame between two chests."""
+        """Distinguish a room frame, with its floor at z = 0, from a frame between two chests."""
         shoulder = self._anatomy.shoulder[1] - self._anatomy.low[1]
         low, high = self.stance.hand_over_shoulder_m
         if low < exchange_position[2] - shoulder < high:
@@ -343,10 +343,10 @@ class PartnerFigure:
 
     def _place(self, path: Array, partner: Array) -> tuple[float, Array]:
         """
-        Try places around the natural one and take the one that suits the whole path best.
+        Try placements around the natural one, and choose the best for the whole path.
 
-        Natural is: facing the partner, the wrist of the exchange ahead of the shoulder, by
-        `reach_at_exchange_m` and a little to the inside.
+        The natural placement faces the partner, with the wrist at the exchange in front of the
+        shoulder, by `reach_at_exchange_m` and slightly inwards.
         """
         ahead = partner[:2] - path[-1, :2]
         if np.linalg.norm(ahead) < 1e-3:
@@ -380,17 +380,17 @@ class PartnerFigure:
 
     def _discomfort(self, path: Array, shoulder: Array, front: Array, right: Array) -> Array:
         """
-        Judge places by how awkwardly the arm would follow a path from there.
+        Rate placements by how awkward it is for the arm to follow a path from there.
 
         Args:
             path: (n, 3), m.
-            shoulder: (places, 2), m, where the shoulder would be.
-            front: (places, 2), unit vectors, where the figure would face.
+            shoulder: (places, 2), m, positions of the shoulder.
+            front: (places, 2), unit vectors, directions in which the figure faces.
             right: (places, 2), unit vectors, to its right.
 
         Returns:
-            (places,), mean squares of metres by which the wrist is too far, too near, too far
-            behind or inside the body.
+            (places,), mean squared distances by which the wrist is too far, too close, too far
+            behind or inside the body, m².
 
         """
         trunk = self._anatomy.trunk
@@ -419,12 +419,12 @@ class PartnerFigure:
         """
         Put the right wrist on a point.
 
-        Damped Gauss-Newton steps on wrist position, direction of the fingers and the arm's ease,
-        the first so much heavier that it holds to a micrometre.
+        Damped Gauss-Newton steps on wrist position, direction of the fingers and relaxed
+        configuration of the arm; the weight of the first makes it accurate to a micrometre.
 
         Args:
-            hand: (3,), m, of the wrist, in `world`.
-            start: (8,), rad, joints to start from; None: those of the last posture.
+            hand: (3,), m, position of the wrist in `world`.
+            start: (8,), rad, initial joints; None: those of the last posture.
 
         Returns:
             The posture.
@@ -438,7 +438,7 @@ class PartnerFigure:
         for _ in range(60):
             change = self._improvement(joints, target)
             joints = np.minimum(np.maximum(joints + change, self._lower), self._upper)
-            # The next one would move the wrist by less than a micrometre.
+            # The next step would move the wrist by less than a micrometre.
             if np.abs(change).max() < 1e-3:
                 break
         self._joints = joints
@@ -447,7 +447,7 @@ class PartnerFigure:
         return PartnerPosture(joints, shift, placement.translation + shift, placement.rotation)
 
     def _improvement(self, joints: Array, target: Array) -> Array:
-        """Return the next Gauss-Newton step; the rows of the least squares are kept between."""
+        """Return the next Gauss-Newton step; the rows of the least squares are reused."""
         model, data, frame = self._model, self._data, self._hand_frame
         pin.computeJointJacobians(model, data, joints)
         placement = pin.updateFramePlacement(model, data, frame)
@@ -459,7 +459,7 @@ class PartnerFigure:
         wanted[:3] = WRIST_WEIGHT * (target - placement.translation)
         wanted[3:6] = FINGER_WEIGHT * (self._anatomy.fingers - pointing)
         wanted[6:] = ARM_STIFFNESS * (self._anatomy.ease - joints)
-        # A joint at its bound would otherwise take up motion that it cannot make.
+        # Otherwise a joint at its bound would be assigned motion that it cannot make.
         stuck = (joints <= self._lower) | (joints >= self._upper)
         if stuck.any():
             rows[:6, stuck] = 0.0
@@ -467,7 +467,7 @@ class PartnerFigure:
         return change * min(1.0, 0.5 / max(1e-12, float(np.abs(change).max())))
 
     def _step_after(self, hand: Array) -> Array:
-        """Move the whole figure by what the hand is out of reach, without a kink."""
+        """Move the whole figure by the missing reach, smoothly."""
         away = hand - self.shoulder
         distance = float(np.linalg.norm(away))
         width = 0.01
@@ -477,13 +477,13 @@ class PartnerFigure:
 
     def postures(self, hand_path: Array) -> list[PartnerPosture]:
         """
-        Follow a path from its start.
+        Compute the postures along a path.
 
         Args:
             hand_path: (n, 3), m.
 
         Returns:
-            One posture a point.
+            One posture per point.
 
         """
         self._joints = self._anatomy.ease.copy()
@@ -491,11 +491,11 @@ class PartnerFigure:
 
     def part_pose(self, part: BodyPart, posture: PartnerPosture) -> tuple[Array, Array]:
         """
-        Say where a part is; the posture must be the one that was asked for last.
+        Return the pose of a part; the posture must be the last one computed.
 
         Args:
             part: one of `parts`.
-            posture: what `posture` returned last.
+            posture: last result of `posture`.
 
         Returns:
             Position (3,), m, and quaternion x, y, z, w, in `world`.
@@ -507,7 +507,7 @@ class PartnerFigure:
 
 
 class FigureBodies:
-    """A figure in a PyBullet world: massless bodies without collision shapes, moved by hand."""
+    """A figure in a PyBullet world: massless bodies without collision shapes, set to poses."""
 
     def __init__(self, figure: PartnerFigure, client: int) -> None:
         """
@@ -545,14 +545,14 @@ class FigureBodies:
 
         Args:
             hand: (3,), m, in `world`.
-            start: (8,), rad, joints to look for the posture from; None: those that it has.
+            start: (8,), rad, initial joints of the search; None: the present ones.
 
         Returns:
-            The posture that it has taken.
+            The new posture.
 
         """
         posture = self.figure.posture(hand, start)
-        # What stands still is moved only if the figure has stepped.
+        # Fixed parts are moved only if the figure has moved.
         stepped = self._shift is None or not np.allclose(self._shift, posture.shift, atol=1e-5)
         for part, body in zip(self.figure.parts, self._bodies, strict=True):
             if stepped or part.joint:

@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-The partner's hand on the object: it takes what is held out to it, and lets go of what is taken.
+The partner's hand on the object: it takes an object held out to it, and releases a taken one.
 
-The hand moves as it is told, whatever the object does; between the two is a spring with a damper,
-slack at the moment of the grip, that becomes as stiff as the arm of a person within a short time.
-Within the same time the hand takes over the weight. Where the robot takes, it is the reverse: once
-the robot has closed, the hand gives up the weight, lets the object slide in it where the robot
-draws it, and opens when the robot has enough of it. A hand that is kept waiting for what it holds
+The motion of the hand is prescribed. It is connected to the object by a spring with a damper,
+slack at the moment of the grip, which becomes as stiff as a human arm within a short time. Within
+the same time the hand takes over the weight. When the robot takes, it is the reverse: once the
+gripper has closed, the hand gives up the weight, lets the object slide with the robot's pull, and
+opens when the robot carries enough of the weight. A hand that is kept waiting for what it holds
 pulls.
 """
 
@@ -34,30 +34,30 @@ from handover_dmp.common.settings import setting
 import numpy as np
 
 FORGOTTEN_S = 0.02
-"""A hand that is told of no more stands still after so long, s."""
+"""Time without a new position after which the hand stands still, s."""
 SMOOTHING_S = 0.03
-"""Time constant of the speed of a hand whose speed is not told, s."""
+"""Time constant of the velocity estimate if the velocity is not given, s."""
 JUMP_M = 0.1
-"""A hand that is told to be farther off than this has not got there yet, m;"""
+"""Jump of the given position beyond which the hand glides to it, m."""
 GLIDE_SPEED = 1.0
-"""it goes there this fast, m/s,"""
+"""Speed of the glide, m/s."""
 ARRIVED_M = 0.01
-"""and is there within this, m."""
+"""Distance at which the glide ends, m."""
 AWAY = 1.5
-"""So many reaches off, a hand that has let go may take the object again."""
+"""Distance, in units of reach, beyond which a hand that has let go may take again."""
 PULL_SPEED = 0.03
-"""A hand that pulls draws its end of the spring back so fast, m/s,"""
+"""Speed with which a pulling hand draws its end of the spring back, m/s."""
 PULL_SHARE = 0.8
-"""until it is drawn out by this share of what would make the object slip."""
+"""Maximum extension of the spring by a pull, as a share of that at which the object slips."""
 
 
 @dataclass(frozen=True)
 class PartnerGripOptions:
     """
-    How the partner takes and gives.
+    Options of the partner's hand.
 
     Raises:
-        UsageError: a number that is not positive.
+        UsageError: a number is not positive.
 
     """
 
@@ -137,12 +137,12 @@ class PartnerGripOptions:
 
 class PartnerGrip:
     """
-    A hand that holds an object, or does not.
+    A hand that may hold an object.
 
     Attributes:
-        options: how it takes and gives.
-        strength: of the grip, 0 (open) to 1.
-        lift: share of the weight that the hand bears beside its spring, 0 to 1.
+        options: options of the hand.
+        strength: strength of the grip, 0 (open) to 1.
+        lift: share of the weight that the hand carries in addition to its spring, 0 to 1.
 
     """
 
@@ -151,9 +151,9 @@ class PartnerGrip:
         Take the object's mass.
 
         Args:
-            mass_kg: kg.
-            gravity: m/s².
-            options: how it takes and gives.
+            mass_kg: mass, kg.
+            gravity: gravity, m/s².
+            options: options of the hand.
 
         """
         self.options = options
@@ -163,7 +163,7 @@ class PartnerGrip:
         self.reset()
 
     def reset(self) -> None:
-        """Start anew, open, with a hand that is nowhere."""
+        """Restart, open, with an unknown position."""
         self.strength = self.lift = 0.0
         self._hand: Array | None = None
         self._told = np.zeros(3)
@@ -178,20 +178,20 @@ class PartnerGrip:
 
     @property
     def hand(self) -> Array | None:
-        """Where the hand is, (3,), m; None before it was told."""
+        """Position of the hand, (3,), m; None before it is set."""
         return self._hand
 
     @property
     def holds(self) -> bool:
-        """Whether the hand is on the object."""
+        """Whether the hand holds the object."""
         return self.strength > 0.0
 
     def hold(self, position: Array) -> None:
         """
-        Have the object firmly in the hand from the start.
+        Begin with the object firmly in the hand.
 
         Args:
-            position: (3,), of its middle, m.
+            position: (3,), position of its centre, m.
 
         """
         assert self._hand is not None
@@ -201,11 +201,11 @@ class PartnerGrip:
 
     def set_hand(self, position: Array, velocity: Array | None) -> None:
         """
-        Say where the hand is now.
+        Set position and velocity of the hand.
 
         Args:
             position: (3,), m.
-            velocity: (3,), m/s; None: found from the positions.
+            velocity: (3,), m/s; None: derived from the positions.
 
         """
         off_m = 0.0 if self._hand is None else float(np.linalg.norm(position - self._hand))
@@ -230,17 +230,17 @@ class PartnerGrip:
         self, position: Array, velocity: Array, robot_lift_n: float | None, dt_s: float
     ) -> Array:
         """
-        Go on by one step.
+        Advance by one step.
 
         Args:
-            position: (3,), of the object's middle, m.
-            velocity: (3,), of the same, m/s.
-            robot_lift_n: force with which the robot bears the object, upwards, N; None: it does
-                not hold it.
+            position: (3,), position of the object's centre, m.
+            velocity: (3,), velocity of the same, m/s.
+            robot_lift_n: upward force of the robot on the object, N; None: it does not hold the
+                object.
             dt_s: length of the step, s.
 
         Returns:
-            (3,), what the hand does to the object, N.
+            (3,), force of the hand on the object, N.
 
         """
         if self._hand is None:
@@ -263,14 +263,14 @@ class PartnerGrip:
         if not self.holds:
             return np.zeros(3)
         if self._is_closed and not bears:
-            # a hand that gives is loose: what the robot draws at slides in it
+            # a giving hand is loose: the object slides in it when the robot pulls
             slid = dt_s / (dt_s + self.options.grip_s)
             self._anchor = self._anchor + slid * (position - self._hand - self._anchor)
         drawn = self._hand + self._anchor - position
         if self._is_closed and robot_lift_n is not None and self._is_kept_waiting:
             self._pull(PULL_SPEED * dt_s, float(np.linalg.norm(drawn)))
         if float(np.linalg.norm(drawn)) > self.options.slip_m:
-            # what has slipped out of the hand, it takes again where it can
+            # the hand takes an object that has slipped out again if it can
             self._open()
             self._is_sated = False
             self.strength = self.lift = 0.0
@@ -283,11 +283,11 @@ class PartnerGrip:
     def _decide(
         self, position: Array, velocity: Array, robot_lift_n: float | None, dt_s: float
     ) -> None:
-        """Close on what is held out, open when what was held out has been taken."""
+        """Close on an object that is held out; open when the robot has taken it."""
         assert self._hand is not None
         if self._is_closed:
             if robot_lift_n is None:
-                # what the hand has alone, it will be the one to give
+                # if only the hand holds the object, it gives next
                 self._gives, self._since_s = True, 0.0
                 return
             self._since_s += dt_s
@@ -313,7 +313,7 @@ class PartnerGrip:
         return not self._gives and self._since_s > self.options.pulls_after_s
 
     def _pull(self, way_m: float, drawn_m: float) -> None:
-        """Draw the object nearer to the hand, or try to."""
+        """Pull the object towards the hand."""
         length_m = float(np.linalg.norm(self._anchor))
         if drawn_m < PULL_SHARE * self.options.slip_m and length_m > way_m:
             self._anchor = self._anchor * (1.0 - way_m / length_m)

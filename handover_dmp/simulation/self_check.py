@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""One robot, two engines: what Pinocchio plans with must be what PyBullet moves."""
+"""Self-check: Pinocchio, which plans, and PyBullet, which simulates, must agree on the robot."""
 
 from __future__ import annotations
 
@@ -31,20 +31,20 @@ MASS_TOLERANCE = 1e-6
 
 
 class ModelMismatchError(DataError):
-    """Pinocchio and PyBullet disagree about a robot; says in what and how far."""
+    """Pinocchio and PyBullet disagree about a robot; the message says in what and by how much."""
 
 
 @dataclass(frozen=True)
 class ModelAgreement:
     """
-    How far the two engines are apart, at worst.
+    Largest differences between the two engines.
 
     Attributes:
-        position_m: of a joint's frame, m.
-        position_joint: which joint's.
-        rotation_rad: of a joint's frame, rad.
-        rotation_joint: which joint's.
-        mass: of an entry of the mass matrix, relative to its largest entry.
+        position_m: difference in the position of a joint's frame, m.
+        position_joint: that joint.
+        rotation_rad: difference in the rotation of a joint's frame, rad.
+        rotation_joint: that joint.
+        mass: difference in an entry of the mass matrix, relative to the largest entry.
         mass_joints: the joints of that entry.
 
     """
@@ -59,12 +59,12 @@ class ModelAgreement:
 
 def compare_models(model: RobotModel, world: World, *, postures: int = 20) -> ModelAgreement:
     """
-    Compare kinematics and inertia of the two engines at random postures.
+    Compare kinematics and inertia of the two engines at random configurations.
 
     Args:
-        model: the robot as Pinocchio has it.
-        world: the robot as PyBullet has it; it is at its home posture afterwards.
-        postures: how many; the same ones every time.
+        model: the robot in Pinocchio.
+        world: the robot in PyBullet; it is in its home configuration afterwards.
+        postures: number of configurations; the same ones every time.
 
     Returns:
         The largest differences.
@@ -99,7 +99,7 @@ def compare_models(model: RobotModel, world: World, *, postures: int = 20) -> Mo
 
 
 def _planned(model: RobotModel, joints: Array) -> tuple[list[pin.SE3], Array]:
-    """Return the frame of each joint and the mass matrix as Pinocchio has them."""
+    """Return the frame of each joint and the mass matrix in Pinocchio."""
     chain, data = model.pinocchio_model, model.pinocchio_data
     upper = np.triu(pin.crba(chain, data, joints))
     pin.forwardKinematics(chain, data, joints)
@@ -109,18 +109,18 @@ def _planned(model: RobotModel, joints: Array) -> tuple[list[pin.SE3], Array]:
 
 def check_models(model: RobotModel, world: World | None = None) -> ModelAgreement:
     """
-    Refuse a robot that the two engines do not agree about.
+    Check that the two engines agree about a robot.
 
     Args:
-        model: the robot as Pinocchio has it.
-        world: the robot as PyBullet has it; None: a world of its own, from the model's URDF.
+        model: the robot in Pinocchio.
+        world: the robot in PyBullet; None: a world of its own, from the model's URDF.
 
     Returns:
-        How far the two are apart, which is next to nothing.
+        The differences, which are within rounding.
 
     Raises:
         ModelMismatchError: kinematics or mass matrix differ by more than rounding.
-        DataError: PyBullet cannot read the URDF, or finds another robot in it.
+        DataError: PyBullet cannot read the URDF, or reads another robot from it.
 
     """
     if world is None:
@@ -129,16 +129,16 @@ def check_models(model: RobotModel, world: World | None = None) -> ModelAgreemen
     found = compare_models(model, world)
     faults = []
     if not found.position_m <= POSITION_TOLERANCE_M:
-        faults.append(f'{found.position_joint} is {1e3 * found.position_m:.4g} mm elsewhere')
+        faults.append(f'{found.position_joint} is {1e3 * found.position_m:.4g} mm off')
     if not found.rotation_rad <= ROTATION_TOLERANCE_RAD:
-        faults.append(f'{found.rotation_joint} is turned by {found.rotation_rad:.4g} rad')
+        faults.append(f'{found.rotation_joint} is rotated by {found.rotation_rad:.4g} rad')
     if not found.mass <= MASS_TOLERANCE:
         first, second = found.mass_joints
         where = first if first == second else f'{first} and {second}'
         faults.append(f'the mass matrix differs by {100 * found.mass:.3g} % at {where}')
     if faults:
         raise ModelMismatchError(
-            f'{model.urdf_path}: Pinocchio and PyBullet have different robots: '
+            f'{model.urdf_path}: Pinocchio and PyBullet read different robots: '
             + '; '.join(faults)
         )
     return found

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-How the human partner stands, bends or lies: the three postures of the paper's Fig. 2.
+Stances of the human partner: standing, bent, lying, as in the paper's Fig. 2.
 
-A stance is all of the body but the arm that acts. Angles are those of the joints of
-`human_description`, axes as the International Society of Biomechanics has them: x forward, y up,
-z to the right, of a person who stands.
+A stance is the posture of the body without the acting arm. Angles are those of the joints of
+`human_description`. Axes follow the convention of the International Society of Biomechanics: x
+forward, y up, z to the right, for a standing person.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ from math import pi
 @dataclass(frozen=True, eq=False)
 class Stance:
     """
-    How the body is while one arm acts.
+    Posture of the body while one arm acts.
 
     Attributes:
-        name: in a word.
-        joints: of the body that differ from zero, rad, by their names.
-        arm_at_ease: (8,), where the acting arm would rather be, rad.
-        fingers: (3,), where the fingers of the acting hand would rather point: towards the
-            partner, up and to the right of that.
-        pitch: of the pelvis, forward, rad; −π/2 lies on the back.
-        turn: from the direction to the partner to that in which the body faces, rad, to the left;
-            of one who lies, to that in which the feet are.
-        hand_over_shoulder_m: lowest and highest at which such a body hands over, m; where the
-            exchange is between them, the floor is at z = 0.
+        name: its name, one word.
+        joints: joint angles of the body that differ from zero, rad, by name.
+        arm_at_ease: (8,), relaxed configuration of the acting arm, rad.
+        fingers: (3,), preferred direction of the fingers of the acting hand, in axes towards the
+            partner, up, and to the right of that.
+        pitch: forward pitch of the pelvis, rad; −π/2: lying on the back.
+        turn: angle from the direction to the partner to that in which the body faces, rad, to the
+            left; for a lying person, to the direction of the feet.
+        hand_over_shoulder_m: lowest and highest position of the hand over the shoulder at an
+            exchange, m; if the exchange is between them, the floor is at z = 0.
 
     """
 
@@ -57,7 +57,7 @@ class Stance:
 
 UPRIGHT = Stance(
     'upright',
-    # At ease: the arm that does not act a little off the body, eyes down to the hands.
+    # Relaxed: the other arm slightly away from the body, the eyes down to the hands.
     {
         'left_shoulder_X': 0.10,
         'left_elbow_Z': 0.25,
@@ -70,7 +70,7 @@ UPRIGHT = Stance(
 )
 LYING = Stance(
     'lying',
-    # On the back, the knees up, the left hand at what is above.
+    # On the back, the knees up, the left hand at the work above.
     {
         'left_hip_Z': 0.80,
         'left_knee_Z': 1.895,
@@ -118,7 +118,7 @@ BENT = Stance(
 )
 RAISED = Stance(
     'raised',
-    # Under the lift: the left hand holds what is above, the eyes are on it.
+    # Under the lift: the left hand holds the work above, the eyes are on it.
     {
         'left_shoulder_Z': 2.55,
         'left_shoulder_X': 0.15,
@@ -140,18 +140,18 @@ STANCES: Mapping[str, Stance] = {
     'engine_bay': BENT,
     'hydraulic_lift': RAISED,
 }
-"""By configuration; in any other the partner stands upright."""
+"""Stance by configuration; in any other configuration the partner stands upright."""
 
 
 def stance_of(configuration: str) -> Stance:
     """
-    Tell how the partner is in a configuration.
+    Return the stance of the partner in a configuration.
 
     Args:
         configuration: its name, as in the column of a data set.
 
     Returns:
-        The stance; upright where the configuration is not known.
+        The stance; upright if the configuration is unknown.
 
     """
     return STANCES.get(configuration, UPRIGHT)

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-A PyBullet world with one robot on its base, stepped by hand, with motors that follow velocities.
+A PyBullet world with one robot on its base, stepped explicitly, with velocity-controlled motors.
 
-It renders nothing and waits for nothing. Several worlds live side by side in one process, and the
-same commands give the same motion, bit for bit.
+It does not render, and is not tied to the wall clock. Several worlds can exist in one process, and
+the same commands give bitwise the same motion.
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ import numpy as np
 @dataclass(frozen=True)
 class WorldOptions:
     """
-    How the world is stepped.
+    Options of the physics.
 
     Attributes:
-        gravity: along z, m/s².
+        gravity: gravity along z, m/s².
 
     """
 
@@ -58,9 +58,9 @@ class WorldOptions:
 
 class World(Closing):
     """
-    The robot in PyBullet, and beside it the human figure if there is one.
+    The robot in PyBullet, and the human figure if there is one.
 
-    Use it as a context manager or call `close`; PyBullet keeps a world until it is told.
+    Use it as a context manager or call `close`; otherwise PyBullet keeps the world.
     """
 
     def __init__(
@@ -75,11 +75,11 @@ class World(Closing):
 
         Args:
             model: the robot.
-            figure: the human partner; None: nobody.
-            options: how the world is stepped.
+            figure: the human partner; None: no partner.
+            options: options of the physics.
 
         Raises:
-            DataError: PyBullet cannot read the URDF, or finds another robot in it.
+            DataError: PyBullet cannot read the URDF, or reads another robot from it.
 
         """
         self.model = model
@@ -87,7 +87,7 @@ class World(Closing):
         with silenced():
             self.client = int(pybullet.connect(pybullet.DIRECT))
         if self.client < 0:
-            raise DataError('PyBullet has no room for another world: close some')
+            raise DataError('PyBullet cannot create another world: close some first')
         try:
             self._fill(figure)
         except BaseException:
@@ -98,9 +98,9 @@ class World(Closing):
     def _fill(self, figure: PartnerFigure | None) -> None:
         pybullet.setTimeStep(self.options.time_step_s, physicsClientId=self.client)
         pybullet.setGravity(0, 0, self.options.gravity, physicsClientId=self.client)
-        # The motors are equations that hang together, more so the nearer joints are to coaxial.
-        # PyBullet's default solver, which iterates, stops up to 1e-3 rad/s beside them; this one
-        # is exact, and faster.
+        # The equations of the motors are coupled, more so for nearly coaxial joints. PyBullet's
+        # default iterative solver stops with errors of up to 1e-3 rad/s; this one is exact, and
+        # faster.
         with silenced():
             pybullet.setPhysicsEngineParameter(
                 constraintSolverType=pybullet.CONSTRAINT_SOLVER_LCP_DANTZIG,
@@ -121,7 +121,7 @@ class World(Closing):
 
     def reset(self, positions: Sequence[float] | Array) -> None:
         """
-        Put the robot at rest in a posture.
+        Put the robot at rest in a configuration.
 
         Args:
             positions: (n,), rad, in the model's order.
@@ -134,7 +134,7 @@ class World(Closing):
 
     def drive(self, velocities: Sequence[float]) -> None:
         """
-        Set the velocity that the motors make from now on.
+        Set the velocity of the motors.
 
         Args:
             velocities: (n,), rad/s, in the model's order.
@@ -150,7 +150,7 @@ class World(Closing):
         )
 
     def step(self) -> None:
-        """Let one time step pass."""
+        """Make one time step."""
         pybullet.stepSimulation(physicsClientId=self.client)
 
     def read(self) -> tuple[list[float], list[float]]:
@@ -177,13 +177,13 @@ class World(Closing):
 
     def joint_pose(self, name: str) -> tuple[Array, Array]:
         """
-        Say where PyBullet has the frame of a joint.
+        Return the frame of a joint in PyBullet.
 
         Args:
-            name: of the joint.
+            name: name of the joint.
 
         Returns:
-            Position (3,), m, and rotation (3, 3), of the link that the joint moves, in `world`.
+            Position, (3,), m, and rotation, (3, 3), of the link that the joint moves, in `world`.
 
         """
         number = self.joints[self.model.joint_names.index(name)]
@@ -195,7 +195,7 @@ class World(Closing):
 
     def mass_matrix(self, positions: Sequence[float] | Array) -> Array:
         """
-        Compute the joint space mass matrix as PyBullet has it.
+        Compute the joint-space mass matrix in PyBullet.
 
         Args:
             positions: (n,), rad, in the model's order.
@@ -204,7 +204,7 @@ class World(Closing):
             (n, n), kg m², in the model's order.
 
         Raises:
-            DataError: it has none.
+            DataError: PyBullet cannot compute it.
 
         """
         order = np.argsort(self.joints)
@@ -216,12 +216,12 @@ class World(Closing):
                 )
         except (pybullet.error, SystemError) as error:
             path = self.model.urdf_path
-            raise DataError(f'{path}: PyBullet finds no mass matrix of this arm') from error
+            raise DataError(f'{path}: PyBullet cannot compute the mass matrix') from error
         back = np.argsort(order)
         return np.array(found)[np.ix_(back, back)]
 
     def close(self) -> None:
-        """Let PyBullet forget this world; a second call does nothing."""
+        """Delete this world from PyBullet; a second call does nothing."""
         client, self.client = self.client, -1
         if client >= 0:
             pybullet.disconnect(physicsClientId=client)
@@ -229,16 +229,15 @@ class World(Closing):
 
 def moving_masses(model: RobotModel) -> str:
     """
-    Leave in the description of a robot what counts where nothing touches anything.
+    Reduce the description of a robot to what matters without contacts.
 
-    That is the chain, and what it carries that has mass. PyBullet has no room for more than 128
-    links.
+    That is the chain, and the links with mass that it carries. PyBullet supports up to 128 links.
 
     Args:
         model: the robot.
 
     Returns:
-        Its URDF without shapes, and without the links that neither move nor weigh.
+        Its URDF without shapes, and without links that neither move nor have mass.
 
     """
     robot = ElementTree.fromstring(model.chain_text)
@@ -247,7 +246,7 @@ def moving_masses(model: RobotModel) -> str:
     kept: set[str] = set()
 
     def keep(name: str) -> None:
-        """Keep a link and those that it hangs on."""
+        """Keep a link and its parents."""
         while name not in kept:
             kept.add(name)
             if name in joints:
@@ -281,7 +280,7 @@ def load_robot(model: RobotModel, description: str, client: int) -> int:
 
     Args:
         model: the robot.
-        description: its URDF, as PyBullet is to read it.
+        description: its URDF for PyBullet.
         client: PyBullet's number of the world.
 
     Returns:
@@ -292,7 +291,7 @@ def load_robot(model: RobotModel, description: str, client: int) -> int:
 
     """
     robot = ElementTree.fromstring(description)
-    # PyBullet breaks lines of more than 8,191 characters wherever that may be
+    # PyBullet splits lines of more than 8,191 characters anywhere
     ElementTree.indent(robot)
     try:
         with silenced(), TemporaryDirectory() as folder:
@@ -304,7 +303,7 @@ def load_robot(model: RobotModel, description: str, client: int) -> int:
                     basePosition=[float(x) for x in model.base.position],
                     baseOrientation=model.base.quaternion,
                     useFixedBase=True,
-                    # else it makes inertia of its own from the shapes
+                    # otherwise it computes inertia from the shapes
                     flags=pybullet.URDF_USE_INERTIA_FROM_FILE,
                     physicsClientId=client,
                 )
@@ -315,7 +314,7 @@ def load_robot(model: RobotModel, description: str, client: int) -> int:
 
 def joint_numbers(model: RobotModel, robot: int, client: int) -> list[int]:
     """
-    Find the joints of a robot by name; PyBullet's order need not be the model's.
+    Find the joints of a robot by name; PyBullet's order may differ from the model's.
 
     Args:
         model: the robot.
@@ -326,7 +325,7 @@ def joint_numbers(model: RobotModel, robot: int, client: int) -> list[int]:
         PyBullet's number of each joint, in the model's order.
 
     Raises:
-        DataError: PyBullet lacks a joint, or has it as one that cannot turn.
+        DataError: PyBullet lacks a joint, or treats it as fixed.
 
     """
     found: dict[str, int] = {}

@@ -349,7 +349,7 @@ class PlayedTrial:
 
         Args:
             trial: the recording.
-            sensors: how each tracker sees the hand.
+            sensors: model of each tracker.
             tells_lost: whether a lost pose is published as NaN.
 
         """
@@ -371,7 +371,7 @@ class PlayedTrial:
         self._signals = [at_s]
 
     def signals(self) -> list[float]:
-        """Give the times at which a handover is to start, s, that were not given yet."""
+        """Return the new start times of handovers, s."""
         signals, self._signals = self._signals, []
         return signals
 
@@ -425,7 +425,7 @@ class PlayedBag:
 
     def signals(self) -> list[float]:
         """
-        Give the times at which a handover is to start, s, that were not given yet.
+        Return the new start times of handovers, s.
 
         That is at the first signal of the bag or, without one, at its first pose.
         """

@@ -43,7 +43,7 @@ class BodyChooser:
 
     def __init__(self, wanted: str) -> None:
         """
-        Take the choice.
+        Choose the body.
 
         Args:
             wanted: name or number of the body; empty if there is only one.

@@ -125,7 +125,7 @@ class SessionPlayback:
 
     @property
     def start_s(self) -> float:
-        """When the session starts, s; infinite until it is told."""
+        """Start time of the session, s; infinite until it is set."""
         return self._hands[0].start_s
 
     @property
@@ -140,7 +140,7 @@ class SessionPlayback:
         return self.start_s + self._clock.when(self._last_s)
 
     def start(self, at_s: float) -> None:
-        """Start the session, or start it anew, at a time, s."""
+        """Start or restart the session at a time, s."""
         for hand in self._hands:
             hand.start(at_s)
         self._clock = WaitingClock(self._first_s, self._last_s)
@@ -240,11 +240,11 @@ class PlayedSession:
 
     @property
     def start_s(self) -> float:
-        """When the session starts, s; infinite until it is told."""
+        """Start time of the session, s; infinite until it is set."""
         return self._playback.start_s
 
     def start(self, at_s: float) -> None:
-        """Start the session, or start it anew, at a time, s."""
+        """Start or restart the session at a time, s."""
         self._playback.start(at_s)
         self._signals = []
 

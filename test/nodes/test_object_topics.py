@@ -129,5 +129,5 @@ def test_an_object_that_cannot_be_is_refused_in_one_line(tmp_path: Path) -> None
     words += ['-p', 'object.mass_kg:=0.001']
     done = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 2
-    assert 'object.mass_kg is 0.001: 0, or at least 0.01' in done.stdout + done.stderr
+    assert 'object.mass_kg is 0.001: it must be 0, or at least 0.01' in done.stdout + done.stderr
     assert 'Traceback' not in done.stderr
