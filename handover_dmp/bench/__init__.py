@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The benchmark: every figure beside its target, its floor and its peers, from one run."""
+"""The benchmark: figures with target, floor and peers, all from the same run."""

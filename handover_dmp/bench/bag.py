@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Bags: how many messages a second go in and come out, beside `rosbags` and a plain file."""
+"""Bags: messages written and read per second, compared with `rosbags` and a plain file."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from handover_dmp.bench.measurement import Measurement
 COUNT = 20_000
 ROUNDS = 5
 PERIOD_NS = 200_000
-# what the graph sends: mostly poses, twists and joint states
+# messages of the graph: mostly poses, twists and joint states
 TOPICS = {
     '/hand/pose': 'geometry_msgs/msg/PoseStamped',
     '/wrist/pose': 'geometry_msgs/msg/PoseStamped',
@@ -44,7 +44,7 @@ def run(progress: Callable[[str], None]) -> list[Measurement]:
     Measure the writer and the reader of bags.
 
     Args:
-        progress: told what is being measured.
+        progress: called with the name of each measurement.
 
     Returns:
         The figures.
@@ -55,7 +55,7 @@ def run(progress: Callable[[str], None]) -> list[Measurement]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         progress('recorder')
-        # rounds of ours, the peer's and the floor's take turns, so that all see the same machine
+        # rounds of ours, the peer and the floor alternate, so that all see the same machine load
         times: dict[str, list[float]] = {'ours': [], 'floor': [], 'rosbags': []}
         stalls = []
         note = ''

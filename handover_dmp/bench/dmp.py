@@ -32,7 +32,7 @@ SAMPLES = 301
 DURATION_S = 1.5
 BASIS = 50
 BATCH = 1000
-SPEED = 0.2  # m/s, of the hand that is followed
+SPEED = 0.2  # speed of the followed hand, m/s
 PEER, OLD_PEER = 'movement-primitives', 'pydmps'
 
 
@@ -41,7 +41,7 @@ def run(progress: Callable[[str], None]) -> list[Measurement]:
     Measure.
 
     Args:
-        progress: told what is measured next.
+        progress: called with the name of each measurement.
 
     Returns:
         The figures.
@@ -69,7 +69,7 @@ def run(progress: Callable[[str], None]) -> list[Measurement]:
 
 
 def _demonstration() -> tuple[Array, Array]:
-    """Give a reach with a bow in it."""
+    """Return a curved reach."""
     u = np.linspace(0.0, 1.0, SAMPLES)
     share = 10 * u**3 - 15 * u**4 + 6 * u**5
     path = np.outer(1 - share, [0.1, 0.2, 0.3]) + np.outer(share, [0.6, 0.0, 0.5])
@@ -103,7 +103,7 @@ def _step(model: DecoupledDmp, times: Array, path: Array) -> Measurement:
 
 
 def _floor_of_step() -> None:
-    """Take 100 steps of a spring and damper towards a table, in plain floats and nothing else."""
+    """Take 100 steps of a spring and damper towards tabled goals, in plain floats."""
     table = [(0.1, 0.2, 0.3)] * 100
     x = y = z = vx = vy = vz = 0.0
     stiffness, damping, dt = 90.0, 19.0, 0.005
@@ -120,12 +120,12 @@ def _floor_of_step() -> None:
 
 
 def _partner(model: DecoupledDmp, times: Array, path: Array) -> Measurement:
-    """Expect a hand that comes towards the demonstration, and step at the rate of its pace."""
+    """Step the partner model and the DMP for a hand that moves as in the demonstration."""
     hands = path[-1] + 0.5 * (path[-1] - path)
     knowing = model.with_partner_path(hands[:: (SAMPLES - 1) // 100])
     seen = [tuple(hand) for hand in hands.tolist()]
     still, dt = (0.0, 0.0, 0.0), DURATION_S / (SAMPLES - 1)
-    PartnerModel(knowing)  # its table is made once for each model
+    PartnerModel(knowing)  # its table is made once per model
 
     def through() -> None:
         expect, step, state = PartnerModel(knowing).expect, knowing.step, knowing.initial_state()
@@ -232,7 +232,7 @@ def _exact(
     goal: Callable[[float], Array],
     goal_velocity: Callable[[float], Array],
 ) -> Array:
-    """Solve (8) as it is printed."""
+    """Solve (8) as printed in the paper."""
     parameters, tau = model.parameters, model.duration_s
     k, d, k_s = parameters.stiffness, parameters.effective_damping, parameters.shape_stiffness
     k_v = parameters.effective_goal_velocity_gain(tau)
@@ -260,13 +260,13 @@ def _exact(
 
 
 def _lag(model: DecoupledDmp, times: Array, path: Array) -> Measurement:
-    """Follow a hand that walks on at constant speed, long after τ."""
+    """Follow a hand that keeps moving at constant speed, long after τ."""
     long = np.arange(0.0, 4.0 * DURATION_S, 0.005)
     goals = model.goal + np.outer(long, [SPEED, 0.0, 0.0])
     behind = np.abs(model.rollout(long, goals).positions - goals)[-1].max()
     peers = {}
     if peer := _peer(times, path):
-        # goals cannot be given with a velocity there, so they are moved before each step
+        # its goals have no velocity, so they are moved before each step
         position, velocity = path[0].copy(), np.zeros(3)
         for goal in goals:
             peer.configure(start_y=path[0], goal_y=goal)
@@ -309,7 +309,7 @@ def _moving_goals(times: Array, count: int) -> tuple[Array, Array]:
 
 
 def _peer(times: Array, path: Array) -> Any:
-    """Learn with movement-primitives; None where it cannot be imported."""
+    """Learn with movement-primitives; None if it is not installed."""
     try:
         from movement_primitives.dmp import DMP
     except ImportError:
@@ -321,7 +321,7 @@ def _peer(times: Array, path: Array) -> Any:
 
 
 def _old_peer(path: Array) -> Any:
-    """Learn with pydmps; None where it cannot be imported."""
+    """Learn with pydmps; None if it is not installed."""
     try:
         from pydmps.dmp_discrete import DMPs_discrete
     except ImportError:

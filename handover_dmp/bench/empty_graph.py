@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Five nodes that exchange the messages of the graph and do nothing else: the least that it can cost.
+Five nodes that exchange the messages of the graph and do nothing else: its least possible cost.
 
-Of the same types, sizes, rates and qualities of service, by the same executor, in Python as the
-graph. In lockstep they wait for each other as those of the graph do.
+Messages have the same types, sizes, rates and qualities of service; the nodes are in Python and
+use the same executor. In lockstep they wait for each other as the nodes of the graph do.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ HEARD = {
     'priority_ik': (HAND_POSE, JOINT_STATES, *COMMAND),
     'robot_sim': (JOINT_COMMAND,),
 }
-"""Node to what it hears."""
+"""Subscriptions by node."""
 Rules = dict[str, tuple[tuple[tuple[Topic, ...], tuple[Topic, ...]], ...]]
 IN_LOCKSTEP: Rules = {
     'hand_tracker': (((CLOCK,), (HAND_POSE, HAND_TRUTH, DEMONSTRATOR_POSE)),),
@@ -85,7 +85,7 @@ IN_LOCKSTEP: Rules = {
         ((HAND_POSE, *COMMAND), (JOINT_COMMAND, IK_STATUS)),
     ),
 }
-"""Node to what it sends once it has heard all of something for a period."""
+"""By node, the messages that it publishes when it has received all inputs of a period."""
 AT_REST: Rules = {'priority_ik': ((COMMAND, (JOINT_COMMAND, WRIST_POSE)),)}
 STEADY: dict[str, tuple[tuple[tuple[Topic, ...], str, float], ...]] = {
     'hand_tracker': (
@@ -100,11 +100,11 @@ STEADY: dict[str, tuple[tuple[tuple[Topic, ...], str, float], ...]] = {
     'priority_ik': (((IK_STATUS,), 'status_rate_at_rest_hz', 0.0),),
     'robot_sim': (((JOINT_STATES,), 'rate_at_rest_hz', 0.0),),
 }
-"""Node to what it sends at rest on the wall clock, with the parameter of its rate, or that."""
+"""By node, its messages at rest on the wall clock, with rate, or the parameter of the rate."""
 
 
 class EmptyGraph(Graph):
-    """The five nodes that do nothing."""
+    """The five empty nodes."""
 
     def __init__(
         self, folder: Path, messages: Path, *, lockstep: bool, namespace: str = '/'
@@ -113,28 +113,29 @@ class EmptyGraph(Graph):
         Prepare the nodes.
 
         Args:
-            folder: gets the parameters and the logs.
-            messages: file that `keep_messages` has written.
-            lockstep: whether they wait for each other; else they are at rest on the wall clock.
-            namespace: that they are in.
+            folder: folder for the parameters and the logs.
+            messages: file written by `keep_messages`.
+            lockstep: whether they wait for each other; otherwise they are at rest on the wall
+                clock.
+            namespace: their namespace.
 
         """
         parameters = {name: {'messages': str(messages)} for name in NODES}
         super().__init__(folder, parameters, lockstep=lockstep, namespace=namespace)
 
     def words(self, name: str) -> list[str]:
-        """Tell Python what to run for a node."""
+        """Return the Python arguments to run a node."""
         return ['-m', 'handover_dmp.bench.empty_graph', name]
 
 
 def keep_messages(graph: Graph, file: Path, timeout_s: float) -> None:
     """
-    Keep one message of each kind, for an empty graph to send.
+    Save one message of each kind for an empty graph.
 
     Args:
-        graph: the real one, in motion.
-        file: to write.
-        timeout_s: how long to wait for all of them, s.
+        graph: the real graph, in motion.
+        file: file to write.
+        timeout_s: longest wait for all messages, s.
 
     """
     kept: dict[str, str] = {}
@@ -204,7 +205,7 @@ class EmptyNode(Node):  # type: ignore[misc]
             kind = message_class(topic.type_name)
             text = self._kept.get(topic.name)
             message = deserialize_message(b64decode(text), kind) if text else kind()
-            # within this graph also what else is everybody's, so that nobody else pays for it
+            # also moves global topics into this graph, so that no other graph receives them
             name = topic.relative if topic is CLOCK else topic.name.lstrip('/')
             publisher = self.create_publisher(kind, name, qos_profile(topic.quality))
             self._sent[topic] = publisher, message
@@ -256,7 +257,7 @@ class EmptyNode(Node):  # type: ignore[misc]
 
 
 def _time_ns(topic: Topic, message: Any) -> int:
-    """Return the time of the period that a message is of, ns."""
+    """Return the time of a message's period, ns."""
     if topic in (JOINT_COMMAND, IK_STATUS):
         label: str = message.layout.dim[0].label
         return int(label) if label.isdecimal() else 0

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Table I: how long it takes by itself, and from the command to the files."""
+"""Table I: its computation time, alone and for the whole command."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ ROUNDS = 3
 
 def run(progress: Callable[[str], None]) -> list[Measurement]:
     """
-    Measure the table by itself, and `handover_dmp evaluate` without figures.
+    Measure the table alone, and `handover_dmp evaluate` without figures.
 
     Args:
-        progress: is told what is being measured.
+        progress: called with the name of each measurement.
 
     Returns:
         The times of Table I on 30 trials, and on a thousand.

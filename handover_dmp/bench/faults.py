@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What goes wrong with a tracker, and what must hold all the same.
+Faults of a tracker, and the invariants that must hold in spite of them.
 
-For the tests of faults and for the long soak: a hand whose tracker fails for a while in a chosen
-way, and a checker of every period against what no fault may break.
+For the tests of faults and the soak test: a hand whose tracker fails for a while in a chosen way,
+and a checker of the invariants in every period.
 """
 
 from __future__ import annotations
@@ -58,18 +58,18 @@ STATES_OF_SESSIONS = {
     HandoverState.DONE: {*_BEGINS, *_ENDS},
     HandoverState.ABORTED: {HandoverState.IDLE, *_BEGINS},
 }
-"""Which states may follow each in a session; docs/topics.md draws them."""
+"""Permitted successors of each state of a session; docs/topics.md draws them."""
 
 
 def tracker_faults(seed: int) -> dict[str, SampleFault]:
     """
-    Make every fault of a tracker that there is, each with a state of its own.
+    Make all faults of a tracker, each with its own state.
 
     Args:
-        seed: of what is drawn at random.
+        seed: seed of the random faults.
 
     Returns:
-        Name to fault: what arrives instead of the poses of a period.
+        The faults by name; a fault maps the poses of a period to those that arrive.
 
     """
     random = np.random.default_rng(seed)
@@ -100,13 +100,13 @@ class FaultyHand(TrackedHand):
         self, hand: TrackedHand, fault: SampleFault, from_s: float, until_s: float
     ) -> None:
         """
-        Take a hand and a fault.
+        Combine a hand and a fault.
 
         Args:
-            hand: as it would be tracked.
-            fault: what arrives instead.
-            from_s: beginning of the fault, s.
-            until_s: its end, s.
+            hand: the hand without faults.
+            fault: the fault.
+            from_s: start of the fault, s.
+            until_s: end of the fault, s.
 
         """
         self._hand = hand
@@ -116,21 +116,21 @@ class FaultyHand(TrackedHand):
 
     @property
     def start_s(self) -> float:
-        """When the replay starts, s."""
+        """Start of the replay, s."""
         return self._hand.start_s
 
     def start(self, at_s: float) -> None:
-        """Play the recording back from a time, s."""
+        """Start the replay at a time, s."""
         self._hand.start(at_s)
 
     def due(self, now_s: float) -> Samples:
-        """Tell what arrives now, at a time in s."""
+        """Return the poses that arrive at a time, s."""
         samples = self._hand.due(now_s)
         return self._fault(samples) if self._from_s <= now_s < self._until_s else samples
 
 
 class _Frozen:
-    """The first pose again and again, with stamps that go on."""
+    """The first pose repeatedly, with advancing stamps."""
 
     def __init__(self) -> None:
         self._first: HandSample | None = None
@@ -143,7 +143,7 @@ class _Frozen:
 
 
 class _Leapt:
-    """Elsewhere for a moment, then where they were."""
+    """Poses that are displaced for a moment."""
 
     def __init__(self, offset: np.ndarray, duration_s: float) -> None:
         self._offset = offset
@@ -161,7 +161,7 @@ class _Leapt:
 
 
 class _Slow:
-    """One pose in a while."""
+    """Poses at a low rate."""
 
     def __init__(self, period_s: float) -> None:
         self._period_s = period_s
@@ -177,7 +177,7 @@ class _Slow:
 
 
 class _Swapped:
-    """Two poses at a time, the newer one first."""
+    """Pairs of poses, the newer one first."""
 
     def __init__(self) -> None:
         self._kept: Samples = []
@@ -201,18 +201,18 @@ def _restamped(sample: HandSample, offset_s: float) -> HandSample:
 @dataclass
 class InvariantChecker:
     """
-    Holds every period against what no fault may break.
+    Checks the invariants in every period.
 
-    Commands are finite; joint commands keep the limits of velocity and acceleration; measured
-    joints keep those of position and velocity; the wrist command keeps its acceleration limit;
-    time goes on; states follow each other as they may.
+    Commands are finite; joint commands respect the limits of velocity and acceleration; measured
+    joints respect those of position and velocity; the wrist command respects its acceleration
+    limit; time advances; state transitions are permitted.
 
     Attributes:
-        limits: of the joints.
+        limits: limits of the joints.
         period_s: length of a period, s.
-        wrist_acceleration: limit of the wrist command, m/s².
-        next_states: which states may follow each; those of a single handover if left out.
-        checked: number of periods checked.
+        wrist_acceleration: acceleration limit of the wrist command, m/s².
+        next_states: permitted successors of each state; default: those of a single handover.
+        checked: number of checked periods.
 
     """
 
@@ -230,10 +230,10 @@ class InvariantChecker:
         Check one period.
 
         Args:
-            period: the next one.
+            period: the next period.
 
         Returns:
-            What is broken, a line each.
+            One line per violation.
 
         """
         before, self._before = self._before, period

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Fuzzing of every reader: whatever a file holds, it gives a value or one of our errors.
+Fuzzing of all readers: any file must give a value or one of our errors.
 
-`handover_dmp bench fuzz` lets libFuzzer, by way of `atheris`, look for files that give a
-traceback, take longer than ten seconds or more than 500 MB: one process a reader, guided by the
-coverage of the reader's own code, from examples of good files. The tests throw files at the same
-readers that hypothesis has damaged.
+`handover_dmp bench fuzz` uses libFuzzer through `atheris` to search for files that give a
+traceback, take longer than ten seconds or more than 500 MB. Each reader has its own process,
+guided by the coverage of the reader's code and seeded with good files. The tests give files
+damaged by hypothesis to the same readers.
 """
 
 from __future__ import annotations
@@ -49,16 +49,16 @@ _MAX_INPUT = 16_384
 @dataclass(frozen=True)
 class FuzzedReader:
     """
-    A reader and the files that it reads.
+    A reader and its files.
 
     Attributes:
-        module: where the function is.
-        function: that reads, given a path.
-        file: name that the file must have.
-        share: of all inputs; slow readers get less.
-        examples: makes good files, to begin with.
-        in_folder: whether the function is given the folder of the file instead.
-        beside: makes what else lies in that folder, name to content.
+        module: module of the function.
+        function: function that reads a path.
+        file: required file name.
+        share: share of all inputs; slow readers get less.
+        examples: makes good files as seeds.
+        in_folder: whether the function takes the folder of the file instead.
+        beside: makes the other files of that folder, content by name.
 
     """
 
@@ -72,13 +72,13 @@ class FuzzedReader:
 
     def place_in(self, folder: Path) -> Path:
         """
-        Put what lies beside the file into a folder.
+        Write the other files into a folder.
 
         Args:
-            folder: which.
+            folder: the folder.
 
         Returns:
-            Where the file belongs.
+            The path for the file.
 
         """
         for name, content in self.beside().items():
@@ -90,16 +90,16 @@ class FuzzedReader:
         Read a file.
 
         Args:
-            path: the file, named as `file` says.
+            path: the file, named `file`.
 
         Returns:
-            Whether it held something; if not, the documented error has said so.
+            Whether it was readable; if not, the documented error was raised.
 
         """
         read = getattr(import_module(self.module), self.function)
         try:
             found = read(path.parent if self.in_folder else path)
-            # Readers of bags give one message after another.
+            # Readers of bags are iterators over messages.
             if hasattr(found, '__next__'):
                 for _ in found:
                     pass
@@ -165,9 +165,9 @@ def run(
     Fuzz every reader.
 
     Args:
-        progress: told which reader has its turn.
-        minutes: how long at most, all readers together, min.
-        inputs: how many files, all readers together.
+        progress: called with the name of each reader.
+        minutes: time limit of all readers together, min.
+        inputs: number of files of all readers together.
 
     Returns:
         Inputs, crashes and greatest memory of each reader.
@@ -201,12 +201,12 @@ def run(
 @dataclass(frozen=True)
 class Outcome:
     """
-    What fuzzing one reader came to.
+    The result of fuzzing one reader.
 
     Attributes:
-        inputs: how many files it read.
-        peak_mb: most memory of its process, MB.
-        fault: last words of what went wrong; empty if nothing did.
+        inputs: number of files read.
+        peak_mb: peak memory of its process, MB.
+        fault: the last error; empty if there was none.
 
     """
 
@@ -252,7 +252,7 @@ def _last(pattern: str, log: Path) -> float:
 
 
 def _fault(words: str, folder: Path, code: int) -> str:
-    """Say what went wrong, and with which input."""
+    """Return the error and its input."""
     said = re.search(r'Uncaught Python exception: ===\n(.*)|ERROR: (.*)', words)
     reason = said.group(1) or said.group(2) if said else f'ended with code {code}'
     place = re.findall(r'^  File "(.*)", line ([0-9]+)', words, re.MULTILINE)
@@ -264,12 +264,12 @@ def _fault(words: str, folder: Path, code: int) -> str:
 
 
 def _fuzz_here(name: str, arguments: list[str]) -> None:
-    """Be the process that libFuzzer drives; never returns."""
+    """Run as the process that libFuzzer drives; never returns."""
     import atheris
 
     reader = READERS[name]
     path = reader.place_in(Path(tempfile.mkdtemp(dir=Path(arguments[0]).parent)))
-    # Read once, since packages load their modules when these are used.
+    # Read once before, because packages load their modules on first use.
     with atheris.instrument_imports(include=INSTRUMENTED):
         for example in Path(arguments[0]).iterdir():
             path.write_bytes(example.read_bytes())

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Good files of every kind that is read, small ones, for the fuzzer to begin with."""
+"""Small valid files of all readable formats, as seeds for the fuzzer."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def trial_csv() -> list[bytes]:
 
 
 def data_set_csv() -> list[bytes]:
-    """Make indices of data sets."""
+    """Make indexes of data sets."""
     head = 'file,configuration,exchange,trial\n'
     return [
         (head + 'a_give_1.csv,a,give,1\n').encode(),
@@ -45,7 +45,7 @@ def data_set_csv() -> list[bytes]:
 
 
 def _reach(factor: float = 1.0) -> list[list[str]]:
-    """Return the six coordinates of two wrists that reach for each other, a row a frame."""
+    """Return the six coordinates of two reaching wrists, one row per frame."""
     rows = ((1.2 - k / 20, 0.2, 1.0 + k / 100, k / 20, 0.1, 0.9 + k / 100) for k in range(12))
     return [[f'{factor * value:.6g}' for value in row] for row in rows]
 
@@ -55,7 +55,7 @@ def _lines(lines: list[str]) -> bytes:
 
 
 def qualisys_tsv() -> list[bytes]:
-    """Make what Qualisys exports: markers with and without titles, bodies, UTF-16."""
+    """Make Qualisys exports: markers with and without titles, bodies, UTF-16."""
     head = ['NO_OF_FRAMES\t12', 'NO_OF_MARKERS\t2', 'FREQUENCY\t120', 'DATA_INCLUDED\t3D']
     names = 'MARKER_NAMES\tM_wrist\tA_wrist'
     titles = 'Frame\tTime\tM_wrist X\tM_wrist Y\tM_wrist Z\tA X\tA Y\tA Z'
@@ -73,7 +73,7 @@ def qualisys_tsv() -> list[bytes]:
 
 
 def motive_csv() -> list[bytes]:
-    """Make what Motive exports."""
+    """Make Motive exports."""
     about = 'Format Version,1.23,Length Units,Meters,Coordinate Space,Global'
     kinds, names = ['Rigid Body'] * 7 + ['Marker'] * 3, ['M'] * 7 + ['A'] * 3
     parts = ['Rotation'] * 4 + ['Position'] * 6
@@ -84,7 +84,7 @@ def motive_csv() -> list[bytes]:
 
 
 def vicon_text() -> list[bytes]:
-    """Make what Vicon Nexus exports."""
+    """Make Vicon Nexus exports."""
     head = [
         'Trajectories',
         '120',
@@ -108,7 +108,7 @@ def trc() -> list[bytes]:
 
 
 def c3d() -> list[bytes]:
-    """By the C3D manual: a block of header, one of parameters, then points, integers or floats."""
+    """Make C3D files: a header block, a parameter block, then points as integers or floats."""
     return [_c3d_file(1.0, 'hhhh'), _c3d_file(-1.0, 'ffff')]
 
 
@@ -136,7 +136,7 @@ def _c3d_file(scale: float, kind: str) -> bytes:
 
 
 def _bag_file() -> bytes:
-    """Record both wrists on the topics that are read unless told otherwise."""
+    """Record both wrists on the default topics."""
     from handover_dmp.recording import BagWriter
 
     with tempfile.TemporaryDirectory() as folder:
@@ -171,7 +171,7 @@ def compressed_bag() -> list[bytes]:
 
 
 def sqlite3_bag() -> list[bytes]:
-    """As ROS 2 Humble writes them, in small pages."""
+    """Make sqlite3 bags in the format of ROS 2 Humble, with small pages."""
     import sqlite3
 
     with tempfile.TemporaryDirectory() as folder:
@@ -196,7 +196,7 @@ def sqlite3_bag() -> list[bytes]:
 
 
 def mcap() -> list[bytes]:
-    """Make MCAP files of anything."""
+    """Make MCAP files with various contents."""
     from mcap.writer import CompressionType, Writer
 
     files = []

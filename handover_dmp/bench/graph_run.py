@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The graph running with probes beside it, and what that leaves in the bag."""
+"""Runs of the graph with probes beside it, and the data from their bags."""
 
 from __future__ import annotations
 
@@ -47,30 +47,29 @@ from psutil import Process
 
 KEEPING_S = 10.0
 SETTLING_S = 3.0
-"""Until the graph runs evenly with the probes beside it, s."""
+"""Time until the graph runs evenly with the probes beside it, s."""
 MAX_WAIT_S = 60.0
 ROUNDING_S = 1e-6
 PROBES = ('empty', 'sleep', 'echo', 'ping', 'listener')
 CONDUCTOR = 'conductor'
 LEAD_S = 0.1
-"""From bringing the hand back until it sets out again, s."""
+"""Time from the return of the hand until its next start, s."""
 
 
 @dataclass(frozen=True)
 class WallClockRun:
     """
-    What a run by the wall clock left, all times on that.
+    Data of a run on the wall clock; all times are wall-clock times.
 
     Attributes:
-        hand: (n, 2) when a pose was published and its stamp, s.
-        dmp: (n, 3) when a period began; stamp of the newest pose it knew, s; 1 while a handover
-            was on.
-        ik: (n, 2) when a period began; stamp of the wrist command it followed, s.
-        joints: (n, 3) which period a joint command answers, when it was heard, s; 1 if it moves.
-        ticks: node to (n, 2) when a period began, s; its number.
-        probes: name to what the probe wrote.
-        handovers: how many came to their end, those before and after the time measured too.
-        span: from when to when all was measured, s.
+        hand: (n, 2) time of publication of a pose, and its stamp, s.
+        dmp: (n, 3) start of a period, stamp of the newest known pose, s; 1 during a handover.
+        ik: (n, 2) start of a period, stamp of the wrist command that it used, s.
+        joints: (n, 3) period that a joint command answers, time of reception, s; 1 if it moves.
+        ticks: by node, (n, 2) start of a period, s, and its number.
+        probes: by name, the data of the probe.
+        handovers: number of completed handovers, including those outside the measured time.
+        span: start and end of the measured time, s.
 
     """
 
@@ -84,7 +83,7 @@ class WallClockRun:
     span: tuple[float, float]
 
     def within(self, rows: Array) -> Array:
-        """Keep the rows whose first column is a time that was measured."""
+        """Return the rows whose first column is within the measured time."""
         times = rows if rows.ndim == 1 else rows[:, 0]
         return rows[(times > self.span[0]) & (times < self.span[1])]
 
@@ -92,13 +91,13 @@ class WallClockRun:
 @dataclass(frozen=True)
 class LockstepRun:
     """
-    What a run on simulated time left.
+    Data of a run on simulated time.
 
     Attributes:
-        speed: of simulated time, in multiples of the wall clock's.
-        ticks: node to (n, 2) when a period began, s of simulated time; its number.
-        handovers: how many came to their end.
-        empty_speed: that of five nodes that exchange the same messages and do nothing else.
+        speed: speed of simulated time, in multiples of real time.
+        ticks: by node, (n, 2) start of a period, s of simulated time, and its number.
+        handovers: number of completed handovers.
+        empty_speed: the same speed for five empty nodes that exchange the same messages.
 
     """
 
@@ -111,12 +110,12 @@ class LockstepRun:
 @dataclass(frozen=True)
 class IdleRun:
     """
-    What a graph costs that waits for a handover, on the wall clock.
+    The cost of a graph that waits for a handover, on the wall clock.
 
     Attributes:
-        shares: node to its processor time, % of a core.
-        empty_shares: the same of five nodes that exchange the same messages at the same time.
-        growth_kb: by how much the bag grows in a minute, kB.
+        shares: processor time by node, % of a core.
+        empty_shares: the same for five empty nodes that exchange the same messages meanwhile.
+        growth_kb: growth of the bag per minute, kB.
 
     """
 
@@ -134,15 +133,15 @@ def run_by_the_wall_clock(
     Run the five nodes and the probes beside them, one handover after the other.
 
     Args:
-        scenario: what is run.
-        duration_s: how long to measure, s.
-        progress: is told what goes on.
+        scenario: the scenario.
+        duration_s: measured time, s.
+        progress: called with the present step.
 
     Returns:
-        What it left.
+        The data of the run.
 
     Raises:
-        HandoverError: no handover came to its end, or a probe does not run.
+        HandoverError: no handover was completed, or a probe does not run.
 
     """
     with TemporaryDirectory() as name:
@@ -164,21 +163,21 @@ def run_in_lockstep(
     scenario: Scenario, duration_s: float, messages: Path, progress: Callable[[str], None]
 ) -> LockstepRun:
     """
-    Run the five nodes on simulated time as fast as it goes, one handover after the other.
+    Run the five nodes on simulated time at full speed, one handover after the other.
 
-    Then the same with five nodes that do nothing.
+    The same follows with five empty nodes.
 
     Args:
-        scenario: what is run.
-        duration_s: how long to measure, s of simulated time.
-        messages: file that gets a message of each kind.
-        progress: is told what goes on.
+        scenario: the scenario.
+        duration_s: measured time, s of simulated time.
+        messages: file to write, with a message of each kind.
+        progress: called with the present step.
 
     Returns:
-        What it left.
+        The data of the run.
 
     Raises:
-        HandoverError: no handover came to its end.
+        HandoverError: no handover was completed.
 
     """
     with TemporaryDirectory() as name:
@@ -204,13 +203,13 @@ def run_idle(
     Run the five nodes on the wall clock without a handover, and five empty nodes beside them.
 
     Args:
-        scenario: what is not begun.
-        duration_s: how long to measure, s.
+        scenario: the scenario, which is not started.
+        duration_s: measured time, s.
         messages: file with a message of each kind.
-        progress: is told what goes on.
+        progress: called with the present step.
 
     Returns:
-        What it costs.
+        The cost.
 
     """
     with TemporaryDirectory() as name:
@@ -238,7 +237,7 @@ def run_idle(
 
 
 def _speed(graph: Graph, duration_s: float) -> float:
-    """Measure how fast simulated time runs, in multiples of the wall clock's, for s of it."""
+    """Measure the speed of simulated time, in multiples of real time, over some seconds of it."""
     begun_s, simulated_s = monotonic(), graph.time_s
     graph.linger(duration_s)
     return (graph.time_s - simulated_s) / (monotonic() - begun_s)
@@ -262,10 +261,10 @@ def _graph(
     *,
     lockstep: bool = False,
 ) -> Iterator[Graph]:
-    """Run the five nodes, one handover after the other; the first is over when this is entered."""
+    """Run the five nodes, one handover after the other; the block starts after the first."""
     keep_inputs(folder, scenario)
     parameters = graph_parameters(folder, scenario, {}, lockstep)
-    # the conductor says when to start, once the hand is back
+    # the conductor starts each handover once the hand is back
     parameters['dmp']['start'] = 'service'
     parameters['hand_tracker'] |= {'lead_s': LEAD_S, 'replay_at_s': -1.0}
     progress('starting the graph')
@@ -297,7 +296,7 @@ def _wait_for_probes(graph: Graph, folder: Path) -> None:
 
 
 def _read(folder: Path, span: tuple[float, float]) -> WallClockRun:
-    """Put together what the probes and the recorder have left."""
+    """Combine the data of the probes and the recorder."""
     stamps: dict[str, list[float]] = {HAND_POSE.name: [], DEMONSTRATOR_POSE.name: []}
     dmp, ik = [], []
     for topic, message, _ in read_bag(folder / 'bag', [*stamps, PHASE.name, IK_STATUS.name]):
@@ -310,7 +309,7 @@ def _read(folder: Path, span: tuple[float, float]) -> WallClockRun:
             ik.append(_float_array(message, 'time_s', 'command_stamp_s'))
     ticks, handovers = _ticks(folder)
     hand, person = map(np.array, stamps.values())
-    # `hand_tracker` stamps the person's pose with its own time, the hand's with that of the pose
+    # `hand_tracker` stamps the person's pose with its own time, the hand's with the pose's time
     published = np.searchsorted(person, hand - ROUNDING_S)
     seen = published < len(person)
     probes = {
@@ -330,7 +329,7 @@ def _read(folder: Path, span: tuple[float, float]) -> WallClockRun:
 
 
 def _ticks(folder: Path) -> tuple[dict[str, Array], int]:
-    """Read when the periods of each node were, s, with their numbers; and count the handovers."""
+    """Read the periods of each node: times, s, and numbers; and count the handovers."""
     nodes = {PHASE.name: 'dmp', IK_STATUS.name: 'priority_ik'}
     ticks: dict[str, list[list[float]]] = {node: [] for node in nodes.values()}
     handovers = 0
@@ -348,6 +347,6 @@ def _float_array(message: Any, *names: str) -> list[float]:
 
 
 def _with_motion(dmp: Array) -> Array:
-    """Make the last column tell whether a handover is on: the phase stands still while not."""
+    """Replace the last column by whether a handover is active, which moves the phase."""
     falls = np.diff(dmp[:, 2], prepend=np.inf) < 0.0
     return np.column_stack((dmp[:, :2], falls))

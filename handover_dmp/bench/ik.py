@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The inverse kinematics: time of a step, limits kept, and how well it does where it is hard."""
+"""The inverse kinematics: time of a step, limits, and quality of difficult motions."""
 
 from __future__ import annotations
 
@@ -50,10 +50,10 @@ PEERS = ('pink', 'pink with AccelerationLimit', 'placo')
 
 def run(progress: Callable[[str], None]) -> list[Measurement]:
     """
-    Measure the inverse kinematics of the LWR 4+ beside pink and placo.
+    Measure the inverse kinematics of the LWR 4+ and of pink and placo.
 
     Args:
-        progress: told what is being measured.
+        progress: called with the name of each measurement.
 
     Returns:
         The figures.
@@ -95,7 +95,7 @@ def _times(
     note: str,
     progress: Callable[[str], None],
 ) -> list[Measurement]:
-    """Time a step on one and the same lively path, each follower on its own joints."""
+    """Time a step on the same varied path, each follower with its own joints."""
     start, _ = model.wrist_pose(model.home)
 
     def loop(time_s: float) -> tuple[Array, Array]:
@@ -112,7 +112,7 @@ def _times(
     floor = []
     states = {name: (model.home.copy(), np.zeros(model.dof)) for name in timed}
     for block in range(STEPS // BLOCK):
-        # in turn, so that all meet the same machine, but each for as long as its caches need
+        # in turn, so that all see the same machine load, but each long enough to warm its caches
         path = [loop(step * PERIOD_S) for step in range(BLOCK * block, BLOCK * (block + 1))]
         for name, follower in timed.items():
             q, velocity = states[name]
@@ -145,7 +145,7 @@ def _times(
 
 
 def _limits_kept(model: RobotModel, progress: Callable[[str], None]) -> list[Measurement]:
-    """Count broken limits and failed steps under goals that jump, rush and cannot be reached."""
+    """Count broken limits and failed steps for jumping, fast and unreachable goals."""
     limits, rng = model.limits, np.random.default_rng(0)
     ik = PriorityIk(model)
     q, velocity = model.home.copy(), np.zeros(model.dof)
@@ -280,7 +280,7 @@ def _worst(model: RobotModel, runs: Iterable[Run], limit: str) -> float:
 
 
 def _pink(model: RobotModel, *, bound_acceleration: bool = False) -> Follower:
-    """Give the pink package the same task: the wrist's position first in weight, posture after."""
+    """Set up pink with the same task: wrist position with high weight, posture with low."""
     pink = import_module('pink')
     limits = import_module('pink.limits')
     tasks = import_module('pink.tasks')
@@ -312,7 +312,7 @@ def _pink(model: RobotModel, *, bound_acceleration: bool = False) -> Follower:
 
 
 def _placo(model: RobotModel) -> Follower:
-    """Give the placo package the same task: the wrist's position soft, joint limits hard."""
+    """Set up placo with the same task: wrist position soft, joint limits hard."""
     placo = import_module('placo')
     robot = placo.RobotWrapper(str(model.urdf_path), placo.Flags.ignore_collisions)
     solver = placo.KinematicsSolver(robot)

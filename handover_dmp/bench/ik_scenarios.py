@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Tasks that show how good an inverse kinematics is; the same for ours and for its peers."""
+"""Tasks that show the quality of an inverse kinematics, the same for ours and its peers."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ Follower = Callable[[Array, Array, Array, Array], tuple[Array, float]]
 @dataclass(frozen=True, eq=False)
 class Run:
     """
-    What an arm did.
+    The motion of an arm.
 
     Attributes:
         joints: (m + 1, n), rad, at the start of each period and at the end.
         velocities: (m, n), rad/s, of each period.
-        wrist: (m + 1, 3), m.
-        targets: (m + 1, 3), m, asked for at the same instants.
+        wrist: (m + 1, 3), m, wrist positions.
+        targets: (m + 1, 3), m, targets at the same times.
         scales: (m,), the speed scale of each period.
-        failed: periods without an answer.
+        failed: number of periods without a solution.
 
     """
 
@@ -54,16 +54,16 @@ class Run:
 
     @property
     def errors(self) -> Array:
-        """Distances of the wrist from its target, (m + 1,), m."""
+        """Distances of the wrist to its target, (m + 1,), m."""
         return np.asarray(np.linalg.norm(self.wrist - self.targets, axis=1))
 
     def rms_jerk(self, last_s: float) -> float:
-        """Give the root mean square of all joints' jerk during the last seconds, rad/s³."""
+        """Return the root mean square jerk of all joints in the last seconds, rad/s³."""
         jerk = np.diff(self.velocities, n=2, axis=0) / PERIOD_S**2
         return float(np.sqrt(np.mean(jerk[-round(last_s / PERIOD_S):] ** 2)))  # fmt: skip
 
     def excess(self, model: RobotModel) -> dict[str, float]:
-        """Give the largest use of each limit, 1 being the limit; of position, rad beyond it."""
+        """Return the largest use of each limit, 1 at the limit; for position, rad beyond it."""
         limits = model.limits
         changes = np.diff(self.velocities, axis=0, prepend=0.0) / PERIOD_S
         beyond = np.maximum(self.joints - limits.upper, limits.lower - self.joints)
@@ -84,18 +84,18 @@ def follow(
     phase_stopping: bool = False,
 ) -> Run:
     """
-    Let an ideal arm, one that does what it is told, follow a moving target.
+    Let an ideal arm, which executes every command exactly, follow a moving target.
 
     Args:
         model: the arm.
         follower: the inverse kinematics.
         start: (n,), rad, at rest.
-        path: gives position and velocity of the target at a time.
-        duration_s: of the run.
+        path: returns position and velocity of the target at a time.
+        duration_s: duration of the run, s.
         phase_stopping: whether the target's clock runs at the rate of the speed scale.
 
     Returns:
-        What happened.
+        The motion.
 
     """
     q, velocity, clock, rate = start.copy(), np.zeros(model.dof), 0.0, 1.0
@@ -124,12 +124,12 @@ def minimum_jerk_path(
     start: Array, end: Array, duration_s: float, bulge: Array | None = None
 ) -> Callable[[float], tuple[Array, Array]]:
     """
-    Make a point-to-point path with bell-shaped speed, straight or bulged like an arc.
+    Make a point-to-point path with bell-shaped speed, straight or curved.
 
     Args:
         start: (3,), m.
         end: (3,), m.
-        duration_s: of the motion; it rests at the end.
+        duration_s: duration of the motion, s; it rests at the end.
         bulge: (3,), m, offset of its middle from the straight line.
 
     Returns:
@@ -153,19 +153,20 @@ def limit_drives(
     model: RobotModel, distance: float = 0.25, duration_s: float = 2.0
 ) -> list[tuple[Array, Callable[[float], tuple[Array, Array]], str]]:
     """
-    Make motions that would drive one joint after the other into a position limit.
+    Make motions that drive each joint into its position limits.
 
-    Each starts with the joint a little before a limit and moves the wrist where that joint alone
-    would move it, further than the limit lets it. Kept are those with a posture for every point
-    of the path, so that the whole error is the inverse kinematics' own.
+    Each starts with the joint a little before a limit and moves the wrist in the direction in
+    which that joint alone would move it, farther than the limit permits. Only motions with a joint
+    configuration for every point of the path are kept, so that the inverse kinematics causes the
+    whole error.
 
     Args:
         model: the arm.
-        distance: of the motion, m.
-        duration_s: of the motion.
+        distance: length of the motion, m.
+        duration_s: duration of the motion, s.
 
     Returns:
-        Start posture, path and name of each.
+        Start configuration, path and name of each.
 
     """
     drives = []
@@ -192,7 +193,7 @@ def _passable(
     path: Callable[[float], tuple[Array, Array]],
     duration_s: float,
 ) -> bool:
-    """Say whether postures exist along a path, each near the one before and all well bent."""
+    """Tell whether joint configurations exist along a path, continuous and far from singular."""
     q = start
     for time_s in np.linspace(0.0, duration_s, 41)[1:]:
         try:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""One measured figure, and how times are measured on a machine that is shared and noisy."""
+"""One measured figure, and the measurement of times on a shared, noisy machine."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ class Measurement:
     One figure of the benchmark.
 
     Attributes:
-        name: what was measured.
+        name: name of the figure.
         value: the figure, in `unit`.
         unit: its unit.
-        target: what is to be reached, in `unit`; None where there is none.
-        floor: the least possible, measured in the same run, in `unit`; None where there is none.
+        target: target, in `unit`; None if there is none.
+        floor: least possible value, measured in the same run, in `unit`; None if there is none.
         peers: figure of each peer at the same work, measured in the same run, in `unit`.
         higher_is_better: whether the target is a lower bound instead of an upper one.
-        note: what a reader must know, e.g. a peer that is not installed.
+        note: remarks, e.g. a peer that is not installed.
 
     """
 
@@ -52,7 +52,7 @@ class Measurement:
 
     @property
     def reached(self) -> bool | None:
-        """Whether the target is met; None where there is none."""
+        """Whether the target is met; None without a target."""
         if self.target is None:
             return None
         return self.value >= self.target if self.higher_is_better else self.value <= self.target
@@ -67,12 +67,12 @@ def time_call(work: Callable[[], object], *, rounds: int = 15, calls: int = 1) -
     Measure the time of one call.
 
     Args:
-        work: what to call.
-        rounds: how many times to measure; the median is returned.
-        calls: calls in each round.
+        work: the function to call.
+        rounds: number of measurements; the median is returned.
+        calls: number of calls in each round.
 
     Returns:
-        Seconds for one call, with garbage collection kept out.
+        Time of one call without garbage collection, s.
 
     """
     work()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Small arms whose descriptions are odd in one way each, as those of drivers and exporters are."""
+"""Small arms, each with one oddity found in descriptions of drivers and exporters."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ JAW = (
 
 
 def chain(prefix: str = '') -> str:
-    """Write the links and joints of an arm of seven joints on the link `base`."""
+    """Return the links and joints of a seven-joint arm on the link `base`."""
     parts = []
     for i in range(1, JOINTS + 1):
         parent = f'{prefix}l{i - 1}' if i > 1 else 'base'
@@ -57,7 +57,7 @@ def chain(prefix: str = '') -> str:
 
 
 def robot(body: str, name: str = 'odd', more: str = '') -> str:
-    """Write a robot whose base has inertia."""
+    """Return a robot whose base has inertia."""
     return f'<robot name="{name}"><link name="base">{INERTIAL}</link>{body}{more}</robot>'
 
 
@@ -113,19 +113,19 @@ ODD_ARMS: dict[str, Callable[[], str]] = {
         chain().replace('"0.2 ', '"${length} ').replace('0 0 0.2"', '0 0 ${length}"')
     ),
 }
-"""What is odd, and the description."""
+"""Descriptions by oddity."""
 
 
 LBR_SPEEDS = {
     '7': (98, 98, 100, 130, 140, 180, 180),
     '14': (85, 85, 100, 75, 130, 135, 135),
 }
-"""Of KUKA's data sheets, deg/s."""
+"""Joint speeds from KUKA's data sheets, deg/s."""
 LBR_HEIGHTS = {
     '7': (0.15, 0.19, 0.21, 0.19, 0.21, 0.19, 0.081),
     '14': (0.15, 0.21, 0.21, 0.21, 0.21, 0.19, 0.081),
 }
-"""From joint to joint, m."""
+"""Distances from joint to joint, m."""
 LBR_RANGES = (170, 120, 170, 120, 170, 120, 175)
 LBR_AXES = ('0 0 1', '0 1 0', '0 0 1', '0 -1 0', '0 0 1', '0 1 0', '0 0 1')
 LBRS = ('iiwa7', 'iiwa14', 'med7', 'med14')
@@ -133,16 +133,16 @@ LBRS = ('iiwa7', 'iiwa14', 'med7', 'med14')
 
 def lbr(model: str) -> str:
     """
-    Write an LBR in the form in which lbr_fri_ros2_stack publishes it.
+    Return an LBR in the form that lbr_fri_ros2_stack publishes.
 
-    That is with a prefix before every name, frames without inertia at both ends, meshes of a
-    package, and what simulators and ros2_control want.
+    It has a prefix before every name, frames without inertia at both ends, meshes of a package,
+    and tags for simulators and ros2_control.
 
     Args:
         model: one of `LBRS`.
 
     Returns:
-        The URDF, as xacro has expanded it.
+        The URDF, expanded by xacro.
 
     """
     payload = model.removeprefix('iiwa').removeprefix('med')
@@ -185,8 +185,8 @@ def odd_arm(name: str, folder: Path) -> ZooArm:
     Write an arm of `ODD_ARMS`.
 
     Args:
-        name: which one.
-        folder: to write its file into.
+        name: its name.
+        folder: folder for its file.
 
     Returns:
         The arm.

@@ -13,12 +13,11 @@
 # limitations under the License.
 
 """
-What the graph is measured with, and against: an empty timer, a sleep loop, a bare round trip.
+Probes and references for the graph: an empty timer, a sleep loop, a bare round trip.
 
-Run as processes of their own beside the graph: `python -m handover_dmp.bench.probes WHAT FILE`
-makes an empty text file as soon as it runs, and writes its times, in s, into that when it gets
-SIGTERM. They have the priority of the nodes, except the conductor, which keeps the graph in
-motion.
+Each probe runs as a separate process beside the graph: `python -m handover_dmp.bench.probes WHAT
+FILE` creates an empty text file when it runs, and writes its times, in s, into it on SIGTERM.
+Probes have the priority of the nodes, except the conductor, which keeps the graph in motion.
 """
 
 from __future__ import annotations
@@ -47,7 +46,7 @@ PERIOD_S = 0.005
 JOINTS = 7
 LOOK_S = 0.02
 MAX_HANDOVER_S = 20.0
-# The hand jumps back to its start, so `dmp` is to forget it after that, and only then to begin.
+# The hand jumps back to its start; `dmp` must be reset after that, and only then start.
 AGAIN = (
     ('/robot_sim/reset', '/robot_sim/resume', '/hand_tracker/replay'),
     ('/dmp/reset',),
@@ -56,7 +55,7 @@ AGAIN = (
 
 
 class _Probe(Node):  # type: ignore[misc]
-    """A node that keeps times."""
+    """A node that records times."""
 
     def __init__(self, name: str, file: Path, priority: int) -> None:
         super().__init__(name)
@@ -72,7 +71,7 @@ class _Probe(Node):  # type: ignore[misc]
 
 
 class EmptyTimer(_Probe):
-    """A timer at 200 Hz that does nothing but note when it is called."""
+    """A timer at 200 Hz that only records its calls."""
 
     def __init__(self, file: Path, priority: int) -> None:
         """Start the timer."""
@@ -96,7 +95,7 @@ class Echo(_Probe):
 
 
 class Ping(_Probe):
-    """Sends joint states out at 200 Hz and notes how long each takes to come back, s."""
+    """Sends joint states at 200 Hz and records their round-trip times, s."""
 
     def __init__(self, file: Path, priority: int) -> None:
         """Connect and start."""
@@ -117,7 +116,7 @@ class Ping(_Probe):
 
 
 class Listener(_Probe):
-    """Notes of each joint command which period it answers, when it came, s, and if it moves."""
+    """Records the answered period, the arrival, s, and the motion of each joint command."""
 
     def __init__(self, file: Path, priority: int) -> None:
         """Connect."""
@@ -133,10 +132,10 @@ class Listener(_Probe):
 
 
 class Conductor(_Probe):
-    """Has one handover follow the other; notes when each began, s."""
+    """Starts one handover after the other, and records the start of each, s."""
 
     def __init__(self, file: Path, priority: int) -> None:
-        """Connect; begin as soon as all services are there."""
+        """Connect; start as soon as all services are available."""
         super().__init__('conductor', file, priority)
         self._orders = {
             name: self.create_client(Trigger, name) for names in AGAIN for name in names
@@ -152,7 +151,7 @@ class Conductor(_Probe):
         self._state = message.data
 
     def _look(self) -> None:
-        # an arm that was stopped by a machine that stood still never arrives
+        # an arm that was stopped by a stalled machine never arrives
         is_on = self._state in MOVING and perf_counter() < self._give_up_s
         asked = all(answer.done() for answer in self._answers)
         if is_on or not asked or not all(o.service_is_ready() for o in self._orders.values()):
@@ -169,7 +168,7 @@ def sleep_loop(file: Path) -> None:
     Sleep from period to period without ROS, until SIGTERM.
 
     Args:
-        file: gets the times, s.
+        file: output file for the times, s.
 
     """
     ended: list[int] = []

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a run of the benchmark leaves: table, JSON file, and the comparison of two of those."""
+"""Output of the benchmark: table, JSON file, and the comparison of two JSON files."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from handover_dmp.common.versions import installed_versions, LIBRARIES
 from rich.markup import escape
 from rich.table import Table
 
-# What a figure may depend on beside those: ROS and the peers.
+# Further packages that figures depend on: ROS and the peers.
 PEERS = (
     'ros-jazzy-rclpy',
     'movement-primitives',
@@ -45,7 +45,7 @@ PEERS = (
 )
 TIMES = ('s', 'ms', 'us', 'µs', 'ns')
 BEYOND_COMPARE = 1e6
-"""What is so many times better is zero but for rounding, and the ratio tells nothing."""
+"""Beyond this ratio one value is zero except for rounding, and the ratio means nothing."""
 
 
 @dataclass(frozen=True)
@@ -54,12 +54,12 @@ class Change:
     One figure in two runs.
 
     Attributes:
-        name: what was measured.
+        name: name of the figure.
         unit: its unit.
-        before: the figure of the first run.
-        after: the figure of the second run.
-        worsening: how many times worse the second is; below 1 it is better.
-        machine: how many times slower the machine was, by the floors of both runs; 1 if not known.
+        before: value of the first run.
+        after: value of the second run.
+        worsening: factor by which the second is worse; below 1 it is better.
+        machine: factor by which the machine was slower, by the floors of both runs; 1 if unknown.
 
     """
 
@@ -71,13 +71,13 @@ class Change:
     machine: float
 
     def is_slowdown(self, tolerance: float) -> bool:
-        """Tell whether it worsened by more than `tolerance` times, a slower machine apart."""
+        """Tell whether it got worse by more than `tolerance`, corrected for a slower machine."""
         return self.worsening > tolerance * max(self.machine, 1.0)
 
 
 def machine() -> dict[str, Any]:
     """
-    Describe the machine and the versions that the figures hold for.
+    Describe the machine and the versions of a run.
 
     Returns:
         Plain types: processor, cores, load, system, Python, date, versions of the libraries.
@@ -100,7 +100,7 @@ def write_json(path: Path, description: dict[str, Any], results: Sequence[Measur
 
     Args:
         path: file to write.
-        description: what `machine` gave.
+        description: result of `machine`.
         results: the figures.
 
     """
@@ -113,13 +113,13 @@ def read_json(path: Path) -> list[Measurement]:
     Read the figures of a run of the benchmark.
 
     Args:
-        path: file that `write_json` wrote.
+        path: file from `write_json`.
 
     Returns:
         The figures.
 
     Raises:
-        DataError: there is no such file, or it is not one of those.
+        DataError: the file is missing or not from `write_json`.
 
     """
     try:
@@ -137,14 +137,14 @@ def compare(
     before: Iterable[Measurement], after: Iterable[Measurement]
 ) -> tuple[list[Change], list[str]]:
     """
-    Hold the figures of two runs against each other.
+    Compare the figures of two runs.
 
     Args:
         before: figures of the first run.
         after: figures of the second run.
 
     Returns:
-        The figures that are in both, in the order of the second; the names that are in one alone.
+        The figures of both runs, in the order of the second; and the names that only one run has.
 
     """
     first = {result.name: result for result in before}
@@ -155,13 +155,13 @@ def compare(
 
 def table(results: Sequence[Measurement]) -> Table:
     """
-    Lay the figures out for the terminal.
+    Make a table of the figures for the terminal.
 
     Args:
         results: the figures.
 
     Returns:
-        One row a figure: target, and the ratio to the floor and to each peer.
+        One row per figure, with target and the ratios to the floor and to each peer.
 
     """
     grid = Table(title='benchmark', title_style='bold', show_lines=True)
@@ -176,7 +176,7 @@ def table(results: Sequence[Measurement]) -> Table:
 
 def markdown(results: Sequence[Measurement]) -> str:
     """
-    Lay the figures out for a document.
+    Make a table of the figures for a document.
 
     Args:
         results: the figures.
@@ -194,14 +194,14 @@ def markdown(results: Sequence[Measurement]) -> str:
 
 def comparison_table(changes: Sequence[Change], tolerance: float) -> Table:
     """
-    Lay a comparison out for the terminal.
+    Make a table of a comparison for the terminal.
 
     Args:
-        changes: what `compare` gave.
-        tolerance: how many times worse counts as a slowdown.
+        changes: result of `compare`.
+        tolerance: factor above which a figure counts as a slowdown.
 
     Returns:
-        One row a figure, slowdowns in red.
+        One row per figure, slowdowns in red.
 
     """
     grid = Table(title='benchmark, before and after', title_style='bold')
@@ -221,13 +221,13 @@ def comparison_table(changes: Sequence[Change], tolerance: float) -> Table:
 
 def cells(result: Measurement) -> tuple[str, str, str, str, str, str]:
     """
-    Write one figure as words.
+    Format one figure as table cells.
 
     Args:
         result: the figure.
 
     Returns:
-        What, the figure, its target, its floor and peers with the ratio to them, the note.
+        Name, value, target, floor and peers with ratios, note.
 
     """
     unit = result.unit
@@ -276,7 +276,7 @@ def _worsening(before: float, after: float, higher_is_better: bool) -> float:
 
 
 def _number(value: float) -> str:
-    """Write a number with three digits that count."""
+    """Format a number with three significant digits."""
     return f'{value:,.0f}' if abs(value) >= 1000 else f'{value:.3g}'
 
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The graph: periods, drift, latency and speed beside what the machine can do at best."""
+"""The graph: periods, drift, latency and speed, compared with the limits of the machine."""
 
 from __future__ import annotations
 
@@ -38,27 +38,27 @@ PERIOD_S = 0.005
 DURATION_S = float(os.environ.get('HANDOVER_DMP_BENCH_SECONDS', '60'))
 MIN_S = 5.0
 MAX_LATENCY_MS = 5.0
-"""From a pose of the hand to joint velocities, in the median."""
+"""Target of the median latency from a hand pose to joint velocities."""
 MESSAGES_IN_TURN = 4
-"""Of a period in lockstep: joint states, wrist, its command, joint velocities."""
+"""Sequential messages of a period in lockstep: joint states, wrist, command, velocities."""
 MIN_SPEED = 1.6
 MAX_IDLE = 50.0
 MAX_GROWTH_KB = 50.0
 EMPTY = 'five empty nodes, the same messages'
 IN_MOTION = 80.0
-"""Share of the periods that is to be in motion for the figures to tell anything, %."""
+"""Least share of periods in motion for meaningful figures, %."""
 
 
 def run(progress: Callable[[str], None]) -> list[Measurement]:
     """
     Run the five nodes on the wall clock and the probes beside them, all at the same time.
 
-    The arm is in motion nearly all the time: one handover follows the other. For a third of the
-    time more the same is run in lockstep, as fast as it goes, and for as long the graph is idle,
-    each beside five nodes that exchange the same messages and do nothing else.
+    The arm is nearly always in motion: one handover follows the other. Two further runs take a
+    third of the time each: in lockstep at full speed, and idle; each is compared with five empty
+    nodes that exchange the same messages.
 
     Args:
-        progress: is told what goes on.
+        progress: called with the present step.
 
     Returns:
         Period errors, drift and latency; speed and lost periods in lockstep; the cost at rest.
@@ -102,7 +102,7 @@ def _periods(run: WallClockRun) -> list[Measurement]:
     """Compare the periods of `dmp` with those of the probes."""
     ticks, empty = run.within(run.ticks['dmp']), run.within(run.probes['empty'])
     times, numbers = ticks.T
-    # only where the recorder has seen both ends of a period
+    # only periods of which the recorder has both ends
     errors = _errors_ms(np.diff(times)[np.diff(numbers) == 1.0])
     floors = _errors_ms(np.diff(empty))
     peers = {'plain sleep loop': _errors_ms(np.diff(run.within(run.probes['sleep'])))}
@@ -128,11 +128,11 @@ def _errors_ms(periods: Array) -> Array:
 
 
 def _pace(ticks: Array, empty: Array) -> list[Measurement]:
-    """Tell whether the rate of `dmp` is that of the clock, and whether it loses periods."""
+    """Measure the drift of `dmp` from the clock, and its lost periods."""
     bare: Array = np.column_stack((empty, np.arange(len(empty))))
 
     def behind(ticks: Array) -> float:
-        """By how many periods the last tick is later than the first one says."""
+        """Return the delay of the last tick, relative to the first, in periods."""
         duration_s, periods = ticks[-1] - ticks[0]
         return float(duration_s / PERIOD_S - periods)
 
@@ -162,7 +162,7 @@ def _pace(ticks: Array, empty: Array) -> list[Measurement]:
 
 
 def _lost(ticks: Array) -> float:
-    """Count the periods that are missing between ticks, (n, 2): time in s, number."""
+    """Count the missing periods between ticks, (n, 2): time in s, number."""
     between_s, numbers = np.diff(ticks, axis=0).T
     return max(float(np.sum(np.rint(between_s / PERIOD_S) - numbers)), 0.0)
 
@@ -235,21 +235,21 @@ def _load() -> str:
 
 def _latencies_ms(run: WallClockRun) -> Array:
     """
-    Follow each pose of the hand through the periods that used it, while a handover was on.
+    Follow each hand pose through the periods that used it, during handovers.
 
-    A joint command names the period of `priority_ik` that it answers, that period the wrist
-    command, and the period of `dmp` which made that names the newest pose it knew. Counted is from
-    the tracker's period that published a pose to the reception of the first joint command that
-    follows from this pose or a newer one.
+    A joint command names the period of `priority_ik` that it answers; that period names the wrist
+    command; and the period of `dmp` that made it names the newest pose it knew. The latency is the
+    time from the tracker's period that published a pose to the reception of the first joint
+    command that follows from this pose or a newer one.
     """
-    # the same whole number of nanoseconds gives the same float, so these match exactly
+    # equal integers of nanoseconds give equal floats, so these match exactly
     solved = dict(run.ik.tolist())
     stepped = {row[0]: row[1:] for row in run.dmp.tolist()}
     chain = []
     traced = True
     for period_s, heard_s, moves in run.joints.tolist():
         known_s, handing_over = stepped.get(solved.get(period_s), (np.nan, 0.0))
-        # after a period that the recorder missed, nobody knows what was answered in that
+        # after a period that the recorder missed, its answer is unknown
         counts = moves and handing_over and traced
         traced = bool(np.isfinite(known_s))
         if traced:
@@ -259,7 +259,7 @@ def _latencies_ms(run: WallClockRun) -> Array:
     answer = np.searchsorted(np.maximum.accumulate(known), stamps)
     answered = answer < len(known)
     answer, published = answer[answered], published[answered]
-    # a pose from before the start has nothing to answer it
+    # no command answers a pose from before the start
     begun = run.dmp[np.searchsorted(run.dmp[:, 0], published) - 1, 2]
     shown = (moving[answer] > 0.0) & (begun > 0.0)
     latencies_ms: Array = (heard[answer[shown]] - published[shown]) * 1e3

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Sparse Bayesian learning: time, sparsity and error beside ARD and ridge."""
+"""Sparse Bayesian learning: time, sparsity and error, compared with ARD and ridge."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ import numpy as np
 
 SAMPLES = 301
 CANDIDATES = 100
-NOISE = 0.02  # of the range of the target
+NOISE = 0.02  # share of the range of the target
 SEEDS = 7
 PEER, RIDGE = 'ARDRegression', 'ridge'
 
@@ -39,7 +39,7 @@ def run(progress: Callable[[str], None]) -> list[Measurement]:
     Measure.
 
     Args:
-        progress: told what is measured next.
+        progress: called with the name of each measurement.
 
     Returns:
         The figures.

@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-Every fault at every stage of a session, in one process: a matrix of what becomes of the object.
+Every fault at every stage of a session, in one process: a matrix of the outcomes.
 
-The faults are those of the soak (tracker, joint states, commands, orders) and those of the force
-sensor. For each, two sessions run in which it strikes at the beginning of every other stage, lasts
-a while, and is over before it strikes again, and a third one for the stages that these left out.
-Whatever becomes of it, the limits are kept, the object is never dropped, and the wrist never goes
-towards a hand that is lost.
+The faults are those of the soak test (tracker, joint states, commands, requests) and those of the
+force sensor. For each fault, two sessions run in which it occurs at the beginning of every second
+stage, lasts a while, and ends before it occurs again; a third session covers the remaining stages.
+In every case the limits are kept, the object is never dropped, and the wrist never moves towards a
+lost hand.
 """
 
 from __future__ import annotations
@@ -48,16 +48,16 @@ from handover_dmp.simulation.carried_object import CarriedObjectOptions, Holder
 from handover_dmp.tracking.playback import HandSample
 
 MASS_KG = 0.8
-"""Of the object, kg."""
+"""Mass of the object, kg."""
 LASTS_S = 0.6
-"""How long a fault lasts, s."""
+"""Duration of a fault, s."""
 TAKEN_UP_S = 0.3
-"""How long after it somebody tells an arm to go on that has stopped, s."""
+"""Time after a fault until a stopped arm is told to resume, s."""
 MAX_S = 60.0
-"""How long a session may take, s."""
+"""Longest duration of a session, s."""
 IN_MOTION = (HandoverState.PICKING_UP, HandoverState.REACHING)
 DELAY_S = {name: 0.4 if state in IN_MOTION else 0.0 for name, state, _ in STAGES}
-"""How long after the beginning of each stage a fault strikes: an arm has to be in motion, s."""
+"""Time from the beginning of a stage to the fault, s; the arm must be in motion."""
 TRACKER, JOINTS = 'tracker ', 'joint states '
 WRENCH_FAULTS = ('force sensor silent', 'force sensor at zero', 'force not finite')
 FAULTS = (
@@ -69,7 +69,7 @@ FAULTS = (
     'abort',
     'reset',
 )
-"""All of them; of the orders those that stop a session."""
+"""All faults; of the requests, those that stop a session."""
 assert set(FAULTS) >= set(ORDERS) - {'start'}
 
 
@@ -80,12 +80,12 @@ class FaultRow:
 
     Attributes:
         fault: its name.
-        stages: names of those with which it has struck.
-        done: whether its sessions came to their end all the same: both exchanges are over, and
-            the arm stands at home, with who has the object.
-        holder: who had the object at last.
-        broken: what no fault may break and this one did, a line each.
-        lasted_s: how long they took, s.
+        stages: names of the stages in which it occurred.
+        done: whether its sessions were completed: both exchanges are over, and the arm is at
+            home.
+        holder: final holder of the object.
+        broken: violated invariants, one line each.
+        lasted_s: duration of the sessions, s.
 
     """
 
@@ -99,10 +99,10 @@ class FaultRow:
 
 class FaultySession(SessionLoop):
     """
-    A session in which something fails once one of its stages is on.
+    A session with a fault in chosen stages.
 
     Attributes:
-        fault: what it is, from `strike` on.
+        fault: name of the fault, from `strike` on.
 
     """
 
@@ -110,11 +110,11 @@ class FaultySession(SessionLoop):
 
     def arm_for(self, scenario: SessionScenario, carried: CarriedObjectOptions) -> None:
         """
-        Put an arm and a wrist controller in that can fail.
+        Create an arm and a wrist controller that can fail.
 
         Args:
-            scenario: what is run.
-            carried: what is handed over.
+            scenario: the scenario.
+            carried: the object.
 
         """
         self.arm.close()
@@ -124,10 +124,10 @@ class FaultySession(SessionLoop):
 
     def strike(self, fault: str) -> None:
         """
-        Let something fail from now on, for a while.
+        Start a fault, which lasts for a while.
 
         Args:
-            fault: its name, out of `FAULTS`.
+            fault: its name, of `FAULTS`.
 
         """
         self.fault = Span(fault, self.time_s, self.time_s + LASTS_S)
@@ -142,19 +142,19 @@ class FaultySession(SessionLoop):
 
     def fails(self, fault: str) -> bool:
         """
-        Tell whether a fault is on.
+        Tell whether a fault is active.
 
         Args:
             fault: its name.
 
         Returns:
-            Whether.
+            Whether it is active.
 
         """
         return self.fault.name == fault and self.fault.holds(self.time_s)
 
     def hands_at(self, now_s: float) -> list[list[HandSample]]:
-        """Give the poses of a period, in s, as the fault leaves them."""
+        """Return the poses of a period, s, as altered by the fault."""
         hands = super().hands_at(now_s)
         strikes = self.fault.name.startswith(TRACKER) and self.fault.holds(now_s)
         if not strikes or self._of_tracker is None:
@@ -162,7 +162,7 @@ class FaultySession(SessionLoop):
         return [self._of_tracker(samples) for samples in hands]
 
     def feel(self, now_s: float) -> None:
-        """Tell the controller what the wrist feels at a time, in s, as the fault leaves it."""
+        """Pass the wrench at a time, s, as altered by the fault, to the controller."""
         if self.fails('force sensor at zero'):
             self.controller.set_wrench((0.0, 0.0, 0.0), now_s)
         elif self.fails('force not finite'):
@@ -173,14 +173,14 @@ class FaultySession(SessionLoop):
 
 def row(scenario: SessionScenario, fault: str) -> FaultRow:
     """
-    Run the sessions in which a fault strikes at every stage.
+    Run the sessions in which a fault occurs at every stage.
 
     Args:
-        scenario: what is run.
-        fault: its name, out of `FAULTS`.
+        scenario: the scenario.
+        fault: its name, of `FAULTS`.
 
     Returns:
-        What became of it.
+        The outcome.
 
     """
     names = [name for name, _, _ in STAGES]
@@ -255,7 +255,7 @@ def _is_over(session: FaultySession) -> bool:
 
 
 def _take_up(session: FaultySession) -> None:
-    """Tell an arm that has stopped, or a session that was, to go on."""
+    """Resume a stopped arm or a stopped session."""
     if session.arm.report.state is ArmState.STOPPED:
         session.arm.resume()
     begun = session.fault.from_s < inf
@@ -265,13 +265,13 @@ def _take_up(session: FaultySession) -> None:
 
 def run(progress: Callable[[str], None]) -> list[Measurement]:
     """
-    Let every fault strike at every stage of a session.
+    Run every fault at every stage of a session.
 
     Args:
-        progress: told how far it is.
+        progress: called with the present step.
 
     Returns:
-        A figure for each fault, and how many broke what none may.
+        A figure for each fault, and the number of faults that violated an invariant.
 
     """
     progress('making the session')
@@ -285,13 +285,13 @@ def run(progress: Callable[[str], None]) -> list[Measurement]:
 
 def measured(rows: Sequence[FaultRow]) -> list[Measurement]:
     """
-    Make figures of a matrix.
+    Make figures from the matrix.
 
     Args:
-        rows: all of it.
+        rows: all rows.
 
     Returns:
-        How many rows are broken, and for each fault at how many stages it struck.
+        The number of rows with violations, and for each fault the number of its stages.
 
     """
     broken = [f'{each.fault}: {line}' for each in rows for line in each.broken]

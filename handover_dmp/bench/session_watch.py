@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-What must hold in a session whatever fails: the object is had by somebody, and no hand is chased.
+Invariants of a session with faults: somebody holds the object, and no lost hand is chased.
 
-For the matrix of faults and states, in one process and on the graph alike.
+For the matrix of faults and states, in one process and on the graph.
 """
 
 from __future__ import annotations
@@ -38,17 +38,17 @@ STAGES = (
     ('exchange of the take', HandoverState.EXCHANGE, Leg.TAKE),
     ('withdrawing with it', HandoverState.WITHDRAWING, Leg.TAKE),
 )
-"""Name of each stage of a session, its state, and which of its two handovers is on."""
+"""Name of each stage of a session, its state, and the handover that is active."""
 LEGS = {HandoverState.PICKING_UP.value: Leg.GIVE, HandoverState.WAITING.value: Leg.TAKE}
-"""Which handover comes after a state, whatever the gripper does."""
+"""The handover after a state, regardless of the gripper."""
 STANDS_S = 0.4
-"""After so long without a hand the wrist stands or goes away: the time-out, and braking, s."""
+"""Time without a hand after which the wrist stands or retreats: time-out plus braking, s."""
 NEARER_M = 0.005
-"""By how much a wrist that comes to rest may settle towards the place of the hand, m."""
+"""Distance by which a wrist may still settle towards the hand as it comes to rest, m."""
 
 
 class StageWatch:
-    """Tells which stage of a session it is, from the states and the gripper as they come."""
+    """Finds the stage of a session from the sequence of states and the gripper."""
 
     def __init__(self) -> None:
         """Begin before the first state."""
@@ -60,8 +60,8 @@ class StageWatch:
         Take a state.
 
         Args:
-            state: the present one.
-            gripper_closed: whether the gripper is; who reaches with it open, takes.
+            state: the present state.
+            gripper_closed: whether the gripper is closed; a reach with an open gripper is a take.
 
         """
         if state != self._state and state == HandoverState.REACHING.value:
@@ -72,23 +72,23 @@ class StageWatch:
 
     @property
     def stage(self) -> str:
-        """Name of the stage that is on; empty where none is."""
+        """Name of the present stage; empty if there is none."""
         now = self._state, self._leg
         return next((name for name, state, leg in STAGES if (state.value, leg) == now), '')
 
 
 class SessionWatch:
     """
-    Holds a session against what no fault may break.
+    Checks the invariants of a session.
 
     Attributes:
-        broken: what was, a line each.
-        is_dropped: whether nobody has the object.
+        broken: violations, one line each.
+        is_dropped: whether nobody holds the object.
 
     """
 
     def __init__(self) -> None:
-        """Begin with nothing seen."""
+        """Start without observations."""
         self.broken: list[str] = []
         self.is_dropped = False
         self._nearest_m = 0.0
@@ -98,13 +98,13 @@ class SessionWatch:
         self, time_s: float, wrist: Sequence[float], hand: Sequence[float] | None, age_s: float
     ) -> None:
         """
-        Take where the wrist is, and what is known of the hand.
+        Take the wrist and the known hand.
 
         Args:
-            time_s: s.
-            wrist: (3,), m.
-            hand: (3,), where it was when it was last believed, m; None before that.
-            age_s: how long ago that was, s.
+            time_s: time, s.
+            wrist: (3,), m, position of the wrist.
+            hand: (3,), m, last accepted position of the hand; None before the first.
+            age_s: age of that position, s.
 
         """
         if hand is None:
@@ -123,11 +123,11 @@ class SessionWatch:
 
     def see_holder(self, time_s: float, holder: str) -> None:
         """
-        Take who has the object.
+        Take the holder of the object.
 
         Args:
-            time_s: s.
-            holder: as `object/holder` says it.
+            time_s: time, s.
+            holder: value of `object/holder`.
 
         """
         dropped = holder == Holder.NOBODY.value

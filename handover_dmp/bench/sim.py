@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The simulated arm: how fast, how exact, and what the human figure and the pictures cost."""
+"""The simulated arm: speed, accuracy, and the cost of the human figure and the pictures."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def run(progress: Callable[[str], None]) -> list[Measurement]:
     Measure.
 
     Args:
-        progress: told what is measured next.
+        progress: called with the name of each measurement.
 
     Returns:
         The figures.
@@ -95,7 +95,7 @@ def run(progress: Callable[[str], None]) -> list[Measurement]:
 
 
 def _handover_speed() -> float:
-    """Run whole handovers; give simulated by real time, in the median."""
+    """Run whole handovers; return the median of simulated time over real time."""
     scenario = make_scenario()
     speeds = []
     for _ in range(9):
@@ -108,7 +108,7 @@ def _handover_speed() -> float:
 
 
 def _commands(model: RobotModel) -> list[Array]:
-    """Smooth motion of all joints well within the limits, 1 s."""
+    """Return a smooth motion of all joints well within the limits, 1 s."""
     times = PERIOD_S * np.arange(PERIODS)[:, None]
     phases = np.arange(model.dof)
     ramp = np.minimum(1.0, times / 0.25)
@@ -157,7 +157,7 @@ def _hand_path() -> Array:
 
 
 def _figure_ratio(model: RobotModel) -> float:
-    """Measure with and without by turns; on a shared machine only their ratio holds."""
+    """Measure with and without in turns; on a shared machine only the ratio is reliable."""
     hands = _hand_path()
     commands = _commands(model)
     figure = PartnerFigure(hands, np.array([0.5, 0.0, 1.0]))

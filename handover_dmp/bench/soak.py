@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The long soak: handovers in lockstep with faults at random, every period checked."""
+"""The soak test: handovers in lockstep with random faults; every period is checked."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ SEEDS = 4
 WARM_UP = 20
 MAX_FAULTS = 3
 FAULT_S = (0.02, 1.0)
-"""Shortest and longest fault, s."""
+"""Shortest and longest duration of a fault, s."""
 EXTRA_S = 12.0
-"""Beyond a handover without faults, for what was stopped to be taken up again, s."""
+"""Additional time of a handover with faults, to resume after stops, s."""
 TAKEN_UP_S = 0.5
-"""After a stop, until somebody lets the motion go on, s."""
+"""Time from a stop until the motion is resumed, s."""
 STOPPED_S = 0.6
-"""Within which an arm that has stopped by itself stands still, s."""
+"""Time within which a stopping arm stands still, s."""
 STILL_RAD_S = 0.01
 MAX_GROWTH = 5.0
 
@@ -78,11 +78,11 @@ class Span:
 
     def __init__(self, name: str, from_s: float, until_s: float) -> None:
         """
-        Name a fault and its time.
+        Set a fault and its time.
 
         Args:
-            name: of the fault.
-            from_s: beginning, s.
+            name: name of the fault.
+            from_s: start, s.
             until_s: end, s.
 
         """
@@ -91,12 +91,12 @@ class Span:
         self.until_s = until_s
 
     def holds(self, now_s: float) -> bool:
-        """Tell whether it is on at a time, s."""
+        """Tell whether it is active at a time, s."""
         return self.from_s <= now_s < self.until_s
 
 
 class FaultyWristController(WristController):
-    """What `priority_ik` runs, with inputs that fail."""
+    """The controller of `priority_ik`, with faulty inputs."""
 
     spans: Sequence[Span] = ()
 
@@ -110,7 +110,7 @@ class FaultyWristController(WristController):
         velocities: ArrayLike,
         arrival_s: float,
     ) -> bool:
-        """Take joint states as the fault of the moment leaves them."""
+        """Take joint states as altered by the active fault."""
         names = list(names)
         place, speed = np.array(positions, float), np.array(velocities, float)
         if self._fails('stale', arrival_s):
@@ -133,7 +133,7 @@ class FaultyWristController(WristController):
         return super().set_joint_state(names, place, speed, arrival_s)
 
     def set_target(self, target: WristTarget, arrival_s: float) -> bool:
-        """Take a wrist command as the fault of the moment leaves it."""
+        """Take a wrist command as altered by the active fault."""
         if self._fails('dmp silent', arrival_s):
             return False
         if self._fails('wrist command not finite', arrival_s):
@@ -142,12 +142,12 @@ class FaultyWristController(WristController):
 
 
 class FaultyArm(SimulatedArm):
-    """The arm, with commands that fail on the way to it."""
+    """The arm, with faulty commands."""
 
     spans: Sequence[Span] = ()
 
     def command(self, velocities: Sequence[float] | Array) -> CommandOutcome:
-        """Take a joint command as the fault of the moment leaves it."""
+        """Take a joint command as altered by the active fault."""
         sent = np.array(velocities, float)
         for span in self.spans:
             if span.holds(self.time_s):
@@ -171,18 +171,18 @@ class FaultyArm(SimulatedArm):
 
 class Soak:
     """
-    One handover after another on the same arm model, each with faults of its own.
+    One handover after another on the same arm model, each with its own faults.
 
     Attributes:
-        broken: what no fault may break and one did, a line each.
-        periods: how many were checked.
-        done: how many handovers came to their end.
-        handovers: how many there were.
-        faults: name to how often it struck.
-        stops: how often the arm stopped by itself.
-        drift: greatest difference of the end postures of handovers that nothing struck, rad.
-        resident: memory at the end of the last handover, the arm still there, bytes. What is
-            held without an arm tells little: it depends on how much the allocator gives back.
+        broken: violated invariants, one line each.
+        periods: number of checked periods.
+        done: number of completed handovers.
+        handovers: number of handovers.
+        faults: number of occurrences by name.
+        stops: number of times the arm stopped by itself.
+        drift: greatest difference of the final configurations of handovers without faults, rad.
+        resident: memory at the end of the last handover with the arm still loaded, bytes. Memory
+            without an arm says little: it depends on what the allocator returns.
 
     """
 
@@ -191,8 +191,8 @@ class Soak:
         Prepare.
 
         Args:
-            scenarios: what is handed over, in turns.
-            seed: of all that is drawn at random.
+            scenarios: scenarios, used in turn.
+            seed: seed of all random numbers.
 
         """
         self._scenarios = scenarios
@@ -209,7 +209,7 @@ class Soak:
         self._process = psutil.Process()
 
     def hand_over(self) -> None:
-        """Run one handover with faults, and check every period of it."""
+        """Run one handover with faults, and check every period."""
         turn = self.handovers % len(self._scenarios)
         scenario = self._scenarios[turn]
         self.handovers += 1
@@ -314,12 +314,12 @@ def run(
     progress: Callable[[str], None], minutes: float = MINUTES, maximum: int | None = None
 ) -> list[Measurement]:
     """
-    Hand over again and again with faults at random until the time is over.
+    Repeat handovers with random faults until the time is over.
 
     Args:
-        progress: told how far it is.
-        minutes: how long, min of the wall clock.
-        maximum: handovers after which it ends before; None: as many as the time allows.
+        progress: called with the present step.
+        minutes: duration on the wall clock, min.
+        maximum: largest number of handovers; None: as many as the time permits.
 
     Returns:
         The figures.

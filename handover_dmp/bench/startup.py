@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How long the command takes to start: heavy libraries are loaded only where they are used."""
+"""Start time of the command: heavy libraries must be loaded only when they are used."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ ROUNDS = 15
 
 def run(progress: Callable[[str], None]) -> list[Measurement]:
     """
-    Measure `handover_dmp --help` beside a Python that does nothing.
+    Measure `handover_dmp --help`, compared with an empty Python program.
 
     Args:
-        progress: called with what is being measured.
+        progress: called with the name of each measurement.
 
     Returns:
         One figure, in seconds.
@@ -41,7 +41,7 @@ def run(progress: Callable[[str], None]) -> list[Measurement]:
     progress('start of the command')
     commands = {'help': ['-m', 'handover_dmp', '--help'], 'python': ['-c', 'pass']}
     times: dict[str, list[float]] = {name: [] for name in commands}
-    # In turns, so that a busy second of the machine falls on both.
+    # In turns, so that a busy second of the machine affects both.
     for _ in range(ROUNDS):
         for name, command in commands.items():
             start = perf_counter()

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Two trackers of one hand, each with the faults of real ones: what each gives alone, and both.
+Two trackers of one hand with realistic faults: errors of each alone, and of both fused.
 
-A mocap (200 Hz, 0.5 mm of noise) and a depth camera (30 Hz, 8 mm, 80 ms late, 22 mm off) see
-synthetic reaches, there and back; errors are those of the hand as it is asked for 200 times a
-second, root mean square over all runs.
+A mocap (200 Hz, 0.5 mm of noise) and a depth camera (30 Hz, 8 mm, 80 ms late, 22 mm off) track
+synthetic reaches, there and back. Errors are those of the estimated hand at 200 Hz, root mean
+square over all runs.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ PAUSE_S = 0.4
 FROM_S = 0.3
 REPORT_S = 1.0
 MIDDLE_S = 0.75
-"""When a fault begins, after the start of the first reach, s."""
+"""Start of a fault after the start of the first reach, s."""
 NO_FAULT: Mapping[str, Any] = {}
 DIES = {'fault': 'dies', 'fault_at_s': REST_S + MIDDLE_S}
 FREEZES = DIES | {'fault': 'freezes'}
@@ -54,12 +54,12 @@ DOUBLES = {'duplicates': 0.5, 'jitter_s': 0.02}
 @dataclass(frozen=True)
 class TrackerCase:
     """
-    What is wrong with the two trackers.
+    The faults of the two trackers.
 
     Attributes:
-        name: in words.
-        mocap: what its sensor has other than that of its preset.
-        camera: the same.
+        name: description.
+        mocap: changes to the sensor of its preset.
+        camera: the same for the camera.
 
     """
 
@@ -93,12 +93,12 @@ TRACKER_CASES = (
 @dataclass(frozen=True)
 class Errors:
     """
-    How far the hand that is told is from the one that is, root mean square.
+    Errors of the estimated hand, root mean square.
 
     Attributes:
-        position_m: m; infinite where no hand was told.
-        velocity: m/s; the same.
-        said: what was said of the trackers.
+        position_m: position error, m; infinite without an estimate.
+        velocity: velocity error, m/s; infinite without an estimate.
+        said: status messages of the trackers.
 
     """
 
@@ -110,12 +110,12 @@ class Errors:
 @dataclass(frozen=True)
 class TrackerErrors:
     """
-    What came of a case.
+    The results of a case.
 
     Attributes:
-        mocap: alone.
-        camera: alone.
-        fused: both.
+        mocap: errors of the mocap alone.
+        camera: errors of the camera alone.
+        fused: errors of both fused.
 
     """
 
@@ -125,7 +125,7 @@ class TrackerErrors:
 
     @property
     def better(self) -> Errors:
-        """Return the better one alone, by its position."""
+        """Return the better single tracker, by position."""
         return min(self.mocap, self.camera, key=lambda errors: errors.position_m)
 
 
@@ -133,12 +133,12 @@ def compare_trackers(
     case: TrackerCase, seeds: Iterable[int], tell: Callable[[], None] = lambda: None
 ) -> TrackerErrors:
     """
-    Follow the hand through some runs of a case, by each tracker alone and by both.
+    Track the hand in some runs of a case, with each tracker alone and with both.
 
     Args:
-        case: what is wrong.
-        seeds: of the runs; each also chooses its reach.
-        tell: is called after each run.
+        case: the faults.
+        seeds: seeds of the runs; each also selects a reach.
+        tell: called after each run.
 
     Returns:
         The errors.
@@ -159,30 +159,30 @@ def trackers_of(case: TrackerCase, seed: int) -> tuple[TrackerPreset, TrackerPre
     Make the two trackers of a case.
 
     Args:
-        case: what is wrong with them.
-        seed: of their noise.
+        case: the faults.
+        seed: seed of their noise.
 
     Returns:
         Mocap and camera.
 
     """
     mocap, camera = read_trackers(['mocap', 'depth_camera'], seed)
-    # as the figures of the table are told: without the few milliseconds of the preset
+    # as in the table: without the few milliseconds of delay of the preset
     mocap = replace(mocap, sensor=replace(mocap.sensor, **{'delay_s': 0.0, **case.mocap}))
     return mocap, replace(camera, sensor=replace(camera.sensor, **case.camera))
 
 
 def follow_hand(times: Array, path: Array, seen_by: Sequence[TrackerPreset]) -> Errors:
     """
-    Follow a hand as some trackers see it.
+    Track a hand with some trackers.
 
     Args:
-        times: (n,) s, evenly.
-        path: (n, 3) m, of the hand.
+        times: (n,) s, evenly spaced.
+        path: (n, 3) m, true path of the hand.
         seen_by: the trackers.
 
     Returns:
-        The errors from shortly after the start on.
+        The errors, from shortly after the start on.
 
     """
     truth = interpolate(times, path)
@@ -222,10 +222,10 @@ def follow_hand(times: Array, path: Array, seen_by: Sequence[TrackerPreset]) -> 
 
 def there_and_back(trial: HandoverTrial) -> tuple[Array, Array]:
     """
-    Make a motion of a reach: a rest, the way there, a rest, the way back, a rest.
+    Make a motion from a reach: rest, reach, rest, return, rest.
 
     Args:
-        trial: whose partner reaches.
+        trial: trial with the partner's reach.
 
     Returns:
         (n,) s at 200 Hz, and (n, 3) m.

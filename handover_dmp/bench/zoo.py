@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-A zoo of arms: those that lie in folders of robot descriptions, found by their joints.
+A zoo of arms, found by their joints in folders of robot descriptions.
 
-What an arm is, is decided here by looking at the tree of joints and nothing else, so that what the
-package makes of a description can be held against it.
+This module identifies arms from the tree of joints alone, independently of the package, so that
+the package's results can be compared with it.
 """
 
 from __future__ import annotations
@@ -37,16 +37,16 @@ Element = ElementTree.Element
 
 MOVING = ('revolute', 'continuous', 'prismatic')
 MIN_ALONE = 3
-"""Joints that turn of an arm that is all of its robot."""
+"""Least number of revolute joints of an arm that is the whole robot."""
 MIN_BESIDE = 6
-"""Joints of an arm of a robot that has other limbs."""
+"""Least number of joints of an arm of a robot with other limbs."""
 LEG = re.compile(r'foot|feet|ankle|sole|toe|leg|hip|wheel', re.IGNORECASE)
 HAND_JOINT = re.compile(r'grip|finger|thumb|jaw', re.IGNORECASE)
 HAND_LINK = re.compile(r'finger|thumb|jaw|knuckle', re.IGNORECASE)
 TOOL = ('tool0', 'flange', 'tool', 'tcp', 'ee_link', 'eef', 'effector', 'tip')
-"""In the names of frames at the end of an arm, the best ones first."""
+"""Parts of frame names at the end of an arm, the best ones first."""
 NO_LIMIT = 1e3
-"""From here on a number in a description stands for none."""
+"""Larger numbers in a description mean no limit."""
 
 
 @dataclass(frozen=True)
@@ -55,11 +55,11 @@ class ZooArm:
     An arm in a file.
 
     Attributes:
-        name: of the file, below the folder that was searched.
-        path: of the file.
+        name: name of the file, relative to the searched folder.
+        path: path of the file.
         wrist_frame: a link at its end.
-        base_frame: the link that it begins at; empty for the root of a robot that is one arm.
-        joint_names: from the base on.
+        base_frame: its first link; empty for the root of a robot that is one arm.
+        joint_names: joints, from the base on.
 
     """
 
@@ -73,12 +73,12 @@ class ZooArm:
 @dataclass(frozen=True, eq=False)
 class FileLimits:
     """
-    What a description says of joints, read without the package's own rules.
+    The joint limits of a description, read without the package's own rules.
 
     Attributes:
-        lower: (n,), rad or m; -inf where it says nothing.
-        upper: the same, inf.
-        velocity: (n,), per s; inf where it says nothing.
+        lower: (n,), rad or m; -inf if missing.
+        upper: (n,), rad or m; inf if missing.
+        velocity: (n,), rad/s or m/s; inf if missing.
 
     """
 
@@ -89,7 +89,7 @@ class FileLimits:
 
 def zoo() -> Iterator[ZooArm]:
     """
-    Look for the arms of example-robot-data and of PyBullet.
+    Find the arms of example-robot-data and of PyBullet.
 
     Yields:
         The arms.
@@ -104,17 +104,17 @@ def zoo() -> Iterator[ZooArm]:
 
 def arms_in(folder: Path) -> Iterator[ZooArm]:
     """
-    Look for serial arms.
+    Find serial arms.
 
-    That is a chain of joints without a branch, each of which moves by itself and three of which
-    turn: from the root, or, of a robot with several limbs, the first one of six joints or more
-    that is no leg. A gripper's joint at its end is not counted.
+    An arm is a chain of joints without a branch. Each joint moves independently, and three are
+    revolute. It starts at the root or, for a robot with several limbs, is the first limb of six
+    joints or more that is no leg. A gripper's joint at its end does not count.
 
     Args:
-        folder: searched with all below it.
+        folder: folder to search recursively.
 
     Yields:
-        One arm a file, by the files' names.
+        One arm per file, sorted by file name.
 
     """
     for path in sorted(folder.rglob('*.urdf')):
@@ -130,14 +130,14 @@ def arms_in(folder: Path) -> Iterator[ZooArm]:
 
 def file_limits(text: str, joint_names: Sequence[str]) -> FileLimits:
     """
-    Read the limits of joints as they stand in a description.
+    Read the joint limits of a description.
 
     Args:
-        text: of the description.
-        joint_names: which joints.
+        text: text of the description.
+        joint_names: names of the joints.
 
     Returns:
-        The narrower of hard and soft limits of each.
+        The narrower of hard and soft limits of each joint.
 
     """
     joints = {joint.get('name'): joint for joint in parse_xml(text).findall('joint')}
@@ -150,7 +150,7 @@ def file_limits(text: str, joint_names: Sequence[str]) -> FileLimits:
             lower, upper = -inf, inf
         given = {} if soft is None else soft.attrib
         ends = [given.get(f'soft_{side}_limit') for side in ('lower', 'upper')]
-        # 0 to both is what those say who mean the gains beside them
+        # files that only set the gains have 0 for both limits
         if any(float(end or 0.0) for end in ends):
             lower = lower if ends[0] is None else max(lower, float(ends[0]))
             upper = upper if ends[1] is None else min(upper, float(ends[1]))
@@ -190,7 +190,7 @@ def _arm_of(robot: Element) -> tuple[str, str, tuple[str, ...]] | None:
 
 
 def _limbs(group: list[str], below: dict[str, list[Element]]) -> Iterator[list[Element]]:
-    """Yield the limbs beyond a branch, without their grippers, the nearest ones first."""
+    """Yield the limbs after a branch, without grippers, nearest first."""
     groups = [group]
     for each in groups:
         for joint in _moving_from(each, below):
@@ -218,7 +218,7 @@ def _limb(
 
 
 def _rigid(link: str, below: dict[str, list[Element]]) -> list[str]:
-    """Return the links that are fixed to one, itself first."""
+    """Return the links fixed to a link, itself first."""
     group = [link]
     for each in group:
         group += [_end(j, 'child') for j in below.get(each, []) if j.get('type') == 'fixed']
@@ -226,7 +226,7 @@ def _rigid(link: str, below: dict[str, list[Element]]) -> list[str]:
 
 
 def _moving_from(group: Sequence[str], below: dict[str, list[Element]]) -> list[Element]:
-    """Return the joints that hang on a rigid group and move by themselves."""
+    """Return the independently moving joints on a rigid group."""
     joints = [joint for link in group for joint in below.get(link, [])]
     return [j for j in joints if j.get('type') in MOVING and j.find('mimic') is None]
 

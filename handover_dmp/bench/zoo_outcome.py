@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What becomes of an arm of the zoo: loading, self-check, inverse kinematics, a handover."""
+"""Tests of an arm of the zoo: loading, self-check, inverse kinematics, a handover."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ PERIOD_S = 0.005
 IK_STEPS = 2000
 NEW_GOAL = 70
 NEW_POSTURE = 500
-"""Steps between goals, and between postures, of the inverse kinematics."""
+"""Steps of the inverse kinematics between goals, and between configurations."""
 REACH_M = 0.87
-"""Of an arm for which the recorded motion is of the right size."""
+"""Reach of an arm for which the recorded motion has the right size, m."""
 SMALLER = 0.8
 MIN_SCALE = 0.05
 
@@ -49,22 +49,22 @@ MIN_SCALE = 0.05
 @dataclass(frozen=True)
 class ZooOutcome:
     """
-    What became of an arm.
+    The results for an arm.
 
     Attributes:
-        arm: which one.
-        needs: what the package asked for, in its words; empty if it asked for nothing.
-        fault: why it came no further than it did; empty if it handed over.
-        joints: of the arm.
-        reach_m: from the shoulder.
-        remarks: what was said about the description.
-        engines_apart: of the mass matrix, relative.
-        ik_us: a step of the inverse kinematics, median.
-        unsolved: steps of it without a solution.
-        shares: `position`, `velocity` to the largest share of a limit of the file that was used,
-            and `acceleration` to that of the limit that the package assumed.
-        scale: of the recorded motion.
-        gap_m: between wrist and hand when the exchange began.
+        arm: the arm.
+        needs: options that the package asked for, in its words; empty if none.
+        fault: why the tests stopped; empty if the arm handed over.
+        joints: number of joints.
+        reach_m: reach from the shoulder, m.
+        remarks: remarks on the description.
+        engines_apart: relative difference of the mass matrices of the two engines.
+        ik_us: median time of a step of the inverse kinematics, µs.
+        unsolved: number of its steps without a solution.
+        shares: largest used share of the file's limits of `position` and `velocity`, and of the
+            assumed limit of `acceleration`.
+        scale: scale of the recorded motion.
+        gap_m: distance from wrist to goal when the exchange began, m.
 
     """
 
@@ -84,15 +84,15 @@ class ZooOutcome:
 
 def examine(arm: ZooArm, *, ik_steps: int = IK_STEPS, hand_over: bool = True) -> ZooOutcome:
     """
-    Try an arm as a stranger would: without options, and with them if they are asked for.
+    Try an arm like a new user: without options, and with them if the package asks for them.
 
     Args:
-        arm: which one.
-        ik_steps: of the inverse kinematics.
-        hand_over: whether it is to hand over in the simulation, too.
+        arm: the arm.
+        ik_steps: number of steps of the inverse kinematics.
+        hand_over: whether to simulate a handover, too.
 
     Returns:
-        What became of it.
+        The results.
 
     """
     needs, choice = '', ArmChoice(str(arm.path))
@@ -128,7 +128,7 @@ def examine(arm: ZooArm, *, ik_steps: int = IK_STEPS, hand_over: bool = True) ->
 
 
 def _within_reach(choice: ArmChoice, reach_m: float) -> tuple[Scenario, float]:
-    """Make the recorded motion as much smaller as the arm needs it."""
+    """Scale the recorded motion down to the reach of the arm."""
     scale = min(1.0, reach_m / REACH_M)
     while True:
         try:
@@ -142,7 +142,7 @@ def _within_reach(choice: ArmChoice, reach_m: float) -> tuple[Scenario, float]:
 def _random_steps(
     model: RobotModel, limits: FileLimits, steps: int
 ) -> tuple[float, int, dict[str, float]]:
-    """Follow goals that jump, rush and cannot be reached, from postures anywhere."""
+    """Follow jumping, fast and unreachable goals, from random configurations."""
     rng, ik = np.random.default_rng(0), PriorityIk(model)
     low, high = model.limits.one_turn
     q, velocity = model.home.copy(), np.zeros(model.dof)
@@ -168,7 +168,7 @@ def _random_steps(
 
 
 def _moved(model: RobotModel, limits: FileLimits, periods: list[Period]) -> dict[str, float]:
-    """Return the shares of the limits that a handover used: of the joints as they moved."""
+    """Return the used shares of the limits in a handover, from the measured joints."""
     positions = np.array([period.joint_positions for period in periods])
     velocities = np.array([period.joint_velocities for period in periods])
     given = [period.answer.velocities for period in periods]
@@ -197,7 +197,7 @@ def _larger(some: dict[str, float], others: dict[str, float]) -> dict[str, float
 
 
 def _gap(scenario: Scenario, periods: list[Period]) -> float | None:
-    """Return how far the wrist was from its goal at the hand when the exchange began, m."""
+    """Return the distance of the wrist from its goal when the exchange began, m."""
     hand = scenario.trial.partner[0]
     for period in periods:
         seen = [sample.position for samples in period.hands for sample in samples]

@@ -106,4 +106,6 @@ def test_the_report_finds_an_arm_that_was_moved_beyond_its_own_description(
         assert limits['believed_beyond'] == []
     else:
         assert len(limits['believed_beyond']) == robot.dof
-        assert limits['believed_beyond'][0].startswith('velocity of joint_1: 1.745 rad/s, is 0.4')
+        assert limits['believed_beyond'][0].startswith(
+            'velocity of joint_1: assumed 1.745 rad/s, actual 0.4'
+        )
