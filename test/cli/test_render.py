@@ -189,7 +189,7 @@ def test_a_figure_needs_no_run_and_a_film_needs_one(
     assert main(['render', '--figure', 'postures', '-o', str(tmp_path / 'x.mp4')]) == 2
     told = capsys.readouterr().err
     assert 'no run given' in told
-    assert 'is not of a run' in told
+    assert '--figure postures takes no run' in told
     assert 'the name of a picture must end in .png' in told
 
 
