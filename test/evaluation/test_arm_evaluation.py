@@ -203,5 +203,5 @@ def test_a_way_that_is_too_long_is_refused_by_case_and_the_rest_is_told(
     assert [case['configuration'] for case in table['cases']] == ['raw']
     (refused,) = table['refused']
     assert refused['configuration'] == 'giant'
-    assert 'cannot follow this way' in refused['reason']
+    assert 'cannot follow this path' in refused['reason']
     assert 'With the arm' in (tmp_path / 'out' / 'index.html').read_text()

@@ -93,7 +93,7 @@ def test_from_beside_the_end_of_a_joint_it_moves_away() -> None:
 
 def test_where_nothing_is_left_of_the_motion_it_is_refused() -> None:
     model = RobotModel.load('lwr4')
-    with pytest.raises(UnreachableError, match='open posture'):
+    with pytest.raises(UnreachableError, match='open configuration'):
         plan_calibration_motion(model, model.home, DURATION_S, 1e-9)
 
 

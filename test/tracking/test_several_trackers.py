@@ -89,7 +89,7 @@ def test_both_are_never_worse_than_the_better_one(name):
     row = compare_trackers(BY_NAME[name], range(3))
     if name == UNDECIDED:
         assert row.fused.position_m <= 1.02 * row.mocap.position_m
-        assert any('camera is further' in said for said in row.fused.said)
+        assert any('camera is farther' in said for said in row.fused.said)
         return
     assert row.fused.position_m <= 1.02 * row.better.position_m
     assert row.fused.velocity <= 1.02 * max(row.better.velocity, 0.03)
