@@ -270,9 +270,10 @@ class PartnerGrip:
         if self._is_closed and robot_lift_n is not None and self._is_kept_waiting:
             self._pull(PULL_SPEED * dt_s, float(np.linalg.norm(drawn)))
         if float(np.linalg.norm(drawn)) > self.options.slip_m:
-            # the hand takes an object that has slipped out again if it can
+            # the hand takes again what was torn out of it, if it can, but not what it lets go
+            let_go = not self._is_closed
             self._open()
-            self._is_sated = False
+            self._is_sated = let_go
             self.strength = self.lift = 0.0
             return np.zeros(3)
         spring = self.options.stiffness * drawn + self._damping * (self._velocity - velocity)

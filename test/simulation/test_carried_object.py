@@ -26,7 +26,7 @@ from handover_dmp.handover.release import ReleaseOptions
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.simulation.arm import SimulatedArm
 from handover_dmp.simulation.carried_object import CarriedObjectOptions, Holder
-from handover_dmp.simulation.partner_grip import PartnerGripOptions, PULL_SHARE
+from handover_dmp.simulation.partner_grip import PartnerGrip, PartnerGripOptions, PULL_SHARE
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -417,3 +417,18 @@ def test_an_object_that_cannot_be_is_refused(changes: dict[str, Any], named: str
         CarriedObjectOptions(**changes)
     with pytest.raises(UsageError, match='partner'):
         PartnerGripOptions(grip_s=0.0)
+
+
+def test_what_the_partner_lets_go_is_not_taken_again_while_it_slides_out_of_the_hand() -> None:
+    grip, still = PartnerGrip(1.0, 9.81, PartnerGripOptions()), np.zeros(3)
+    grip.set_hand(np.zeros(3), still)
+    grip.hold(np.array([0.2, 0.0, 0.0]))
+    place, opened = np.array([0.2, 0.0, 0.0]), False
+    for _ in range(2000):
+        grip.set_hand(np.zeros(3), still)
+        grip.force(place, still, 9.81, 1e-3)
+        if grip.strength < 1.0 and not opened:
+            # drawn by the robot while the hand opens
+            opened, place = True, place + [0.06, 0.0, 0.0]
+    assert opened
+    assert not grip.holds
