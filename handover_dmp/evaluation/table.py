@@ -58,7 +58,7 @@ NOTE = (
     'trials.'
 )
 
-WIDTH = 104
+WIDTH = 98
 """Width of the table, characters."""
 
 
@@ -233,8 +233,8 @@ def _methods_table(summary: Sequence[Row]) -> Table:
     table.add_column('curves', justify='right', no_wrap=True)
     for k in BANDS:
         table.add_column(f'≤{k}σ, %', justify='right', no_wrap=True)
-    table.add_column('rms, mm', justify='right', no_wrap=True)
-    table.add_column('end, mm', justify='right', no_wrap=True)
+    table.add_column('rms,\nmm', justify='right', no_wrap=True)
+    table.add_column('end,\nmm', justify='right', no_wrap=True)
     for row, learn in _each_once(summary):
         figures = row.figures
         table.add_row(
@@ -251,7 +251,7 @@ def _methods_table(summary: Sequence[Row]) -> Table:
 def _with_interval(value: float, ends: Sequence[float]) -> str:
     if math.isnan(value):
         return '–'
-    return f'{value:.1f}  {ends[0]:.0f}–{ends[1]:.0f}'
+    return f'{value:.1f} {ends[0]:.0f}–{ends[1]:.0f}'
 
 
 def _timing_table(summary: Sequence[Row]) -> Table:

@@ -24,18 +24,22 @@ from typing import Any
 from handover_dmp.evaluation.case_table import case_name, CaseTable
 from handover_dmp.evaluation.rejections import AXES
 
-HEAD = (
-    'case', 'rejected', 'X', 'Y', 'Z', 'learnt from', 'tested against', 'leaves\nat',
-    'farthest\nat', 'beyond,\nmm', 'narrowest,\nmm', 'in the\nneck', 'still\nout',
+WHICH = ('case', 'rejected', 'X', 'Y', 'Z', 'learnt from', 'tested against', 'beyond,\nmm')
+WHERE = (
+    'case', 'rejected', 'leaves\nat', 'farthest\nat', 'narrowest,\nmm', 'in the\nneck',
+    'still\nout',
 )  # fmt: skip
 
-NOTE = (
+WHICH_NOTE = (
     'rejected: number of rejected curves, and of all. learnt from, tested against: the trials '
-    'with the most rejected curves, and their number. leaves at, farthest at: median, as a '
-    'fraction of the duration. beyond: distance outside 3σ, median and maximum. narrowest: least '
-    'width of the band from −3σ to 3σ, and where. in the neck: curves whose largest excess is '
-    'where the band is narrower than {width:.0f} mm. still out: curves that a band of at least '
-    'that width everywhere would still reject.'
+    'with the most rejected curves, and their number. beyond: distance outside 3σ, median and '
+    'maximum.'
+)
+WHERE_NOTE = (
+    'leaves at, farthest at: median, as a fraction of the duration. narrowest: least width of the '
+    'band from −3σ to 3σ, and where. in the neck: curves whose largest excess is where the band '
+    'is narrower than {width:.0f} mm. still out: curves that a band of at least that width '
+    'everywhere would still reject.'
 )
 SHOWN_TRIALS = 2
 
@@ -97,19 +101,31 @@ def _by_trial(
     return {str(number): counts[number] for number in ranked}
 
 
-def _line(one: Mapping[str, Any]) -> list[str]:
-    narrowest = one['narrowest']
-    timing = ['–'] * 3
+def _begun(one: Mapping[str, Any]) -> list[str]:
+    """Begin a line: which case, and how much of it is rejected."""
+    case = case_name(one['configuration'], one['exchange'])
+    return [case, f'{one["rejected"]} of {one["curves"]}']
+
+
+def _which(one: Mapping[str, Any]) -> list[str]:
+    beyond = '–'
     if one['rejected']:
         beyond = f'{1e3 * one["beyond_median_m"]:.0f}, {1e3 * one["beyond_max_m"]:.0f}'
-        timing = [f'{one["leaves_at"]:.2f}', f'{one["farthest_at"]:.2f}', beyond]
     return [
-        case_name(one['configuration'], one['exchange']),
-        f'{one["rejected"]} of {one["curves"]}',
+        *_begun(one),
         *(str(one['by_dimension'][axis]) for axis in AXES),
         _most(one['by_learnt']),
         _most(one['by_tested']),
-        *timing,
+        beyond,
+    ]
+
+
+def _where(one: Mapping[str, Any]) -> list[str]:
+    narrowest = one['narrowest']
+    times = (one['leaves_at'], one['farthest_at'])
+    return [
+        *_begun(one),
+        *('–' if time is None else f'{time:.2f}' for time in times),
         f'{narrowest["dimension"]} {1e3 * narrowest["width_m"]:.0f} at {narrowest["at"]:.2f}',
         str(one['in_bottleneck']),
         str(one['rejected_when_widened']),
@@ -130,14 +146,20 @@ def why_tables(rejections: Sequence[Mapping[str, Any]], learns: Sequence[str]) -
         learns: sources of learning, one or more.
 
     Returns:
-        One table per source, with one line per case and one over all; the first explains the
-        columns.
+        Two tables per source, which curves and where, with one line per case and one over all; the
+        first two explain the columns.
 
     """
-    note = NOTE.format(width=1e3 * rejections[0]['min_width_m'])
+    width_mm = 1e3 * rejections[0]['min_width_m']
     found: list[CaseTable] = []
     for learn in learns:
-        *cases, everything = map(_line, explanation(rejections, learn))
-        title = f'Why curves were rejected, learn {learn}'
-        found.append(CaseTable(title, '' if found else note, HEAD, cases, everything))
+        explained = explanation(rejections, learn)
+        for asked, note, head, line in (
+            ('Which', WHICH_NOTE, WHICH, _which),
+            ('When and where', WHERE_NOTE.format(width=width_mm), WHERE, _where),
+        ):
+            *cases, everything = map(line, explained)
+            title = f'{asked} curves were rejected, learn {learn}'
+            shown = '' if len(found) > 1 else note
+            found.append(CaseTable(title, shown, head, cases, everything))
     return found

@@ -123,7 +123,7 @@ def test_the_command_tells_what_the_table_holds(
             if summed:
                 most, count = next(iter(summed.items()))
                 assert f'#{most} {count}' in ' '.join(line)
-    assert 'Why curves were rejected' in (tmp_path / 'index.html').read_text()
+    assert 'When and where curves were rejected' in (tmp_path / 'index.html').read_text()
 
 
 @pytest.mark.parametrize(
