@@ -238,7 +238,7 @@ def _follow(
     goal_velocities: Array | None,
     starts: Array,
 ) -> None:
-    """Fill (m + 1, 2, d, b) from the first block on, one matrix product a block."""
+    """Fill (m + 1, 2, d, b) from the first block on, with one matrix product per block."""
     samples, _, dimensions, batch = path.shape
     states = path.reshape(2 * samples, dimensions, batch).transpose(1, 0, 2)
     flat_goals = goals.reshape(batch, -1)

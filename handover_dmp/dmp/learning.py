@@ -103,7 +103,7 @@ def learn_mean(
     primitive: type[AnyPrimitive] = DecoupledDmp,  # type: ignore[assignment]
 ) -> AnyPrimitive:
     """
-    Learn from the mean of several demonstrations, each stretched to the mean duration.
+    Learn from the mean of several demonstrations, each scaled to the mean duration.
 
     Args:
         demonstrations: times, s, (n,), and positions, m, (n, d), of each; n may differ.
@@ -153,7 +153,7 @@ def relearn(model: AnyPrimitive, **changes: Any) -> AnyPrimitive:
         The same movement with those parameters; `model` itself if nothing changes.
 
     Raises:
-        DataError: a parameter is outside of its range.
+        DataError: a parameter is out of its range.
 
     """
     parameters = replace(model.parameters, **changes)
@@ -214,9 +214,11 @@ def learn_jointly(
         raise UsageError(f'regression is {regression!r}; known: {", ".join(REGRESSIONS)}')
     kinds = WIDTHS[regression] if widths is None else tuple(widths)
     if not max(2, 2 * len(kinds)) <= basis <= MAX_BASIS:
-        raise UsageError(f'{basis} basis functions; there must be 2 a width and up to {MAX_BASIS}')
+        raise UsageError(
+            f'{basis} basis functions: need at least 2 per width, and at most {MAX_BASIS}'
+        )
     if not all(0.0 < width <= 10.0 for width in kinds):
-        raise UsageError(f'widths are {kinds}; they must be above 0 and up to 10')
+        raise UsageError(f'widths are {kinds}; they must be above 0 and at most 10')
     if not demonstrations:
         raise DataError('no demonstration to learn from')
     parameters = parameters or DmpParameters()

@@ -144,7 +144,7 @@ def _parse(path: Path) -> dict[str, Any]:
 
 
 def _refuse(constant: str) -> float:
-    raise ValueError(f'holds {constant}, which is no number')
+    raise ValueError(f'holds {constant}, which is not a finite number')
 
 
 def _first_line(error: BaseException) -> str:
@@ -202,7 +202,7 @@ def _build(document: dict[str, Any]) -> Primitive:
     if (sharpness <= 0.0).any():
         raise DataError('sharpness must be above 0')
     if (np.abs(centres) > 10.0).any() or (sharpness > 1e30).any():
-        raise DataError('the basis functions lie beyond every phase')
+        raise DataError('the basis functions are outside the range of the phase')
     vector = (start.size,)
     return KINDS[kind](
         _parameters(_member(document, 'parameters', dict)),

@@ -102,7 +102,7 @@ class LearntTurn:
             array.setflags(write=False)
             object.__setattr__(self, name, array)
         if abs(float(np.linalg.norm(self.start)) - 1.0) > 1e-6:
-            raise DataError('turn: start is no unit quaternion')
+            raise DataError('turn: start is not a unit quaternion')
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copy and pickle the fields; the copy is read-only, too."""
@@ -221,7 +221,7 @@ class OrientationPrimitive:
     J the left Jacobian; K, D, K_v, τ, basis, phase and goal weight are those of the position.
 
     Attributes:
-        turning: (O1) as a primitive of three dimensions, in rad in place of m.
+        turning: (O1) as a primitive of three dimensions, in rad instead of m.
 
     """
 

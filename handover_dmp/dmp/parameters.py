@@ -65,7 +65,7 @@ class DmpParameters:
     )
 
     def __post_init__(self) -> None:
-        """Turn the numbers into plain floats and check their ranges."""
+        """Convert the numbers to plain floats and check their ranges."""
         check_settings(self, DataError)
         for name, what in settings_of(type(self)).items():
             if what.low is not None:

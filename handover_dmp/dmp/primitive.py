@@ -135,7 +135,7 @@ class Primitive(ABC):
             object.__setattr__(self, 'partner_path', _checked_path(self.partner_path, dimensions))
         if self.way_back is not None:
             if self.way_back.dimensions != dimensions:
-                raise DataError('the way back has other dimensions than the way there')
+                raise DataError('the way back must have the dimensions of the movement')
             if self.way_back.way_back is not None:
                 raise DataError('the way back has a way back')
         if self.turn is not None and len(self.turn.weights) != self.basis.size:
@@ -487,7 +487,7 @@ class Primitive(ABC):
             x0 = np.asarray(starts, dtype=float)
         wrong = target_velocities is not None and target_velocities.shape != targets.shape
         if wrong or x0.shape != targets[:, 0].shape:
-            raise DataError('goals, goal velocities and starts do not fit each other')
+            raise DataError('shapes of goals, goal velocities and starts do not fit each other')
         u = (stamps - stamps[0]) / self.duration_s
         intervals = self._intervals(u, self._table)
         return intervals.run_batch(targets, target_velocities, x0, np.diff(stamps))

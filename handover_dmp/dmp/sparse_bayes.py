@@ -28,8 +28,8 @@ from handover_dmp.common.arrays import Array
 import numpy as np
 from numpy.typing import NDArray
 
-MIN_GAIN = 1e-2  # in the logarithm of the evidence; smaller steps end the search
-MIN_CHANGE = 1e-2  # of ln β
+MIN_GAIN = 1e-2  # gain in log evidence below which the search ends
+MIN_CHANGE = 1e-2  # change of ln β below which it is converged
 MAX_STEPS = 1000
 MIN_NOISE = 1e-9  # variance of the noise relative to the mean square of the target
 ROUNDING = 1e-12
@@ -103,7 +103,7 @@ class _Search:
     def __init__(self, gram: Array, projection: Array, samples: float, power: float) -> None:
         self.gram, self.projection = gram, projection
         self.samples, self.power = samples, power
-        self.spread = np.zeros(projection.size)  # 1/α, 0 where not active
+        self.spread = np.zeros(projection.size)  # 1/α, 0 if not active
         self.beta = 10.0 * samples / power
         first = int(np.argmax(np.abs(projection)))
         self.spread[first] = projection[first] ** 2

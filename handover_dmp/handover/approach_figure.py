@@ -46,7 +46,7 @@ def draw_approach(model: DecoupledDmp, share: float, path: str | Path) -> None:
     axes = figure.subplots(3, 1, sharex=True)
     for enabled, colour, label in (
         (False, _BEFORE, '(7) and (8) alone'),
-        (True, _AFTER, 'with the rules of the approach'),
+        (True, _AFTER, 'with the approach rules'),
     ):
         options = ApproachOptions(enabled=enabled)
         positions, velocities = rollout_towards(
@@ -57,17 +57,19 @@ def draw_approach(model: DecoupledDmp, share: float, path: str | Path) -> None:
         for place, curve in zip(axes, curves, strict=True):
             place.plot(times, curve, color=colour, lw=2.0, label=label)
     distance = share * float(np.linalg.norm(learnt))
-    axes[0].axhline(distance, color=_HAND, lw=1.2, label='where the hand is met')
+    axes[0].axhline(distance, color=_HAND, lw=1.2, label='meeting point')
     axes[0].legend(frameon=False, loc='upper right')
-    for place, name in zip(axes, ('way / m', 'speed / m/s', 'acceleration / m/s²'), strict=True):
+    for place, name in zip(
+        axes, ('distance / m', 'speed / m/s', 'acceleration / m/s²'), strict=True
+    ):
         place.set_ylabel(name)
         place.grid(alpha=0.25)
         place.spines[['top', 'right']].set_visible(False)
     axes[-1].set_xlabel('time / s')
     axes[-1].set_xlim(0.0, float(times[-1]))
     axes[0].set_title(
-        f'Learnt from a hand {np.linalg.norm(learnt):.2f} m away, started with one at '
-        f'{distance:.2f} m; along the line to it',
+        f'Learnt with a hand {np.linalg.norm(learnt):.2f} m away, run with one at '
+        f'{distance:.2f} m; components along the line to it',
         fontsize=11,
     )
     with replacing(Path(path)) as temporary:

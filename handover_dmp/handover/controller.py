@@ -200,7 +200,7 @@ def movement_for(model: DecoupledDmp, options: HandoverOptions, **changes: Any) 
         The movement with these parameters; `model` itself if nothing changes.
 
     Raises:
-        DataError: a parameter is outside of its range.
+        DataError: a parameter is out of its range.
 
     """
     if options.expects_of(model):
@@ -273,7 +273,7 @@ class HandoverController:
     not by stamps.
 
     Attributes:
-        model: the movement that is run.
+        model: the movement in use.
         options: the rules.
         hand_stamp_s: time of the newest accepted pose of the hand, s; NaN before one.
 

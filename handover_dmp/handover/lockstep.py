@@ -141,7 +141,7 @@ class LockstepLoop(Closing, ABC):
     @abstractmethod
     def hands_at(self, now_s: float) -> list[list[HandSample]]:
         """
-        Give, of each tracker, the poses that arrive in a period.
+        Return for each tracker the poses that arrive in a period.
 
         Args:
             now_s: its start, s.
@@ -290,7 +290,7 @@ class Handover(LockstepLoop):
 
     def hands_at(self, now_s: float) -> list[list[HandSample]]:
         """
-        Give, of each tracker, the poses that arrive in a period.
+        Return for each tracker the poses that arrive in a period.
 
         Args:
             now_s: its start, s.

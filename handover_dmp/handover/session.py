@@ -15,7 +15,7 @@
 """
 A session: give an object, wait while it is used, take it back, go home.
 
-A `SessionController` is a `HandoverController` that goes on after the exchange. The give and the
+A `SessionController` is a `HandoverController` that continues after the exchange. The give and the
 take are ordinary reaches, each with its own learnt movement; between and after them the wrist
 goes home along a path (`withdrawal`). The controller also commands the gripper: it opens in the
 exchange of a give, and nowhere else. docs/topics.md lists the transitions of the states.

@@ -161,7 +161,7 @@ class SessionLoop(LockstepLoop):
 
     def hands_at(self, now_s: float) -> list[list[HandSample]]:
         """
-        Give, of each tracker, the poses that arrive in a period.
+        Return for each tracker the poses that arrive in a period.
 
         Args:
             now_s: its start, s.
@@ -234,7 +234,7 @@ class SessionLoop(LockstepLoop):
 
         Args:
             progress: called with the share of the maximum time that has passed.
-            session: another one than that of the scenario.
+            session: a session other than that of the scenario.
 
         Returns:
             All periods; the state of the last command shows whether the session is done.

@@ -104,7 +104,7 @@ def example_sessions(seed: int = 0) -> tuple[RecordedSession, RecordedSession]:
         seed: seed of the synthetic data set.
 
     Returns:
-        One to learn from, and another one to run against.
+        A session to learn from, and another one to run against.
 
     """
     configuration, number = EXAMPLE_SESSION

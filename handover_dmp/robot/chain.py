@@ -383,7 +383,7 @@ def check_tree(tree: Element, origin: str) -> None:
     for kind, names in (('link', links), ('joint', joints)):
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
-            raise RobotDescriptionError(f'{origin}: more than one {kind} is {", ".join(twice)}')
+            raise RobotDescriptionError(f'{origin}: several {kind}s are named {", ".join(twice)}')
     carried: dict[str, str] = {}
     for joint in tree.findall('joint'):
         name, ends = joint.get('name'), ends_of(joint)
@@ -392,7 +392,7 @@ def check_tree(tree: Element, origin: str) -> None:
                 raise RobotDescriptionError(f'{origin}: joint {name!r} lacks its {which}')
             if end not in links:
                 raise RobotDescriptionError(
-                    f'{origin}: the {which} of joint {name!r} is {end!r}, which is no link'
+                    f'{origin}: the {which} of joint {name!r} is {end!r}, which is not a link'
                 )
         parent, child = ends
         if child in carried:

@@ -296,7 +296,7 @@ def urdf_file(robot: str | Path) -> Path:
 
 def pybullet_data_folder() -> Path:
     """
-    Find the models that come with PyBullet, without loading PyBullet.
+    Find the models of PyBullet without loading PyBullet.
 
     Returns:
         Their folder.
@@ -313,7 +313,7 @@ def pybullet_data_folder() -> Path:
 
 def example_robot_data_folder() -> Path:
     """
-    Find the models of example-robot-data, which usually installs beside Pinocchio.
+    Find the models of example-robot-data, which is usually installed beside Pinocchio.
 
     Returns:
         Its share folder, the one that holds `robots/`.

@@ -89,7 +89,7 @@ class JointInterpolator:
             The joint velocities after `dt`, (n,), rad/s.
 
         Raises:
-            ValueError: the command is not finite, or is not one number a joint.
+            ValueError: the command is not finite, or is not one number per joint.
 
         """
         return np.array(self.steps(target_velocity, dt, 1)[0])
@@ -107,7 +107,7 @@ class JointInterpolator:
             The joint velocities after each step, rad/s, as plain floats.
 
         Raises:
-            ValueError: the command is not finite, or is not one number a joint.
+            ValueError: the command is not finite, or is not one number per joint.
 
         """
         command = target_velocity.tobytes()

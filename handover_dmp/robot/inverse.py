@@ -85,7 +85,7 @@ def inverse_kinematics(
     Args:
         model: the arm.
         position: (3,), m, in `world`.
-        rotation: (3, 3), of the wrist in `world`; None for any.
+        rotation: (3, 3), rotation of the wrist in `world`; None for any.
         q0: (n,), rad, the configuration to stay close to; None for `model.home`.
 
     Returns:

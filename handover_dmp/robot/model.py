@@ -340,7 +340,7 @@ class RobotModel:
 
         Args:
             position: (3,), m, in `world`.
-            rotation: (3, 3), of the wrist in `world`; any if left out.
+            rotation: (3, 3), rotation of the wrist in `world`; any if left out.
             q0: (n,), rad, the configuration to stay close to; `home` if left out.
 
         Returns:

@@ -28,8 +28,8 @@ class Partner:
     Known state of the partner's arm.
 
     Attributes:
-        position: (3,), m, of the hand, in `world`.
-        velocity: (3,), m/s, of the hand.
+        position: (3,), m, position of the hand in `world`.
+        velocity: (3,), m/s, velocity of the hand.
         elbow: (3,), m, the other end of the forearm; None if unknown.
 
     """

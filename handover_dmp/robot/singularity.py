@@ -115,7 +115,7 @@ def limit_outward_speed(
         rate: 1/s.
 
     Returns:
-        The velocity, (3,), m/s, and whether it was cut.
+        The velocity, (3,), m/s, and whether it was limited.
 
     """
     speed = float(velocity @ direction)

@@ -239,7 +239,7 @@ class WristController:
             arrival_s: time of arrival, s.
 
         Returns:
-            Whether it was used; one that is not finite is not.
+            Whether it was used; it is ignored if not finite.
 
         """
         parts = (target.position, target.velocity, target.rotation, target.angular_velocity)
@@ -274,7 +274,7 @@ class WristController:
             arrival_s: time of arrival, s; it is ignored after `hand_timeout_s`.
 
         Returns:
-            Whether it was used; one that is not finite is not.
+            Whether it was used; it is ignored if not finite.
 
         """
         if not all_finite(position):
@@ -362,7 +362,7 @@ class WristController:
         self, speed_scale: float, target: WristTarget, hand: Partner | None, dt: float
     ) -> bool:
         """
-        Tell whether the wrist hardly approaches the target, whatever the joints do.
+        Return whether the wrist can hardly approach the target.
 
         Near a singularity or a limit the joints would move fast for almost no motion of the wrist,
         so the arm stops instead: at once if the acceleration limits are not the reason, otherwise

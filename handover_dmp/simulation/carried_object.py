@@ -348,7 +348,7 @@ class CarriedObject:
         Return the wrench on the wrist, mean since `begin`.
 
         Args:
-            wrist: (3,), where it is now, m.
+            wrist: (3,), present position of the wrist, m.
 
         Returns:
             Force and torque; only noise if the gripper is empty.

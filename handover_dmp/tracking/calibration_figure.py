@@ -106,7 +106,7 @@ def _draw_lags(found: Calibration, axes: Axes) -> None:
     axes.plot(1e3 * search.lags[finite], 1e3 * search.errors[finite], color='#59626d', lw=1.4)
     axes.axvline(1e3 * found.delay_s, color=EXPECTED, lw=1.2)
     axes.set_ylim(bottom=0.0)
-    axes.set_xlabel('stamped too late by / ms')
+    axes.set_xlabel('lag / ms')
     axes.set_ylabel('misfit / mm')
     axes.set_title(
         f'delay {1e3 * found.delay_s:.1f} ± {1e3 * found.delay_interval_s:.1f} ms', pad=8

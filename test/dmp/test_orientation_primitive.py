@@ -249,7 +249,7 @@ def test_learning_anew_and_files_keep_it(tmp_path) -> None:
 @pytest.mark.parametrize(
     'change, fault',
     [
-        ({'start': [0.0, 0.0, 0.0, 2.0]}, 'no unit quaternion'),
+        ({'start': [0.0, 0.0, 0.0, 2.0]}, 'not a unit quaternion'),
         ({'weights': [[0.0, 0.0, 0.0]]}, 'weights has 1 entries'),
         ({'goal': [0.0, 1.0]}, 'goal has 2 entries'),
         (None, 'turn is missing'),

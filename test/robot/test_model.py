@@ -233,7 +233,7 @@ def test_continuous_joints_turn_for_ever(urdf):
             r'xyz="0 0 up" of <origin> .* is not 3',
         ),
         ({'second': LIMIT + '<origin rpy="0 0"/>'}, r'rpy="0 0" of <origin> .* is not 3 numbers'),
-        ({'more': '<link name="upper"/>'}, 'more than one link is upper'),
+        ({'more': '<link name="upper"/>'}, 'several links are named upper'),
     ],
 )
 def test_says_what_a_description_lacks(urdf, capfd, change, complaint):

@@ -159,7 +159,7 @@ def test_an_entry_of_the_table_needs_the_links_of_its_arm(load):
             {},
             "'l3' has two parents",
         ),
-        (arm() + joint('j5', 'l5', 'l6'), {}, 'more than one joint is j5'),
+        (arm() + joint('j5', 'l5', 'l6'), {}, 'several joints are named j5'),
         (arm() + '<link name="loose"/>', {}, 'no joint connects base, loose'),
         (
             arm() + joint('back', 'l5', 'base').replace('<link name="base"/>', ''),
