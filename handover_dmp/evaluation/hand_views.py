@@ -33,7 +33,7 @@ def smooth_velocity(hands: Hands, time_constant_s: float) -> Hands:
         time_constant_s: of the filter, s.
 
     Returns:
-        What is told.
+        The hands that the primitive sees.
 
     """
     return replace(hands, velocities=_low_pass(hands.velocities, hands.times, time_constant_s))
@@ -48,7 +48,7 @@ def smooth_goal(hands: Hands, time_constant_s: float) -> Hands:
         time_constant_s: of the filter, s.
 
     Returns:
-        What is told.
+        The hands that the primitive sees.
 
     """
     return replace(
@@ -66,7 +66,7 @@ def looking_ahead(hands: Hands, horizon_s: float) -> Hands:
         horizon_s: horizon of the prediction, s.
 
     Returns:
-        What is told.
+        The hands that the primitive sees.
 
     """
     return replace(hands, positions=hands.positions + horizon_s * hands.velocities)

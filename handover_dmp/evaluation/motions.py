@@ -60,7 +60,7 @@ MEASURES = (
 ALONE = 'DMP'
 ARM = 'arm'
 
-TITLE = 'How smooth, how fluent: motions beside those of P2'
+TITLE = 'Smoothness and fluency: motions compared with those of P2'
 WHAT = (
     'DMP: the primitive (learn {learn}) against every hand. Spectral '
     'arc length and log dimensionless jerk: the greater, the smoother. Active: faster than 0.05 '

@@ -75,11 +75,16 @@ def write_panels(
     for name, caption in draw(panels, place):
         drawn(name, caption)
     beside = motions_beside(evaluation.measures, None if arm is None else arm.motions)
-    draw_beside(beside, place, 'measures', 'Motions beside those of P2')
-    drawn('measures', 'Motions beside those of P2, one line per trial; bars: medians')
+    draw_beside(beside, place, 'measures', 'Motions compared with those of P2')
+    drawn('measures', 'Motions compared with those of P2, one line per trial; bars: medians')
     if sessions:
-        draw_beside(sessions_beside(sessions), place, 'sessions', 'Sessions beside those of P2', 3)
-        drawn('sessions', 'Sessions beside those of two people, one line per session or exchange')
+        draw_beside(
+            sessions_beside(sessions), place, 'sessions', 'Sessions compared with those of P2', 3
+        )
+        drawn(
+            'sessions',
+            'Sessions compared with those of two people, one line per session or exchange',
+        )
     return figures
 
 

@@ -56,7 +56,7 @@ class SessionMotion:
         return self.states[-1] is HandoverState.DONE
 
     def unfinished(self) -> str:
-        """Say how far a session came that was not done."""
+        """Describe how far an uncompleted session got."""
         last = self.states[-1].name.lower().replace('_', ' ')
         longest, length = 0, 0
         for state in self.states:

@@ -53,7 +53,7 @@ WAITS = (
     ('robot_s', 'robot or P2 waited there, s'),
 )
 
-TITLE = 'How fluent: sessions beside those of two people'
+TITLE = 'Fluency: sessions compared with those of two people'
 NONE = (
     'No sessions: this data set contains only single reaches; their fluency is shown above. '
     '--sessions reads recordings of a give and a take in a row.'

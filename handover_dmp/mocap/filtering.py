@@ -60,8 +60,8 @@ def condition(
     Args:
         trial: as recorded, at any rate, stamps even or not.
         rate_hz: new sampling rate, Hz.
-        cutoff_hz: frequency at which the amplitude has fallen to 1/√2, Hz; None: not low-passed,
-            what is recorded is met exactly.
+        cutoff_hz: frequency at which the amplitude has fallen to 1/√2, Hz; None: no low-pass,
+            the curve passes through every sample.
 
     Returns:
         The trial at times t_0 + k / rate_hz, the last one at most 1 / rate_hz before its end; its
@@ -117,8 +117,8 @@ def smooth(
         times: (n,) s, strictly increasing, n >= 4.
         positions: (n, d) m.
         rate_hz: new sampling rate, Hz.
-        cutoff_hz: frequency at which the amplitude has fallen to 1/√2, Hz; None: not low-passed,
-            what is recorded is met exactly.
+        cutoff_hz: frequency at which the amplitude has fallen to 1/√2, Hz; None: no low-pass,
+            the curve passes through every sample.
 
     Returns:
         Times (m,) in s, positions (m, d) in m, and velocities (m, d) in m/s, which are the exact

@@ -104,7 +104,7 @@ class Segmentation:
             if not 0.0 < low <= high < math.inf:
                 raise UsageError(f'{low_name} {low} and {high_name} {high} are not in order')
         if not (0.0 <= self.margin_s < math.inf and 0.0 < self.min_reach_m < math.inf):
-            raise UsageError('margin_s or least_reach_m is out of range')
+            raise UsageError('margin_s or min_reach_m is out of range')
 
 
 class Segment(NamedTuple):

@@ -420,7 +420,7 @@ def _jump_fault(times: Array, positions: Array) -> Fault | None:
         lost &= every > ZERO_JUMP_SPEED * periods[:, None]
     if lost.any():
         row = int(np.argmax(lost.any(axis=1))) + 1
-        return Fault(row, 'a jump to or from 0, 0, 0: leave out what was not seen')
+        return Fault(row, 'a jump to or from 0, 0, 0: leave out unseen samples')
     if not jumps.any():
         return None
     row = int(np.argmax(jumps)) + 1

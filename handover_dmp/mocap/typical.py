@@ -112,8 +112,8 @@ def is_unusual(trial: HandoverTrial, others: Sequence[HandoverTrial]) -> str:
     if own <= UNUSUAL * middle:
         return ''
     return (
-        f'{1e3 * own:.0f} mm from the mean of the {len(others)} others beside it, which are '
-        f'{1e3 * middle:.0f} mm from theirs'
+        f'{1e3 * own:.0f} mm from the mean of the {len(others)} others beside it; the '
+        f'median distance of the others is {1e3 * middle:.0f} mm'
     )
 
 

@@ -44,7 +44,7 @@ AXES = tuple(_TURNS)
 _REST_SHARE = 0.2
 
 
-USUAL_UP = 'usual of the format, no height tells'
+USUAL_UP = 'default of the format; the heights do not tell'
 
 
 def turn_up(positions: Array, up: str) -> Array:
@@ -123,7 +123,7 @@ def doubts(wrists: tuple[Array, ...], up: str, *, assumed: bool = False) -> tupl
     """
     if assumed:
         return (
-            f'nothing tells which axis points up: {up} is assumed, as is usual for the format; '
+            f'the up axis is unknown: {up} is assumed, the default of the format; '
             'say which with --up',
         )
     fit = resting_axes(wrists)

@@ -135,7 +135,7 @@ def rosbag2_information(
             {'topic_metadata': topic.as_rosbag2(), 'message_count': counts[topic.name]}
             for topic in topics
         ],
-        # of whole files and of single messages; that of the chunks is told by the file itself
+        # compression of whole files and of single messages; chunks declare their own
         'compression_format': '',
         'compression_mode': '',
         'relative_file_paths': [file.name for file in files],

@@ -293,7 +293,7 @@ class BagWriter(Closing):
 
     def _failed(self, error: OSError) -> DataError:
         self._failure = (
-            f'{self.folder}: recording stopped: {error.strerror}; what was written before is kept '
+            f'{self.folder}: recording stopped: {error.strerror}; earlier messages are kept '
             f'(handover_dmp bag repair {self.folder})'
         )
         return DataError(self._failure)

@@ -165,7 +165,7 @@ def test_unsure_which_axis_points_up_is_asked():
     low = np.array([0.0, -0.4, -0.9])
     for usual in 'zy':
         assert wrists(P1 + low, P2 + low, unit='m', usual=usual).up == (
-            usual, 'usual of the format, no height tells',
+            usual, 'default of the format; the heights do not tell',
         )  # fmt: skip
 
 
