@@ -268,8 +268,14 @@ def test_dmp_follows_any_hand(tmp_path: Path) -> None:
             hand.publish(pose(graph, target))
 
         assert hearing.until(lambda: POSE_COMMAND in hearing.newest, act, 30.0)
-        graph.call('/dmp/start')
-        assert hearing.until(lambda: graph.state == 'done', act, 30.0)
+        for _ in range(5):  # a machine that stands still ends a motion
+            graph.call('/dmp/start')
+            assert hearing.until(lambda: graph.state in ('done', 'aborted'), act, 30.0)
+            if graph.state == 'done':
+                break
+            graph.call('/dmp/reset')
+            assert hearing.until(lambda: graph.state == 'idle', act, 30.0)
+        assert graph.state == 'done'
         assert np.linalg.norm(place_of(hearing.newest[POSE_COMMAND]) - goal) < 0.02
 
 
@@ -543,11 +549,8 @@ def test_recorder_closes_its_bag_before_it_waits_for_its_turn_to_leave(tmp_path:
     assert bag_information(tmp_path / 'bag').complete
 
 
-def test_a_recorder_without_a_processor_ends_once_the_others_have(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_recorder_without_a_processor_ends_once_the_others_have(tmp_path: Path) -> None:
     """The tracker stands for what keeps the recorder from its processor; it is told to end too."""
-    monkeypatch.setattr('handover_dmp.nodes.graph.END_TIMEOUT_S', 5.0)
     bag = tmp_path / 'bag'
 
     def go_on_once_alone(tracker: Popen[bytes], recorder: Popen[bytes]) -> None:
