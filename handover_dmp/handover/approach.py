@@ -96,8 +96,8 @@ class ApproachOptions:
     shape_beyond_m: float = setting(
         'dmp',
         'approach.shape_beyond_m',
-        'Distance β beyond the goal to which the learnt shape must lead before the goal takes '
-        'over near ρ, m',
+        'Distance β beyond the goal to which the learnt shape must lead for the goal to take over '
+        'at near_m, m',
         0.001,
         10.0,
     )

@@ -270,7 +270,7 @@ def test_a_fixed_transform_is_that_of_scipy(place: Any, quaternion: Any, point: 
 @pytest.mark.parametrize(
     ('place', 'quaternion', 'fault'),
     [
-        ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0), 'norm 0'),
+        ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0), 'norm 1, not 0'),
         ((0.0, nan, 0.0), (0.0, 0.0, 0.0, 1.0), 'finite'),
         ((0.0, 0.0), (0.0, 0.0, 0.0, 1.0), 'x, y, z'),
     ],

@@ -199,7 +199,7 @@ def test_parameters_of_one_request_are_taken_together_or_not_at_all(graph: Graph
     assert 'auto, off' in set_together(graph, 'dmp', partner_model=True).reason
     assert set_together(graph, 'dmp', partner_model='auto').successful
     assert set_together(graph, 'robot_sim', real_time_factor=2.0).successful
-    assert 'for the start' in set_together(graph, 'dmp', use_sim_time=True).reason
+    assert 'at the start' in set_together(graph, 'dmp', use_sim_time=True).reason
 
 
 def test_nothing_of_a_request_that_anybody_refuses_is_applied(graph: Graph) -> None:
@@ -362,7 +362,7 @@ def test_services_lead_through_the_states(graph: Graph) -> None:
     graph.call('/dmp/start')
     until('reaching', 'aborted')
     if graph.state == 'reaching':
-        with pytest.raises(Exception, match='handover is on'):
+        with pytest.raises(Exception, match='handover is active'):
             graph.call('/dmp/start')
     graph.call('/dmp/abort')
     until('aborted')
