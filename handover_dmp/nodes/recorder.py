@@ -168,7 +168,7 @@ class Recorder(HandoverNode):
         self.every(values['flush_period_s'], self._flush, wall=True)
         Diagnostics(self, self._periods, self._condition)
         which = ', '.join(sorted(self._wanted)) or f'every topic of {self._space}'
-        self.say(f'recording {which} into {values["folder"]}')
+        self.say(f'records {which} into {values["folder"]}')
 
     def finish(self) -> None:
         """
