@@ -655,7 +655,7 @@ def test_joint_states_that_make_no_sense_stop_priority_ik_which_says_why(
         for states, fault in (
             (lambda: joint_states(home[1:], names[1:], now()), f'joint states lack {names[0]}'),
             (lambda: joint_states([nan, *home[1:]], names, now()), 'positions are not finite'),
-            (lambda: joint_states(home[1:], names, now()), '7 names but 6 positions'),
+            (lambda: joint_states(home[1:], names, now()), '7 names, but 6 positions'),
             (lambda: joint_states(home, [*names[1:], names[1]], now()), f'lack {names[0]}'),
         ):
             # the first of them may answer what came before

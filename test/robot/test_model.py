@@ -214,7 +214,7 @@ def test_continuous_joints_turn_for_ever(urdf):
 @pytest.mark.parametrize(
     ('change', 'complaint'),
     [
-        ({'kind': 'planar'}, r"'first' is planar"),
+        ({'kind': 'planar'}, r"'first' is of type planar"),
         ({'second': LIMIT + '<mimic joint="first"/>'}, r"joint 'second' moves, may be the jaw"),
         (
             {
