@@ -21,7 +21,7 @@ docs/method.md has the formulas and their sources.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import ceil, inf, log, log2, sqrt
+from math import ceil, inf, log, log2
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.mocap.filtering import velocities
@@ -44,6 +44,7 @@ ACTIVE_SPEED = 0.05
 MIN_SAMPLES = 10
 MIN_LENGTH_M = 1e-6
 MIN_SCALE = 1e-12
+ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -237,18 +238,32 @@ def synchrony(first: Array, second: Array, rate_hz: float) -> Synchrony | None:
     """
     count = len(first)
     reach = int(MAX_LAG_SHARE * count)
-    best: tuple[float, int] | None = None
-    for lag in range(-reach, reach + 1):
-        earlier, later = max(0, -lag), max(0, lag)
-        one = first[earlier:count][: count - earlier - later]
-        other = second[later:count][: count - earlier - later]
-        one, other = one - one.mean(), other - other.mean()
-        scale = sqrt(float((one**2).sum() * (other**2).sum()))
-        if scale > MIN_SCALE:
-            value = float(one @ other) / scale
-            if best is None or value > best[0]:
-                best = value, lag
-    return None if best is None else Synchrony(best[1] / rate_hz, best[0])
+    lags = np.arange(-reach, reach + 1)
+    common = count - np.abs(lags)
+
+    def sums(values: Array, starts: Array) -> Array:
+        """Add up the common part of one speed for each lag."""
+        total = np.concatenate([[0.0], np.cumsum(values)])
+        return np.asarray(total[starts + common] - total[starts])
+
+    first, second = first - first.mean(), second - second.mean()
+    parts = (first, np.maximum(0, -lags)), (second, np.maximum(0, lags))
+    means = [sums(speed, starts) / common for speed, starts in parts]
+    squares = [sums(speed**2, starts) for speed, starts in parts]
+    spreads = [square - common * mean**2 for square, mean in zip(squares, means, strict=True)]
+    # what is left of a constant speed is rounding
+    varied = [
+        np.where(spread > ROUNDING * square, spread, 0.0)
+        for spread, square in zip(spreads, squares, strict=True)
+    ]
+    scale = np.sqrt(varied[0] * varied[1])
+    product = np.correlate(second, first, 'full')[count - 1 + lags] - common * means[0] * means[1]
+    varies = scale > MIN_SCALE
+    if not varies.any():
+        return None
+    correlation = np.where(varies, product / np.where(varies, scale, 1.0), -np.inf)
+    best = int(correlation.argmax())
+    return Synchrony(float(lags[best] / rate_hz), float(correlation[best]))
 
 
 def fluency(person_speed: Array, robot_speed: Array) -> Fluency:

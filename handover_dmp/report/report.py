@@ -51,7 +51,11 @@ SCENES_OF_SESSIONS = {
 
 
 def write_report(
-    source: Path | str, output: Path | str | None = None, namespace: str | None = None
+    source: Path | str,
+    output: Path | str | None = None,
+    namespace: str | None = None,
+    *,
+    run: RunRecord | None = None,
 ) -> Numbers:
     """
     Read the bag of a run, measure it, draw it and write its report.
@@ -61,6 +65,7 @@ def write_report(
         output: folder for `report.json`, `report.md`, `index.html` and `figures/`; by default the
             folder of the run, or `<bag>_report` beside a bag without a run.
         namespace: namespace of the graph, if the bag contains several; None: the only one.
+        run: content of the bag, if it has been read already; None: read it.
 
     Returns:
         The content of `report.json`, in plain types.
@@ -70,7 +75,7 @@ def write_report(
 
     """
     source = Path(source)
-    run = load_run(source, namespace)
+    run = run or load_run(source, namespace)
     folder = Path(output) if output is not None else report_folder(source)
     bag = bag_information(source)
     try:

@@ -251,7 +251,7 @@ def finish(
             Image.fromarray(pixels).save(folder / 'figures' / f'scene_{name}.png')
         if is_session(stage.record):
             film_session(stage, folder, progress)
-    report: dict[str, Any] = write_report(folder)
+    report: dict[str, Any] = write_report(folder, run=stage.record)
     return report
 
 

@@ -132,10 +132,8 @@ def test_gives_the_same_motion_as_one_process(
     check_motion(undisturbed_bag, lockstep_path)
 
 
-@pytest.mark.parametrize(
-    ('factor', 'executor'),
-    [(0.5, 'events'), pytest.param(2.0, 'default', marks=pytest.mark.slow)],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(('factor', 'executor'), [(0.5, 'events'), (2.0, 'default')])
 def test_gives_the_same_motion_at_any_speed(
     prepare: Any, lockstep_path: dict[int, np.ndarray], factor: float, executor: str
 ) -> None:
