@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 from io import StringIO
+from typing import Any
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.mocap.review import Review
@@ -27,7 +28,10 @@ from matplotlib.figure import Figure
 import numpy as np
 
 # reused, because a new layout for each of a hundred trials would take a minute more
-_MARGINS = {'left': 0.06, 'right': 0.99, 'bottom': 0.17, 'top': 0.9, 'wspace': 0.38}
+_GRID: dict[str, Any] = {
+    'left': 0.06, 'right': 0.99, 'bottom': 0.17, 'top': 0.9, 'wspace': 0.38,
+    'width_ratios': (1, 1, 1, 1.3),
+}  # fmt: skip
 _COLOURS = (('P1', 'tab:blue'), ('P2', 'tab:orange'))
 _STYLE = (
     'body{font:16px/1.5 sans-serif;max-width:62em;margin:2em auto;padding:0 1em;color:#222}'
@@ -85,7 +89,7 @@ def _section(one: Review, number: int) -> str:
 def _drawing(one: Review) -> str:
     lines = [_broken(one, who) for who, _ in _COLOURS]
     figure = Figure(figsize=(9.5, 3.2))
-    *over_time, above = figure.subplots(1, 4, width_ratios=(1, 1, 1, 1.3), gridspec_kw=_MARGINS)
+    *over_time, above = figure.subplots(1, 4, gridspec_kw=_GRID)
     for axis, name in enumerate('xyz'):
         axes = over_time[axis]
         for (who, colour), line in zip(_COLOURS, lines, strict=True):

@@ -168,9 +168,7 @@ def draw_wrists(
         panels[-1].set_xlabel('time / s')
         panels[-1].set_xlim(begin_s, end_s)
         figure.suptitle(title, x=0.01, ha='left', fontsize=11)
-        figure.legend(
-            *panels[0].get_legend_handles_labels(), loc='outside upper right', ncols=len(curves)
-        )
+        panels[0].legend(loc='lower right', bbox_to_anchor=(1.0, 1.0), ncols=len(curves))
     return figure
 
 

@@ -31,6 +31,11 @@ def session():
     return synthesize_sessions(1, 1, configurations=['hydraulic_lift'])[0]
 
 
+def span_of(patch):
+    """Where a shaded part begins and ends; an older matplotlib draws it as a polygon."""
+    return patch.get_patch_transform().transform_path(patch.get_path()).get_extents().intervalx
+
+
 def test_every_panel_has_both_wrists_and_both_exchanges(session):
     figure = draw_session(session)
     figure.draw_without_rendering()
@@ -45,10 +50,7 @@ def test_every_panel_has_both_wrists_and_both_exchanges(session):
         low, high = panel.get_ylim()
         for wrist in (session.motion.partner, session.motion.demonstrator):
             assert low < wrist[:, axis].min() < wrist[:, axis].max() < high
-        spans = [
-            (patch.get_x(), patch.get_x() + patch.get_width(), patch.get_facecolor()[:3])
-            for patch in panel.patches
-        ]
+        spans = [(*span_of(patch), patch.get_facecolor()[:3]) for patch in panel.patches]
         for part, (begin, end, colour), mark in zip(session.exchanges, spans, marks, strict=True):
             assert (begin, end) == pytest.approx((part.start_s, part.parting_s))
             assert colour == pytest.approx(to_rgb(EXCHANGE_TINTS[part.direction]))

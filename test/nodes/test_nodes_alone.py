@@ -100,7 +100,7 @@ def test_a_topic_goes_where_it_is_remapped_to(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize('node', [*NODES, 'velocity_to_position'])
 def test_starts_alone_and_ends_cleanly(node: str, tmp_path: Path) -> None:
-    """By Ctrl-C; every graph that a test starts is ended by SIGTERM, and tells who did not obey."""
+    """By Ctrl-C; the graphs of other tests end by SIGTERM, and tell which node did not obey."""
     process = start(node, tmp_path)
     assert is_up(node), process.communicate()
     process.send_signal(signal.SIGINT)

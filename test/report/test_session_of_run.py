@@ -46,7 +46,9 @@ def test_give_and_take_are_shaded_from_the_reach_to_the_parting(run_bag: Path) -
         lines = panel.get_lines()
         np.testing.assert_array_equal(lines[0].get_ydata(), run.hand_positions[:, axis])
         np.testing.assert_array_equal(lines[1].get_ydata(), run.wrist_positions[:, axis])
-        spans = [(patch.get_x(), patch.get_x() + patch.get_width()) for patch in panel.patches]
+        # a rectangle, or a polygon of an older matplotlib
+        shapes = [p.get_patch_transform().transform_path(p.get_path()) for p in panel.patches]
+        spans = [tuple(shape.get_extents().intervalx) for shape in shapes]
         assert spans == [pytest.approx((0.4, 1.1)), pytest.approx((1.5, 2.2))]
     assert [text.get_text() for text in figure.axes[0].texts] == ['give', 'take']
 
