@@ -99,7 +99,6 @@ def draw_segmentation(segmented: SegmentedMotion, path: str | Path) -> None:
             ha='left',
             fontsize=11,
         )
-        every[0].legend(loc='lower right', bbox_to_anchor=(1.0, 1.0), ncols=2)
         with replacing(path) as temporary:
             figure.savefig(temporary, dpi=110)
 

@@ -168,7 +168,6 @@ def draw_wrists(
         panels[-1].set_xlabel('time / s')
         panels[-1].set_xlim(begin_s, end_s)
         figure.suptitle(title, x=0.01, ha='left', fontsize=11)
-        panels[0].legend(loc='lower right', bbox_to_anchor=(1.0, 1.0), ncols=len(curves))
     return figure
 
 
@@ -191,7 +190,7 @@ def wrist_panels(
     panels: Sequence[Axes], curves: Sequence[WristCurve], exchanges: Sequence[ShadedExchange]
 ) -> None:
     """
-    Draw into three panels with heights from `panel_heights`.
+    Draw into three panels with heights from `panel_heights`; the legend is above them.
 
     Args:
         panels: axes for X, Y and Z.
@@ -205,6 +204,10 @@ def wrist_panels(
         panel.set_ylim(*_range_of(curves, axis))
         panel.set_ylabel(f'{AXES[axis]} / m')
         shade_exchanges(panel, exchanges, named=axis == 0)
+    # above the names of the exchanges
+    panels[0].legend(
+        loc='lower right', bbox_to_anchor=(1.02, 1.0), borderaxespad=1.8, ncols=len(curves)
+    )
 
 
 def panel_heights(curves: Sequence[WristCurve]) -> list[float]:
