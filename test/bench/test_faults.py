@@ -22,6 +22,7 @@ from handover_dmp.bench.faults import FaultyHand, InvariantChecker, tracker_faul
 from handover_dmp.handover.controller import HandoverState
 from handover_dmp.handover.lockstep import Handover, Period
 from handover_dmp.handover.scenario import make_scenario, Scenario
+from handover_dmp.robot.descriptions import ArmChoice
 import numpy as np
 import pytest
 
@@ -100,10 +101,8 @@ def test_a_jump_is_not_followed_at_once(handover: Handover) -> None:
     assert np.linalg.norm(way[340:] - goal, axis=1).max() < 0.15
 
 
-@pytest.mark.parametrize('where', ['out of reach', 'behind the base', 'under the floor', 'inside'])
-def test_a_hand_where_no_hand_can_be_served_gives_a_calm_stop(
-    handover: Handover, where: str
-) -> None:
+def check_calm_stop(handover: Handover, where: str) -> None:
+    """Show the hand where it cannot be served, and hold the stop of the arm against the rules."""
     base = np.array(handover.scenario.robot.base.position)
     hand_now = handover.scenario.trial.partner[0]
     outward = (hand_now - base) / np.linalg.norm(hand_now - base)
@@ -125,6 +124,22 @@ def test_a_hand_where_no_hand_can_be_served_gives_a_calm_stop(
     assert speeds(late).max() < 0.02, 'it must come to rest, in 4 s'
     accelerations = np.diff([p.joint_velocities for p in late], axis=0) / 0.005
     assert np.abs(accelerations).max() < 0.5, 'and not shake'
+
+
+@pytest.mark.parametrize('where', ['out of reach', 'behind the base', 'under the floor', 'inside'])
+def test_a_hand_where_no_hand_can_be_served_gives_a_calm_stop(
+    handover: Handover, where: str
+) -> None:
+    check_calm_stop(handover, where)
+
+
+@pytest.mark.parametrize('robot', ['panda', 'iiwa14'])
+def test_so_do_other_arms_at_a_limit_and_a_singularity(robot: str) -> None:
+    run = Handover(make_scenario(arm=ArmChoice(robot)))
+    try:
+        check_calm_stop(run, 'under the floor')
+    finally:
+        run.close()
 
 
 def test_time_that_stands_still_or_jumps_moves_nothing_suddenly(handover: Handover) -> None:
