@@ -118,6 +118,7 @@ def test_the_arm_brakes_goes_on_and_never_turns_to_where_no_hand_was(
     with Graph(folder, parameters) as graph:
         graph.pause(False)
         assert graph.wait_for_state(('done',), MAX_S, lambda: None)
+        graph.pause(True)
         counts = {node: counts_of(graph, node) for node in ('dmp', 'priority_ik')}
     assert counts['dmp'] == COUNTS, 'all of them, by reason'
     # its parameters are its own: here the resting hand is none

@@ -22,9 +22,10 @@ from typing import Any
 
 from handover_dmp.handover.lockstep import REPLAY_AT_S
 from handover_dmp.handover.recordings import example_model
-from handover_dmp.handover.session import SessionModels
-from handover_dmp.handover.session_lockstep import simulate_session
+from handover_dmp.handover.session import SessionModels, SessionOptions
+from handover_dmp.handover.session_lockstep import SessionLoop
 from handover_dmp.handover.session_scenario import make_session_scenario, SessionScenario
+from handover_dmp.handover.withdrawal import WithdrawalOptions
 from handover_dmp.nodes.conversions import NANOSECONDS
 from handover_dmp.nodes.graph import Graph
 from handover_dmp.recording import read_bag
@@ -36,6 +37,8 @@ import pytest
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(400)]
 
 MASS_KG = 0.5
+# with the way home quicker than by default: that is most of the time
+WITHDRAWAL = WithdrawalOptions(speed=1.0, near_speed=0.5)
 MAX_S = 40.0
 SAME_S = 0.06
 """A grip and a wrench that come one period later in the graph move a change by no more, s."""
@@ -50,7 +53,11 @@ def parameters_of(folder: Path, scenario: SessionScenario) -> dict[str, dict[str
     return {
         'recorder': {'folder': str(folder / 'bag'), **arm},
         'hand_tracker': {'source': 'session', 'replay_at_s': REPLAY_AT_S},
-        'dmp': {'session.enabled': True},
+        'dmp': {
+            'session.enabled': True,
+            'session.withdrawal_speed': WITHDRAWAL.speed,
+            'session.near_speed': WITHDRAWAL.near_speed,
+        },
         'priority_ik': arm,
         'robot_sim': {
             **arm,
@@ -73,7 +80,10 @@ def changes(bag: Path, topic: str) -> list[tuple[Any, float]]:
 def test_a_session_of_the_graph_is_that_of_one_process(tmp_path: Path) -> None:
     models = SessionModels(example_model(), example_model(direction='take'))
     scenario = make_session_scenario(models=models, base=BasePlacement((-0.63, 0.07, 0.91), -0.46))
-    alone = simulate_session(scenario, carried=CarriedObjectOptions(mass_kg=MASS_KG))
+    carried = CarriedObjectOptions(mass_kg=MASS_KG)
+    rules = SessionOptions(withdrawal=WITHDRAWAL)
+    with SessionLoop(scenario, session=rules, carried=carried) as loop:
+        alone = loop.run()
     with Graph(tmp_path, parameters_of(tmp_path, scenario)) as graph:
         graph.pause(False)
         assert graph.wait_for_state(('done', 'aborted'), MAX_S, lambda: None)
