@@ -61,7 +61,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers() -> int:
     """Run one process more than there are processors: a fifth of the time, tests wait."""
-    return (os.cpu_count() or 1) + 1
+    wanted = os.environ.get('PYTEST_XDIST_AUTO_NUM_WORKERS')
+    return int(wanted) if wanted else (os.cpu_count() or 1) + 1
 
 
 @pytest.hookimpl(optionalhook=True)
