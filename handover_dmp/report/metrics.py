@@ -21,6 +21,7 @@ from typing import Any
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.quaternions import to_matrix
+from handover_dmp.mocap.measures import ACTIVE_SPEED
 from handover_dmp.report.motion import bell_of, RATE_HZ, resample, velocity
 from handover_dmp.report.recorded_run import RecordedLimits, RunRecord
 from handover_dmp.topics import DIAGNOSTICS, HAND_TRUTH
@@ -465,17 +466,24 @@ def _from_bell(run: RunRecord, times: Array, speeds: Array) -> float | None:
 
 
 def _to_demonstrator(run: RunRecord) -> Numbers:
-    """Compare with the demonstrator, from the start of the reach to the end of the exchange."""
+    """
+    Compare with the demonstrator, from the start of the reach to the end of the exchange.
+
+    None if the demonstrator rests meanwhile, as where the robot picked the object up later.
+    """
+    unknown: Numbers = {'rms_m': None, 'largest_m': None, 'at_exchange_m': None}
     begin = run.reaching_time_s or 0.0
     span = run.exchange_span_s
     end = span[1] if span else run.end_time_s
     if len(run.demonstrator_times) < 2:
-        return {'rms_m': None, 'largest_m': None, 'at_exchange_m': None}
+        return unknown
     begin = max(begin, run.demonstrator_times[0], run.wrist_times[0])
     end = min(end, run.demonstrator_times[-1], run.wrist_times[-1])
-    if end <= begin:
-        return {'rms_m': None, 'largest_m': None, 'at_exchange_m': None}
     times = np.arange(begin, end, 1 / RATE_HZ)
+    even, velocities = velocity(run.demonstrator_times, run.demonstrator_positions)
+    speeds = np.linalg.norm(velocities[(even >= begin) & (even <= end)], axis=1)
+    if len(times) == 0 or speeds.max(initial=0.0) < ACTIVE_SPEED:
+        return unknown
 
     def distance(at: Array) -> Array:
         wrist = resample(run.wrist_times, run.wrist_positions, at)

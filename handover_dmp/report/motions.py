@@ -21,7 +21,7 @@ from typing import Any
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.mocap.filtering import smooth
-from handover_dmp.mocap.measures import fluency, measure_motion, synchrony
+from handover_dmp.mocap.measures import ACTIVE_SPEED, fluency, measure_motion, synchrony
 from handover_dmp.report.motion import RATE_HZ, resample
 from handover_dmp.report.recorded_run import RunRecord
 import numpy as np
@@ -43,7 +43,8 @@ def compare_motions(run: RunRecord) -> dict[str, Any]:
         `robot`, `person` (the demonstrator) and `partner`: the figures of
         `MotionMeasures`; `synchrony` of robot and of person with the partner; `distance_min_m`
         between robot and partner; `relative_speed_m_s` of the two when the exchange begins;
-        `fluency` of partner and robot over the whole run. None if it cannot be measured.
+        `fluency` of partner and robot over the whole run. None if it cannot be measured, as the
+        motion of somebody who rests.
 
     """
     begin_s = run.reaching_time_s
@@ -65,7 +66,10 @@ def compare_motions(run: RunRecord) -> dict[str, Any]:
             continue
         times, places, velocities = track
         positions[name] = resample(times, places, even)
-        speeds[name] = np.linalg.norm(resample(times, velocities, even), axis=1)
+        speed = np.linalg.norm(resample(times, velocities, even), axis=1)
+        if speed.max() < ACTIVE_SPEED:
+            continue
+        speeds[name] = speed
         measures = measure_motion(even, positions[name])
         found[name] = None if measures is None else asdict(measures)
     for name in ('robot', 'person'):

@@ -48,7 +48,10 @@ SHARES = (
     ('functional_delay', 'functional delay'),
 )
 WAITS = (('person_s', 'partner'), ('robot_s', 'robot or demonstrator'))
-ACTIVE = 'Shares of the time from the first reach on, and waits at the exchange position.'
+ACTIVE = (
+    'Shares of the time from the first reach on, and waits at the exchange position. The recorded '
+    'people are replayed: their time stops at each exchange until the object has changed hands.'
+)
 RULES = {
     'share': 'the share of the weight',
     'pull': 'the pull',

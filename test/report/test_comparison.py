@@ -17,11 +17,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 import json
 from pathlib import Path
 from typing import Any
 
 from handover_dmp.cli.main import main
+from handover_dmp.report import measure
 from handover_dmp.report.comparison import compare_runs
 from handover_dmp.report.motions import compare_motions
 from handover_dmp.report.recorded_run import load_run
@@ -64,6 +66,27 @@ def test_a_run_without_the_other_person_has_the_rest(make_run: MakeRun, tmp_path
     assert found['person'] is found['synchrony']['person'] is None
     for name in ('robot', 'partner', 'fluency', 'distance_min_m'):
         assert found[name] is not None
+
+
+def test_who_rests_during_the_reach_is_not_compared(
+    make_run: MakeRun, make_motion: type[Any], tmp_path: Path
+) -> None:
+    """Whether a recorded hand sways or not: its correlation with the wrist would be of noise."""
+    run = load_run(make_run(tmp_path / 'bag', make_motion()))
+    sway = 1e-3 * np.sin(3.0 * run.hand_times)[:, None]
+    waiting = replace(
+        run,
+        hand_positions=run.hand_positions[-1] + sway,
+        demonstrator_positions=np.broadcast_to(
+            run.demonstrator_positions[-1], run.demonstrator_positions.shape
+        ),
+    )
+    found = compare_motions(waiting)
+    assert found['partner'] is found['person'] is None
+    assert found['synchrony'] == {'robot': None, 'person': None}
+    assert found['robot'] == compare_motions(run)['robot']
+    assert set(measure(waiting)['to_human'].values()) == {None}
+    assert measure(run)['to_human']['rms_m'] is not None
 
 
 def test_pairs_differ_as_they_were_made_to(
