@@ -16,7 +16,8 @@
 One handover in one process: the objects of the graph in lockstep, without ROS.
 
 The objects and their order are those of the five nodes on simulated time, so both give the same
-motion. The result is the same every time.
+motion. The result is the same every time, to the last bit with one thread for linear algebra
+(`OPENBLAS_NUM_THREADS=1`), as the commands and nodes have it.
 """
 
 from __future__ import annotations
