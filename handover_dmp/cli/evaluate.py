@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING
+from typing import NamedTuple, TYPE_CHECKING
 
 from handover_dmp.cli.low_pass import add_low_pass
 from handover_dmp.cli.robot_arguments import add_frame_arguments, WHICH
@@ -29,7 +29,10 @@ from handover_dmp.common.errors import UsageError
 from handover_dmp.evaluation import LEARN
 
 if TYPE_CHECKING:
+    from handover_dmp.evaluation.arm import ArmEvaluation
+    from handover_dmp.evaluation.protocol import Evaluation, Protocol
     from handover_dmp.evaluation.rollouts import Learning
+    from handover_dmp.evaluation.sessions import SessionOutcome
 
 PATIENCE_S = 2.0
 """Time after which the progress bar appears, s."""
@@ -264,68 +267,87 @@ def run(options: argparse.Namespace) -> int:
         )
     if options.paper:
         _as_printed(options)
-    listed = ','.join(LEARN) if options.learn is None else options.learn
-    learn = tuple(dict.fromkeys(word.strip() for word in listed.split(',')))
+    learn = _demonstrations(options.learn)
+    from handover_dmp.common.files import write_text
+    from handover_dmp.evaluation.report import write_evaluation
+
+    results = _evaluate(options, _protocol(options, learn))
+    evaluation, arm, sessions, figures = results
+    text = write_evaluation(
+        evaluation, options.data_set.name, options.output, figures, arm, sessions
+    )
+    if options.json is not None:
+        write_text(options.json, text)
+    _show(results, text, options.seed)
+    print(options.output / 'index.html')
+    return 0
+
+
+def _demonstrations(listed: str | None) -> tuple[str, ...]:
+    """Read what to learn from; all ways if it is left out."""
+    words = LEARN if listed is None else listed.split(',')
+    learn = tuple(dict.fromkeys(word.strip() for word in words))
     unknown = [word for word in learn if word not in LEARN]
     if unknown:
         raise UsageError(f'--learn: unknown word {unknown[0]!r}; choose from {", ".join(LEARN)}')
-    from dataclasses import replace
-    import json
+    return learn
 
-    from handover_dmp.common.files import write_text
-    from handover_dmp.evaluation.arm import evaluate_arm
-    from handover_dmp.evaluation.arm_table import arm_tables
-    from handover_dmp.evaluation.cases import index_of, make_cases
-    from handover_dmp.evaluation.protocol import evaluate, Protocol
-    from handover_dmp.evaluation.report import write_evaluation
-    from handover_dmp.evaluation.sessions import (
-        evaluate_sessions,
-        read_recorded,
-        read_trials,
-        sessions_table,
-    )
-    from handover_dmp.evaluation.table import renderable, WIDTH
-    from handover_dmp.robot.descriptions import ArmChoice
+
+def _protocol(options: argparse.Namespace, learn: tuple[str, ...]) -> Protocol:
+    from dataclasses import replace
+
+    from handover_dmp.evaluation.protocol import Protocol
     from handover_dmp.tracking.partner_model import PartnerOptions
-    from rich.console import Console
-    from rich.markup import escape
 
     learning = read_learning(options)
     if options.partner_model == 'auto':
         learning = replace(learning, partner=PartnerOptions())
-    protocol = Protocol(
+    return Protocol(
         learning=learning,
         learn=learn,
         leave_one_out=options.leave_one_out,
         seed=options.seed,
         min_width_m=options.min_width,
     )
+
+
+class _Results(NamedTuple):
+    evaluation: Evaluation
+    arm: ArmEvaluation | None
+    sessions: list[SessionOutcome]
+    figures: list[tuple[str, str]]
+
+
+def _evaluate(options: argparse.Namespace, protocol: Protocol) -> _Results:
+    """Evaluate the primitive and, if asked for, the arm and the sessions; draw the figures."""
+    from handover_dmp.evaluation.arm import evaluate_arm
+    from handover_dmp.evaluation.cases import index_of, make_cases
+    from handover_dmp.evaluation.protocol import evaluate
+    from handover_dmp.evaluation.sessions import evaluate_sessions, read_recorded, read_trials
+    from handover_dmp.robot.descriptions import ArmChoice
+
     trials = read_trials(options.data_set)
     recorded = read_recorded(options.data_set, options.sessions)
     for number in (options.learnt, options.tested):
         if number is not None:
             for case in make_cases(trials, cutoff_hz=options.low_pass):
                 index_of(case, number)
+    cache, jobs = options.output / CACHE, options.jobs
     with work_bar() as progress:
         evaluation = evaluate(
-            trials, protocol, jobs=options.jobs, progress=progress('learning and rolling out')
+            trials, protocol, jobs=jobs, progress=progress('learning and rolling out')
         )
         arm = choice = None
         if options.arm:
             choice = ArmChoice(options.arm, options.wrist_frame, options.base_frame)
-            arm = evaluate_arm(
-                evaluation,
-                choice,
-                options.output / CACHE,
-                jobs=options.jobs,
-                progress=progress('moving the arm'),
-            )
+            moving = progress('moving the arm')
+            arm = evaluate_arm(evaluation, choice, cache, jobs=jobs, progress=moving)
         sessions = evaluate_sessions(
             recorded,
-            learning,
+            protocol.learning,
             choice,
-            options.output / CACHE,
-            jobs=options.jobs,
+            cache,
+            jobs=jobs,
             progress=progress('going through the sessions') if recorded else None,
         )
         figures: list[tuple[str, str]] = []
@@ -341,23 +363,28 @@ def run(options: argparse.Namespace) -> int:
                 arm=arm,
                 sessions=sessions,
             )
-    text = write_evaluation(
-        evaluation, options.data_set.name, options.output, figures, arm, sessions
-    )
-    if options.json is not None:
-        write_text(options.json, text)
+    return _Results(evaluation, arm, sessions, figures)
+
+
+def _show(results: _Results, text: str, seed: int) -> None:
+    """Print the tables, and the answers of `table.json` in sentences."""
+    import json
+
+    from handover_dmp.evaluation.arm_table import arm_tables
+    from handover_dmp.evaluation.sessions import sessions_table
+    from handover_dmp.evaluation.table import renderable, WIDTH
+    from rich.console import Console
+    from rich.markup import escape
+
     console = Console()
     console.width = max(console.width, WIDTH)
-    console.print(renderable(evaluation.rows, evaluation.summary))
-    for table in () if arm is None else arm_tables(arm):
+    console.print(renderable(results.evaluation.rows, results.evaluation.summary))
+    for table in () if results.arm is None else arm_tables(results.arm):
         table.show(console)
-    if sessions:
-        sessions_table(sessions, options.seed).show(console)
-    answers = json.loads(text)['in_short']
-    for question, answer in answers.items():
+    if results.sessions:
+        sessions_table(results.sessions, seed).show(console)
+    for question, answer in json.loads(text)['in_short'].items():
         console.print(f'[bold]{question}[/bold] {escape(answer)}', highlight=False)
-    print(options.output / 'index.html')
-    return 0
 
 
 def _as_printed(options: argparse.Namespace) -> None:

@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 import json
 from pathlib import Path
 from typing import Any
@@ -387,67 +388,38 @@ def _collect(path: Path, namespace: str, trackers: Sequence[Topic]) -> _Samples:
 def _assemble(
     path: Path, samples: _Samples, hand_topic: Topic, trackers: dict[str, Topic]
 ) -> RunRecord:
+    needed = (hand_topic, *NEEDED)
     graph_time = samples.graph_time()
     arrivals_ns = {topic: graph_time(times) for topic, times in samples.logs_ns.items()}
-    stamps_ns = {
-        # a stamp of zero means no stamp
-        topic: np.where(np.array(stamps) > 0, np.array(stamps, dtype=np.int64), arrivals_ns[topic])
-        for topic, stamps in samples.stamps_ns.items()
-    }
-    for topic in (PHASE.name, IK_STATUS.name):
-        if 'time_s' in samples.labels.get(topic, ()):
-            column = samples.labels[topic].index('time_s')
-            seconds = np.array([row[column] for row in samples.values[topic]])
-            stamps_ns[topic] = np.rint(seconds * 1e9).astype(np.int64)
-    needed = (hand_topic, *NEEDED)
+    stamps_ns = _stamps_ns(samples, arrivals_ns)
     start_ns = int(min(stamps_ns[topic.name].min() for topic in needed))
     stamps = _seconds(stamps_ns, start_ns)
     arrivals = _seconds(arrivals_ns, start_ns)
-    none = np.zeros(0)
-
-    def track(name: str, width: int, *, partly: bool = False) -> tuple[Array, Array]:
-        if not samples.values.get(name):
-            return np.zeros(0), np.zeros((0, width))
-        try:
-            values = np.array(samples.values[name], dtype=np.float64).reshape(-1, width)
-        except ValueError as error:
-            raise DataError(f'{path}: {name}: messages of different lengths') from error
-        return _in_order(stamps[name], values, partly=partly)
-
+    track = partial(_track, path, samples, stamps)
     info = _info(path, samples.values[INFO.name])
-    names, joint_rows, told_velocities = _joints(path, samples.values[JOINT_STATES.name], info)
-    count = len(names)
-    joint_times, joints = _in_order(stamps[JOINT_STATES.name], joint_rows)
-    if not told_velocities and len(joint_times) > 1:
-        joints[:, count:] = np.gradient(joints[:, :count], joint_times, axis=0)
-    description = next(iter(samples.values[ROBOT_DESCRIPTION.name]), '')
-    commands = [row for row in samples.values[JOINT_COMMAND.name] if len(row) == count]
-    if len(commands) == len(samples.values[JOINT_COMMAND.name]):
-        joint_command_times, joint_commands = track(JOINT_COMMAND.name, count)
-    else:
-        joint_command_times, joint_commands = none, np.zeros((0, count))
-    hand_times, hand = track(hand_topic.name, 3)
-    fused_times, fused = track(HAND_FUSED.name, 3)
-    demonstrator_times, demonstrator = track(DEMONSTRATOR_POSE.name, 3)
-    wrist_times, wrist = track(WRIST_POSE.name, 7)
-    command_times, command = track(POSE_COMMAND.name, 3)
-    twist_times, twist = track(TWIST_COMMAND.name, 3)
-    wrench_times, wrench = track(WRIST_WRENCH.name, 3)
-    object_times, object_positions = track(OBJECT_POSE.name, 3)
+    hand_times, hand = track(hand_topic, 3)
+    fused_times, fused = track(HAND_FUSED, 3)
+    demonstrator_times, demonstrator = track(DEMONSTRATOR_POSE, 3)
+    wrist_times, wrist = track(WRIST_POSE, 7)
+    command_times, command = track(POSE_COMMAND, 3)
+    twist_times, twist = track(TWIST_COMMAND, 3)
+    wrench_times, wrench = track(WRIST_WRENCH, 3)
+    object_times, object_positions = track(OBJECT_POSE, 3)
     phase_labels = samples.labels.get(PHASE.name, ())
     ik_labels = samples.labels.get(IK_STATUS.name, ())
-    phase_times, phase = track(PHASE.name, len(phase_labels) or 1)
+    phase_times, phase = track(PHASE, len(phase_labels) or 1)
     # an arm with unknown joints still reports that it is not commanded
-    ik_times, ik = track(IK_STATUS.name, len(ik_labels) or 1, partly=True)
-    believed = _believed_limits(path, info, names)
-    for wanted, times in zip(needed, (hand_times, wrist_times, joint_times), strict=True):
+    ik_times, ik = track(IK_STATUS, len(ik_labels) or 1, partly=True)
+    joints = _joint_motions(path, samples, stamps, info)
+    for wanted, times in zip(
+        needed, (hand_times, wrist_times, joints['joint_times']), strict=True
+    ):
         if len(times) < MIN_SAMPLES:
             raise DataError(f'{path}: not a recorded run: {wanted.name} has no proper positions')
     return RunRecord(
         source=path,
         namespace=samples.namespace,
         info=info,
-        robot_description=description,
         simulated_clock=bool(samples.values[CLOCK.name]),
         start_ns=start_ns,
         hand_times=hand_times,
@@ -455,7 +427,7 @@ def _assemble(
         hand_topic=hand_topic.name,
         fused_times=fused_times,
         fused_positions=fused,
-        trackers={name: track(topic.name, 3) for name, topic in trackers.items()},
+        trackers={name: track(topic, 3) for name, topic in trackers.items()},
         demonstrator_times=demonstrator_times,
         demonstrator_positions=demonstrator,
         wrist_times=wrist_times,
@@ -465,14 +437,6 @@ def _assemble(
         command_positions=command,
         twist_times=twist_times,
         twist_velocities=twist,
-        joint_names=names,
-        joint_times=joint_times,
-        joint_positions=joints[:, :count],
-        joint_velocities=joints[:, count:],
-        joint_command_times=joint_command_times,
-        joint_commands=joint_commands,
-        joint_limits=_described_limits(description, names, believed) or believed,
-        believed_limits=believed,
         phase_times=phase_times,
         phase={label: phase[:, column] for column, label in enumerate(phase_labels)},
         ik_times=ik_times,
@@ -487,7 +451,71 @@ def _assemble(
         diagnostics=tuple(_diagnostics(samples, stamps)),
         arrivals=arrivals,
         stamps=stamps,
+        **joints,
     )
+
+
+def _stamps_ns(
+    samples: _Samples, arrivals_ns: dict[str, NDArray[np.int64]]
+) -> dict[str, NDArray[np.int64]]:
+    """Return the stamps of each topic, ns; the arrivals where there are none."""
+    stamps_ns = {
+        # a stamp of zero means no stamp
+        topic: np.where(np.array(stamps) > 0, np.array(stamps, dtype=np.int64), arrivals_ns[topic])
+        for topic, stamps in samples.stamps_ns.items()
+    }
+    for topic in (PHASE.name, IK_STATUS.name):
+        if 'time_s' in samples.labels.get(topic, ()):
+            column = samples.labels[topic].index('time_s')
+            seconds = np.array([row[column] for row in samples.values[topic]])
+            stamps_ns[topic] = np.rint(seconds * 1e9).astype(np.int64)
+    return stamps_ns
+
+
+def _track(
+    path: Path,
+    samples: _Samples,
+    stamps: dict[str, Array],
+    topic: Topic,
+    width: int,
+    *,
+    partly: bool = False,
+) -> tuple[Array, Array]:
+    """Return times (k,), s, and values (k, width) of a topic, in order."""
+    if not samples.values.get(topic.name):
+        return np.zeros(0), np.zeros((0, width))
+    try:
+        values = np.array(samples.values[topic.name], dtype=np.float64).reshape(-1, width)
+    except ValueError as error:
+        raise DataError(f'{path}: {topic.name}: messages of different lengths') from error
+    return _in_order(stamps[topic.name], values, partly=partly)
+
+
+def _joint_motions(
+    path: Path, samples: _Samples, stamps: dict[str, Array], info: dict[str, Any]
+) -> dict[str, Any]:
+    """Return the fields of a `RunRecord` about the joints."""
+    names, rows, told_velocities = _joints(path, samples.values[JOINT_STATES.name], info)
+    count = len(names)
+    times, joints = _in_order(stamps[JOINT_STATES.name], rows)
+    if not told_velocities and len(times) > 1:
+        joints[:, count:] = np.gradient(joints[:, :count], times, axis=0)
+    command_times, commands = np.zeros(0), np.zeros((0, count))
+    if all(len(row) == count for row in samples.values[JOINT_COMMAND.name]):
+        command_times, commands = _track(path, samples, stamps, JOINT_COMMAND, count)
+    description = next(iter(samples.values[ROBOT_DESCRIPTION.name]), '')
+    believed = _believed_limits(path, info, names)
+    return {
+        'robot_description': description,
+        'joint_names': names,
+        'joint_times': times,
+        'joint_positions': joints[:, :count],
+        'joint_velocities': joints[:, count:],
+        'joint_command_times': command_times,
+        'joint_commands': commands,
+        'joint_limits': _described_limits(description, names, believed) or believed,
+        'believed_limits': believed,
+    }
 
 
 def _told(
