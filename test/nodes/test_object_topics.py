@@ -113,7 +113,8 @@ def test_the_object_is_told_of_and_changes_hands(tmp_path: Path) -> None:
         listener.gripper.publish(Bool(data=True))
         listener.until(lambda: listener.holders[-1] == 'robot', hand)
         assert listener.holders == ['robot', 'both', 'partner', 'both', 'robot']
-        assert listener.lifted_n == pytest.approx(WEIGHT_N, abs=0.01)
+        # the partner's hand gives way before the wrench says so
+        listener.until(lambda: abs(listener.lifted_n - WEIGHT_N) < 0.01, hand)
         listener.gripper.publish(Bool(data=False))
         listener.until(lambda: listener.holders[-1] == 'nobody', hand + [0.5, 0.0, 0.0])
     finally:
