@@ -17,10 +17,7 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import Any
-
-from handover_dmp.common.errors import UsageError
+from handover_dmp.nodes.gripper_action import GripperAction
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import Parameter
 from handover_dmp.topics import GRIPPER_COMMAND
@@ -59,16 +56,16 @@ class Gripper:
             node: with the parameters of `OF_GRIPPER`.
 
         Raises:
-            UsageError: an action is named, but `control_msgs` is not installed.
+            UsageError: an action is named, but `control_msgs` is not installed, or the name is
+                invalid.
 
         """
         self._node = node
         self._closed: bool | None = None
         self._topic = node.advertise(GRIPPER_COMMAND)
-        self._action, self._client = None, None
+        self._action: GripperAction | None = None
         if name := node.values['session.gripper_action']:
-            self._action = _action_type()
-            self._client = _client(node, self._action, name)
+            self._action = GripperAction(node, name)
 
     def command(self, closed: bool) -> None:
         """
@@ -84,26 +81,5 @@ class Gripper:
             return
         self._topic.publish(Bool(data=closed))
         self._node.say(f'gripper: {"close" if closed else "open"}')
-        if self._client is not None and self._action is not None:
-            goal = self._action.Goal()
-            width = 'session.gripper_closed_m' if closed else 'session.gripper_open_m'
-            goal.command.position = self._node.values[width]
-            goal.command.max_effort = self._node.values['session.gripper_effort_n']
-            self._client.send_goal_async(goal)
-
-
-def _action_type() -> Any:
-    # not in the wheels; a system's ROS may have it
-    try:
-        return import_module('control_msgs.action').GripperCommand
-    except ImportError as error:
-        raise UsageError(
-            'session.gripper_action needs control_msgs, which is not installed; leave it empty, '
-            'and use the topic gripper/command'
-        ) from error
-
-
-def _client(node: HandoverNode, action: Any, name: str) -> Any:
-    from rclpy.action import ActionClient
-
-    return ActionClient(node, action, name)
+        if self._action is not None:
+            self._action.command(closed)
