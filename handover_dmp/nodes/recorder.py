@@ -244,8 +244,6 @@ class Recorder(HandoverNode):
 
     def _look(self) -> None:
         """Find new topics, and publishers that offer less than was requested."""
-        if self._transforms is not None:
-            self._transforms.look()
         publishers = {
             name: self.count_publishers(name)
             for name, _ in self.get_topic_names_and_types()

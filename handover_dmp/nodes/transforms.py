@@ -17,6 +17,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from math import inf
+from time import monotonic
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TransformStamped
@@ -35,6 +37,8 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 PERIOD_NS = round(TF_PERIOD_S * NANOSECONDS)
+DISCOVERY_S = 0.5
+"""Time within which whoever publishes transforms is known, once joint states are received, s."""
 
 
 def frame_prefix(namespace: str) -> str:
@@ -145,12 +149,8 @@ class TransformRecorder:
         self._links = LinkFrames(model, node.frame, frame_prefix(node.get_namespace()))
         self._reader = JointStateReader(model.joint_names, node.values['joint_prefix'])
         self._told_ns: int | None = None
-        self._published = False
-        self.look()
-
-    def look(self) -> None:
-        """Check whether somebody publishes the transforms, which are then recorded instead."""
-        self._published = tf_is_installed() and self._node.count_publishers(TF.name) > 0
+        self._may_be_published = tf_is_installed()
+        self._begun_s = inf
 
     def hear(self, data: bytes, log_time_ns: int) -> None:
         """
@@ -164,7 +164,7 @@ class TransformRecorder:
             DataError: the bag cannot be written.
 
         """
-        if self._published:
+        if self._are_published():
             return
         message = deserialize_message(data, JointState)
         time_ns = nanoseconds(message.header.stamp)
@@ -178,6 +178,15 @@ class TransformRecorder:
         if first:
             self._write(TF_STATIC, time_ns, self._links.fixed, log_time_ns)
         self._write(TF, time_ns, self._links.moving(found[0]), log_time_ns)
+
+    def _are_published(self) -> bool:
+        """Tell whether somebody publishes the transforms, or may still be discovered."""
+        if not self._may_be_published:
+            return False
+        now_s = monotonic()
+        self._begun_s = min(self._begun_s, now_s)
+        discovers = now_s < self._begun_s + DISCOVERY_S
+        return discovers or self._node.count_publishers(TF.name) > 0
 
     def _write(
         self, topic: Topic, time_ns: int, links: Iterable[LinkTransform], log_time_ns: int
