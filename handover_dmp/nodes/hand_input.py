@@ -22,13 +22,14 @@ tracker may start before or after the node.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
 from handover_dmp.common.errors import UsageError
 from handover_dmp.mocap.message_bodies import bodies, Body
-from handover_dmp.nodes.conversions import NANOSECONDS
+from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.topics import HAND_POSE
 from handover_dmp.tracking.pose_messages import BodyChooser, TYPES
@@ -43,6 +44,8 @@ except ImportError:  # optional: the wheels of ROS 2 do not have it
 
 
 ROUNDING_S = 1e-6
+MAX_LAG_S = 0.1
+"""Age relative to the hand up to which the newest transform of tf2 is used, s."""
 
 
 class HandPose(NamedTuple):
@@ -288,19 +291,31 @@ class HandInput:
         if self._buffer is None:
             self._buffer = tf2_ros.Buffer()
             self._listener = tf2_ros.TransformListener(self._buffer, self._node)
-        try:
-            found = self._buffer.lookup_transform(
-                self._node.frame, header.frame_id, RosTime.from_msg(header.stamp)
-            ).transform
-        except tf2_ros.TransformException:
+        found = self._by_tf2(header)
+        if found is None:
             return None
         from handover_dmp.tracking.frames import FixedTransform
 
         at, turn = found.translation, found.rotation
         return FixedTransform((at.x, at.y, at.z), (turn.x, turn.y, turn.z, turn.w))(position)
 
+    def _by_tf2(self, header: Any) -> Any:
+        """Return the transform at the time of the hand, or the newest if it is hardly older."""
+        frames, dated = (self._node.frame, header.frame_id), self._node.is_stamped(header.stamp)
+        look_up = partial(self._buffer.lookup_transform, *frames)
+        try:
+            if dated:
+                with suppress(tf2_ros.ExtrapolationException):
+                    return look_up(RosTime.from_msg(header.stamp)).transform
+            newest = look_up(RosTime())
+        except tf2_ros.TransformException:
+            return None
+        lag_ns = nanoseconds(header.stamp) - nanoseconds(newest.header.stamp)
+        usable = not dated or 0 <= lag_ns <= MAX_LAG_S * NANOSECONDS
+        return newest.transform if usable else None
+
     def _of_the_frame(self, frame: str) -> str:
-        missing = 'tf2_ros is not installed' if tf2_ros is None else 'which does not know it'
+        missing = 'tf2_ros is not installed' if tf2_ros is None else 'which does not know it then'
         return (
             f'hand in frame {frame!r}, not {self._node.frame!r}: give its transform by '
             f'{self._name}.frame, {self._name}.position and {self._name}.quaternion, or by tf2 '

@@ -37,8 +37,9 @@ from handover_dmp.common.errors import UsageError
 from handover_dmp.mocap.message_bodies import bodies, Body
 from handover_dmp.nodes.hand_input import HandInput
 from handover_dmp.nodes.node import HandoverNode
+from handover_dmp.nodes.qos import message_class
 from handover_dmp.nodes.tracker_parameters import HAND, ONE_TRACKER
-from handover_dmp.topics import HAND_POSE
+from handover_dmp.topics import HAND_POSE, TF, TF_STATIC, Topic
 from handover_dmp.tracking.frames import FixedTransform
 from handover_dmp.tracking.pose_messages import BodyChooser
 from hypothesis import given
@@ -71,7 +72,7 @@ class Listener(HandoverNode):
         super().__init__()
         self.taken: list[tuple[Time, Body]] = []
         self.refused: list[tuple[str, str]] = []
-        HandInput(
+        self.inputs = HandInput(
             self,
             self.values['trackers'][-1],
             lambda stamp, pose: self.taken.append((stamp, pose)),
@@ -219,6 +220,40 @@ def test_a_frame_is_transformed_or_named_with_its_remedies(listener: Any) -> Non
     for lost in ((0.0, 0.0, 0.0), (nan, 0.0, 1.0)):
         seen = hear(filled(PoseStamped, frame='camera', place=lost)).taken[0][1]
         np.testing.assert_array_equal(seen.position, lost)
+
+
+@pytest.mark.parametrize(
+    ('topic', 'at_s', 'stamps', 'is_known'),
+    [
+        pytest.param(TF_STATIC, 0.0, 'header', True, id='fixed'),
+        # the hand is stamped 7 s; who tells where a moving frame is does so now and then
+        pytest.param(TF, 6.95, 'header', True, id='a bit older'),
+        pytest.param(TF, 6.0, 'header', False, id='much older'),
+        pytest.param(TF, 7.05, 'header', False, id='only newer'),
+        pytest.param(TF, 99.0, 'arrival', True, id='another clock'),
+    ],
+)
+def test_a_frame_is_looked_up_in_tf2(
+    listener: Any, topic: Topic, at_s: float, stamps: str, is_known: bool
+) -> None:
+    pytest.importorskip('tf2_ros', reason='tf2_ros is not installed')
+    hear = listener(hand_stamps=stamps)
+    # it begins to listen to tf2
+    node = hear(filled(PoseStamped, frame='camera'))
+    assert 'does not know it' in node.refused[0][1]
+    told = TransformStamped(child_frame_id='camera')
+    told.header.frame_id = 'world'
+    told.header.stamp = Time(sec=int(at_s), nanosec=round(at_s % 1.0 * 1e9))
+    told.transform.translation.z, told.transform.rotation.w = 1.0, 1.0
+    node.advertise(topic).publish(message_class(topic.type_name)(transforms=[told]))
+    end_s = time.monotonic() + WAIT_S
+    while not node.inputs._buffer._frameExists('camera'):
+        hear(filled(PoseStamped, frame='camera'))
+        assert time.monotonic() < end_s
+    node = hear(filled(PoseStamped, frame='camera'))
+    assert bool(node.taken) is is_known
+    for _, pose in node.taken:
+        np.testing.assert_allclose(pose.position, np.add(PLACE, (0.0, 0.0, 1.0)))
 
 
 def test_of_several_bodies_none_is_guessed(listener: Any) -> None:
