@@ -38,6 +38,7 @@ from handover_dmp.nodes.tracker_parameters import declare_trackers
 from handover_dmp.topics import Topic
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.publisher import Publisher
@@ -193,10 +194,15 @@ class HandoverNode(Node):  # type: ignore[misc]
         Returns:
             Its publisher.
 
+        Raises:
+            UsageError: `name` is no name of a topic.
+
         """
-        return self.create_publisher(
-            message_class(topic.type_name), name or topic.relative, qos_profile(topic.quality)
-        )
+        kind, name = message_class(topic.type_name), name or topic.relative
+        try:
+            return self.create_publisher(kind, name, qos_profile(topic.quality))
+        except InvalidTopicNameException as error:
+            raise _no_topic(name, error) from error
 
     def subscribe(
         self, topic: Topic, callback: Callable[[Any], None], name: str = '', type_name: str = ''
@@ -213,13 +219,15 @@ class HandoverNode(Node):  # type: ignore[misc]
         Returns:
             Its subscription.
 
+        Raises:
+            UsageError: `name` is no name of a topic.
+
         """
-        return self.create_subscription(
-            message_class(type_name or topic.type_name),
-            name or topic.relative,
-            callback,
-            qos_profile(topic.quality),
-        )
+        kind, name = message_class(type_name or topic.type_name), name or topic.relative
+        try:
+            return self.create_subscription(kind, name, callback, qos_profile(topic.quality))
+        except InvalidTopicNameException as error:
+            raise _no_topic(name, error) from error
 
     def serve(self, name: str, action: Callable[[], str]) -> None:
         """
@@ -350,3 +358,8 @@ def _keep_the_clock(requested: list[RosParameter]) -> SetParametersResult:
             successful=False, reason='use_sim_time can only be set at the start'
         )
     return SetParametersResult(successful=True)
+
+
+def _no_topic(name: str, error: InvalidTopicNameException) -> UsageError:
+    reason = str(error).partition('\n')[0].removesuffix(':')
+    return UsageError(f'{name!r} is no name of a topic: {reason}')

@@ -66,7 +66,14 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
     """
     _ended.clear()
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        # without what rcl says of itself, and of where in its source
+        reason = str(error).removeprefix('failed to initialize rcl: ').partition(', at /')[0]
+        what = 'unknown ROS arguments' if reason.startswith('[') else 'ROS arguments'
+        print(f'{what}: {reason}', file=sys.stderr)
+        return UsageError.exit_code
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda caught, _frame: _ended.append(caught))
     try:

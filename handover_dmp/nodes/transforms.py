@@ -103,7 +103,7 @@ class TransformPublisher:
         """
         self._links = LinkFrames(model, node.frame, frame_prefix(node.get_namespace()))
         self._publisher: Publisher | None = None
-        self._told_ns = -PERIOD_NS
+        self._told = -1
         if not tf_is_installed():
             return
         fixed = self._links.fixed if alone else self._links.fixed[:1]
@@ -125,9 +125,9 @@ class TransformPublisher:
         """
         if self._publisher is None or not self._publisher.get_subscription_count():
             return
-        time_ns = nanoseconds(time)
-        if not 0 <= time_ns - self._told_ns < PERIOD_NS:
-            self._told_ns = time_ns
+        period = nanoseconds(time) // PERIOD_NS
+        if period != self._told:
+            self._told = period
             links = transform_messages(time, self._links.moving(joint_positions))
             self._publisher.publish(self._kind(transforms=links))
 
@@ -148,7 +148,7 @@ class TransformRecorder:
         self._node, self._writer = node, writer
         self._links = LinkFrames(model, node.frame, frame_prefix(node.get_namespace()))
         self._reader = JointStateReader(model.joint_names, node.values['joint_prefix'])
-        self._told_ns: int | None = None
+        self._told: int | None = None
         self._may_be_published = tf_is_installed()
         self._begun_s = inf
 
@@ -168,13 +168,13 @@ class TransformRecorder:
             return
         message = deserialize_message(data, JointState)
         time_ns = nanoseconds(message.header.stamp)
-        first = self._told_ns is None
-        if self._told_ns is not None and 0 <= time_ns - self._told_ns < PERIOD_NS:
+        first, period = self._told is None, time_ns // PERIOD_NS
+        if period == self._told:
             return
         found = self._reader.read(message.name, message.position, message.velocity)
         if isinstance(found, str):
             return
-        self._told_ns = time_ns
+        self._told = period
         if first:
             self._write(TF_STATIC, time_ns, self._links.fixed, log_time_ns)
         self._write(TF, time_ns, self._links.moving(found[0]), log_time_ns)

@@ -340,6 +340,7 @@ def priorities(pid: int) -> set[int]:
         ('dmp', ['-p', 'partner_model:=on'], 'auto, off'),
         ('dmp', ['-p', 'partner.following:=1.0'], 'partner.following'),
         ('recorder', ['-p', 'compression:=rar'], 'rar'),
+        ('hand_tracker', ['-p', 'tracker.topic:=9x'], "'9x' is no name of a topic"),
         pytest.param(
             'dmp',
             ['-p', 'session.enabled:=true', '-p', 'session.gripper_action:=/gripper/move'],
@@ -355,6 +356,23 @@ def test_a_wrong_parameter_gives_one_line_and_no_traceback(
     lines = said.strip().splitlines()
     assert len(lines) == 1, said
     assert fault in lines[0]
+
+
+@pytest.mark.parametrize(
+    ('words', 'fault'),
+    [
+        (['--params-file', 'nowhere.yaml'], 'nowhere.yaml'),
+        (['--no-such-argument'], 'unknown ROS arguments'),
+    ],
+)
+def test_wrong_ros_arguments_are_told_without_a_traceback(
+    words: list[str], fault: str, tmp_path: Path
+) -> None:
+    process = start('hand_tracker', tmp_path, *words)
+    said = process.communicate(timeout=60)[1]
+    assert process.returncode == 2
+    assert fault in said.strip().splitlines()[-1]
+    assert 'Traceback' not in said
 
 
 def test_a_bag_is_never_overwritten(tmp_path: Path) -> None:
