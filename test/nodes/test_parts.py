@@ -75,6 +75,9 @@ import yaml
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(300)]
 
+# a machine that keeps one of the nodes waiting is not to stop the arm
+ON_A_BUSY_MACHINE = {'resume_within_s': 60.0}
+
 
 class Hearing:
     """The newest message of each topic, and publishers of others."""
@@ -132,12 +135,10 @@ def place_of(message: PoseStamped) -> np.ndarray:
 
 @pytest.mark.parametrize('robot', ['iiwa14', 'ur5'])
 def test_priority_ik_follows_poses_alone_on_any_robot(tmp_path: Path, robot: str) -> None:
-    # a busy machine that keeps one of the three waiting is not to stop the arm
     arm = {'robot': robot, 'command_timeout_s': 2.0}
     ik = {**arm, 'joint_state_timeout_s': 2.0}
-    with nodes(
-        tmp_path, {'robot_sim': arm, 'priority_ik': ik}, 'robot_sim', 'priority_ik'
-    ) as graph:
+    parameters = {'robot_sim': {**arm, **ON_A_BUSY_MACHINE}, 'priority_ik': ik}
+    with nodes(tmp_path, parameters, 'robot_sim', 'priority_ik') as graph:
         hearing = Hearing(graph, WRIST_POSE, DIAGNOSTICS)
         command = hearing.publisher(POSE_COMMAND)
         assert hearing.until(lambda: WRIST_POSE in hearing.newest, lambda: None, 50.0)
@@ -167,9 +168,8 @@ def test_priority_ik_keeps_off_the_forearm_whose_elbow_a_tracker_sees(tmp_path: 
     model = RobotModel.load('lwr4')
     goal = model.wrist_pose(model.home)[0] + [0.1, 0.0, -0.1]
     elbow = model.shoulder + [0.2, -0.1, 0.2]
-    with nodes(
-        tmp_path, {'robot_sim': arm, 'priority_ik': ik}, 'robot_sim', 'priority_ik'
-    ) as graph:
+    parameters = {'robot_sim': {**arm, **ON_A_BUSY_MACHINE}, 'priority_ik': ik}
+    with nodes(tmp_path, parameters, 'robot_sim', 'priority_ik') as graph:
         hearing = Hearing(graph, WRIST_POSE, JOINT_STATES)
         told = {ELBOW_POSE: elbow, HAND_POSE: goal, POSE_COMMAND: goal}
         senders = {topic: hearing.publisher(topic) for topic in told}
@@ -198,7 +198,7 @@ def test_priority_ik_keeps_off_the_forearm_whose_elbow_a_tracker_sees(tmp_path: 
 
 
 def test_robot_sim_takes_velocities_from_anybody(tmp_path: Path) -> None:
-    patient = {'robot_sim': {'command_timeout_s': 1.0}}
+    patient = {'robot_sim': {'command_timeout_s': 1.0, **ON_A_BUSY_MACHINE}}
     with nodes(tmp_path, patient, 'robot_sim') as graph:
         hearing = Hearing(graph, JOINT_STATES)
         command = hearing.publisher(JOINT_COMMAND)
