@@ -70,6 +70,8 @@ class Period(NamedTuple):
         command: wrist command.
         answer: result of the inverse kinematics.
         object_state: state of the handed-over object; None if none is simulated.
+        hand: (3,), m, where the controller takes the partner's hand to be; None if unknown.
+        exchange_position: (3,), m, of the wrist when the exchange began; None before that.
 
     """
 
@@ -83,6 +85,8 @@ class Period(NamedTuple):
     command: WristCommand
     answer: JointCommand
     object_state: ObjectState | None = None
+    hand: Sequence[float] | None = None
+    exchange_position: Sequence[float] | None = None
 
 
 class LockstepLoop(Closing, ABC):
@@ -205,6 +209,7 @@ class LockstepLoop(Closing, ABC):
         period = Period(
             self._time_ns, positions, velocities, wrist, rotation, samples, estimate,
             command, answer, object_state,
+            self.controller.hand, self.controller.exchange_position,
         )  # fmt: skip
         self.before_motion()
         self.arm.advance(self.period_s)

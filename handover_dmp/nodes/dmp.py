@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import partial
 from math import inf, isfinite, nan
@@ -44,6 +44,7 @@ from handover_dmp.handover.controller import (
 from handover_dmp.handover.recordings import example_model, read_model
 from handover_dmp.handover.rehearsal import rehearse
 from handover_dmp.handover.release import ReleaseOptions
+from handover_dmp.handover.scene_markers import learnt_path
 from handover_dmp.handover.session import (
     Leg,
     SessionController,
@@ -92,7 +93,6 @@ from handover_dmp.topics import (
     WRIST_POSE,
 )
 from handover_dmp.tracking.partner_model import PartnerOptions
-import numpy as np
 from std_msgs.msg import Float64MultiArray, Header, String
 
 MAX_STALL_S = 0.5
@@ -213,7 +213,7 @@ class Dmp(HandoverNode):
         self.exit_code = 0
         self._faults: dict[str, int] = {}
         self._connect()
-        self._markers = Markers(self, _path(learnt))
+        self._markers = Markers(self, learnt_path(learnt))
         self._clock_of_periods = Lockstep(
             period_s,
             self._answer,
@@ -670,12 +670,6 @@ def _movement(model: DecoupledDmp, options: HandoverOptions, values: Values) -> 
     movement = movement_for(model, options, **given)
     rehearse(movement, options)
     return movement
-
-
-def _path(model: DecoupledDmp) -> Sequence[Sequence[float]]:
-    times = np.linspace(0.0, model.duration_s, 51)
-    path: Sequence[Sequence[float]] = model.rollout(times, model.goal).positions.tolist()
-    return path
 
 
 def main() -> int:

@@ -23,8 +23,10 @@ from pathlib import Path
 from typing import Any
 
 from handover_dmp.common.arrays import Array
+from handover_dmp.dmp import DecoupledDmp
 from handover_dmp.handover.lockstep import NANOSECONDS, Period, REPLAY_AT_S
 from handover_dmp.handover.scenario import Scenario
+from handover_dmp.handover.scene_markers import learnt_path, SceneMarkers, WITHOUT_ROS
 from handover_dmp.handover.session_lockstep import SessionPeriod
 from handover_dmp.handover.session_scenario import SessionScenario
 from handover_dmp.mocap.filtering import interpolate
@@ -39,6 +41,7 @@ from handover_dmp.recording.messages import (
     pose_stamped,
     pose_with_covariance_stamped,
     string,
+    time_message,
     transforms,
     twist_stamped,
     wrench_stamped,
@@ -58,6 +61,7 @@ from handover_dmp.topics import (
     INFO,
     JOINT_COMMAND,
     JOINT_STATES,
+    MARKERS,
     OBJECT_HOLDER,
     OBJECT_POSE,
     PHASE,
@@ -103,7 +107,8 @@ def write_run_bag(
         _path(scenario, periods, path) for path in (trial.partner, trial.demonstrator)
     )
     people = list(zip(truth, demonstrator, strict=True))
-    _write_bag(folder, scenario.robot, periods, people, info, topics)
+    scene = _scene(scenario.model)
+    _write_bag(folder, scenario.robot, scene, periods, people, info, topics)
 
 
 def write_session_bag(
@@ -139,12 +144,14 @@ def write_session_bag(
             told.append((GRIPPER_COMMAND, boolean(closed)))
         further.append(told)
     plain = [one.period for one in periods]
-    _write_bag(folder, scenario.robot, plain, people, info, topics, further)
+    scene = _scene(scenario.models.give)
+    _write_bag(folder, scenario.robot, scene, plain, people, info, topics, further)
 
 
 def _write_bag(
     folder: Path,
     robot: RobotModel,
+    scene: SceneMarkers,
     periods: Sequence[Period],
     people: Sequence[tuple[list[float], list[float]]],
     info: dict[str, Any],
@@ -177,6 +184,9 @@ def _write_bag(
                 next_tf_ns += round(TF_PERIOD_S * NANOSECONDS)
                 moved = transforms(period.time_ns, links.moving(period.joint_positions))
                 _write(bag, TF, moved, period.time_ns)
+            markers = _markers(scene, period)
+            if markers:
+                _write(bag, MARKERS, {'markers': markers}, time_ns)
             if period.command.state is not state:
                 state = period.command.state
                 _write(bag, STATE, string(state.value), period.time_ns)
@@ -189,6 +199,24 @@ def _write_bag(
                 _write(bag, GRIPPER_COMMAND, boolean(gripper_closed), time_ns)
             for topic, message in further[number] if further else ():
                 _write(bag, topic, message, time_ns)
+
+
+def _scene(model: DecoupledDmp) -> SceneMarkers:
+    return SceneMarkers(WITHOUT_ROS, FRAME, learnt_path(model))
+
+
+def _markers(scene: SceneMarkers, period: Period) -> list[Any]:
+    """Return the markers that the graph would publish in a period."""
+    if not scene.is_due():
+        return []
+    expectation = period.command.expectation
+    return scene.update(
+        time_message(period.time_ns),
+        period.hand,
+        period.wrist_position.tolist(),
+        period.exchange_position,
+        None if expectation is None else expectation.goal,
+    )
 
 
 def _path(scenario: Scenario, periods: Sequence[Period], positions: Array) -> list[list[float]]:
