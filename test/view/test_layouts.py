@@ -23,7 +23,11 @@ from pathlib import Path
 import re
 from typing import Any
 
-from handover_dmp.topics import FRAME, PHASE, Quality, TOPICS
+from handover_dmp.handover.lockstep import simulate
+from handover_dmp.handover.scenario import make_scenario
+from handover_dmp.recording import bag_information, read_bag
+from handover_dmp.runs.bag import write_run_bag
+from handover_dmp.topics import FRAME, OBJECT_POSE, PHASE, Quality, TOPICS
 import pytest
 import yaml
 
@@ -36,6 +40,8 @@ RVIZ_TYPES = {
     'rviz_default_plugins/Pose': 'geometry_msgs/msg/PoseStamped',
     'rviz_default_plugins/PoseWithCovariance': 'geometry_msgs/msg/PoseWithCovarianceStamped',
 }
+# of a frame of scale 1 in Lichtblick; the scale of a pose is its length in metres
+LENGTH_OF_AN_AXIS_M = 0.2
 SHOWN_IN_3D = {
     'geometry_msgs/msg/PoseStamped',
     'geometry_msgs/msg/PoseWithCovarianceStamped',
@@ -111,6 +117,43 @@ def follow(type_name: str, fields: str) -> None:
         field, _, index = field.partition('[')
         message = getattr(message, field)
         assert bool(index) == hasattr(message, '__len__') or isinstance(message, str), fields
+
+
+def test_the_bag_of_a_run_without_ros_has_what_foxglove_shows(
+    foxglove: dict[str, Any], tmp_path: Path
+) -> None:
+    """A topic that is not in the bag leaves its panel empty, and nobody is told."""
+    scenario = make_scenario()
+    write_run_bag(tmp_path / 'bag', scenario, simulate(scenario), {})
+    has = set(bag_information(tmp_path / 'bag').topics)
+    plotted = {path.partition('.')[0] for path in message_paths(foxglove)}
+    scene = foxglove['configById']['3D!scene']
+    assert plotted <= has
+    visible = {name for name, topic in scene['topics'].items() if topic['visible']}
+    assert visible - has == {OBJECT_POSE.name}  # of sessions
+    assert scene['layers']['arm']['topic'] in has
+    last = {topic: message for topic, message, _ in read_bag(tmp_path / 'bag', plotted)}
+    for path in message_paths(foxglove):
+        name, _, fields = path.partition('.')
+        value: Any = last[name]
+        for field, index in re.findall(r'(\w+)(?:\[(\d+)\])?', fields):
+            value = getattr(value, field)
+            value = value[int(index)] if index else value
+        assert isinstance(value, float | str), path
+
+
+def test_legends_of_foxglove_are_beside_the_plots(foxglove: dict[str, Any]) -> None:
+    for name, panel in foxglove['configById'].items():
+        if name.startswith('Plot!'):
+            assert panel['legendDisplay'] == 'left'  # a floating one covers the lines
+            assert panel['showLegend']
+
+
+def test_frames_of_foxglove_are_drawn_large_enough_to_be_seen(foxglove: dict[str, Any]) -> None:
+    """Without their meshes, the links of an arm are only seen by their frames."""
+    transforms = foxglove['configById']['3D!scene']['scene']['transforms']
+    assert LENGTH_OF_AN_AXIS_M * transforms['axisScale'] > 0.08
+    assert transforms['enablePreloading']  # else Lichtblick lists an alert
 
 
 def test_foxglove_plots_three_axes_of_hand_wrist_and_command(foxglove: dict[str, Any]) -> None:
