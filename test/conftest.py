@@ -36,6 +36,7 @@ settings.load_profile('same')
 DATA = Path(__file__).resolve().parents[2] / 'shared' / 'data'
 KTH = DATA / 'kth_handovers'
 DOMAINS = 100
+MEMORY_OF_A_PROCESS = 2 * 1024**3
 # Each of these has a graph keep pace with the wall clock. Two at once would be too much for two
 # processors; graphs in lockstep wait for whatever else is run.
 ON_THE_WALL_CLOCK = ('test_graph', 'test_interfaces', 'test_played_bags')
@@ -60,9 +61,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers() -> int:
-    """Run one process more than there are processors: a fifth of the time, tests wait."""
+    """Run two processes more than there are processors, as memory permits: tests often wait."""
     wanted = os.environ.get('PYTEST_XDIST_AUTO_NUM_WORKERS')
-    return int(wanted) if wanted else (os.cpu_count() or 1) + 1
+    if wanted:
+        return int(wanted)
+    memory = os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES')
+    return max(1, min((os.cpu_count() or 1) + 2, memory // MEMORY_OF_A_PROCESS))
 
 
 @pytest.hookimpl(optionalhook=True)
