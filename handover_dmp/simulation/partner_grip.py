@@ -37,8 +37,8 @@ FORGOTTEN_S = 0.02
 """Time without a new position after which the hand stands still, s."""
 SMOOTHING_S = 0.03
 """Time constant of the velocity estimate if the velocity is not given, s."""
-JUMP_M = 0.1
-"""Jump of the given position beyond which the hand glides to it, m."""
+JUMP_M = 0.02
+"""Jump of the given position beyond which the hand glides to it, m; well below `slip_m`."""
 GLIDE_SPEED = 1.0
 """Speed of the glide, m/s."""
 ARRIVED_M = 0.01

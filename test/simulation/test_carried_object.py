@@ -39,6 +39,8 @@ GRAVITY = np.array([0.0, 0.0, -9.81])
 STILL = np.zeros(MODEL.dof)
 # where the partner's hand is to be for the object of `held`
 BESIDE = WRIST + [0.3, 0.0, 0.0]
+AWAY = np.array([0.8, 0.36, -0.48])
+UNKNOWN = np.full(3, np.nan)
 
 
 def held(mass_kg: float = 0.8, **changes: Any) -> CarriedObjectOptions:
@@ -307,6 +309,30 @@ def test_a_hand_that_is_told_to_jump_goes_there_with_the_object(mass_kg: float) 
         assert set(advance(arm, 1.5, elsewhere)) == {Holder.PARTNER}
         gone = arm.object_pose[0] - WRIST - [0.1, 0.0, 0.02]
         assert gone == pytest.approx([0.4, -0.3, 0.2], abs=0.002)
+
+
+@pytest.mark.parametrize('mass_kg', [0.1, 0.8, 3.0])
+@pytest.mark.parametrize('gap_s', [0.03, 0.06, 0.09, 0.15, 0.3])
+def test_a_hand_that_is_not_heard_of_for_a_while_does_not_lose_the_object(
+    mass_kg: float, gap_s: float
+) -> None:
+    """It goes away with the object, and a busy machine delays what is told of it."""
+
+    def hand(time_s: float) -> Array:
+        share = np.clip(time_s / 1.2, 0.0, 1.0)
+        place: Array = BESIDE + 0.4 * share**3 * (10.0 - 15.0 * share + 6.0 * share**2) * AWAY
+        return place
+
+    with SimulatedArm(MODEL, carried=held(mass_kg)) as arm:
+        advance(arm, 0.6, BESIDE)
+        arm.set_gripper(False)
+        advance(arm, 0.5, BESIDE)
+        gap = 0.6, 0.6 + gap_s
+        told = advance(arm, 2.5, lambda t: hand(t) if not gap[0] < t < gap[1] else UNKNOWN)
+        assert set(told) == {Holder.PARTNER}
+        assert arm.object_pose[0] == pytest.approx(
+            hand(2.5) - [0.2, 0.0, -0.02], abs=0.003 * max(1.0, mass_kg)
+        )
 
 
 def test_what_the_partner_has_at_the_start_is_in_the_hand() -> None:
