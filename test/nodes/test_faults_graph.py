@@ -804,8 +804,11 @@ def test_time_that_jumps_and_a_tracker_that_lies_move_nothing_suddenly(
             ({'offset_s': -10.0}, 'other_time'),
         ):
             reach()
+            said = neighbour.diagnosed.setdefault('dmp', [])
+            said.clear()
             assert pass_time(0.2, **wrong) == 0.0, 'braked'
-            neighbour.diagnosis('dmp', word)
+            # a slow machine may tell of it once while that time passes, and not again
+            neighbour.until(lambda said=said, word=word: any(word in str(one) for one in said))
             assert pass_time(0.4) > 0.01, 'and goes on'
             neighbour.tell('/dmp/abort')
             pass_time(0.1)
