@@ -233,9 +233,11 @@ def synchrony(first: Array, second: Array, rate_hz: float) -> Synchrony | None:
 
     Returns:
         The lag with the largest correlation over the common time, up to half of it; None if one
-        speed is constant.
+        speed is constant, or never that of a motion (`ACTIVE_SPEED`).
 
     """
+    if min(first.max(initial=0.0), second.max(initial=0.0)) < ACTIVE_SPEED:
+        return None
     count = len(first)
     reach = int(MAX_LAG_SHARE * count)
     lags = np.arange(-reach, reach + 1)

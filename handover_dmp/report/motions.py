@@ -66,11 +66,9 @@ def compare_motions(run: RunRecord) -> dict[str, Any]:
             continue
         times, places, velocities = track
         positions[name] = resample(times, places, even)
-        speed = np.linalg.norm(resample(times, velocities, even), axis=1)
-        if speed.max() < ACTIVE_SPEED:
-            continue
-        speeds[name] = speed
-        measures = measure_motion(even, positions[name])
+        speeds[name] = np.linalg.norm(resample(times, velocities, even), axis=1)
+        moves = speeds[name].max() >= ACTIVE_SPEED
+        measures = measure_motion(even, positions[name]) if moves else None
         found[name] = None if measures is None else asdict(measures)
     for name in ('robot', 'person'):
         if name in speeds and 'partner' in speeds:

@@ -37,12 +37,12 @@ FORGOTTEN_S = 0.02
 """Time without a new position after which the hand stands still, s."""
 SMOOTHING_S = 0.03
 """Time constant of the velocity estimate if the velocity is not given, s."""
-JUMP_M = 0.02
-"""Jump of the given position beyond which the hand glides to it, m; well below `slip_m`."""
+JUMP_SHARE = 0.4
+"""Jump of the given position beyond which the hand glides to it, as a share of `slip_m`."""
 GLIDE_SPEED = 1.0
 """Speed of the glide, m/s."""
-ARRIVED_M = 0.01
-"""Distance at which the glide ends, m."""
+ARRIVED_SHARE = 0.2
+"""Distance at which the glide ends, as a share of `slip_m`."""
 AWAY = 1.5
 """Distance, in units of reach, beyond which a hand that has let go may take again."""
 PULL_SPEED = 0.03
@@ -209,7 +209,8 @@ class PartnerGrip:
 
         """
         off_m = 0.0 if self._hand is None else float(np.linalg.norm(position - self._hand))
-        jumps = off_m > (ARRIVED_M if self._is_gliding else JUMP_M)
+        share = ARRIVED_SHARE if self._is_gliding else JUMP_SHARE
+        jumps = off_m > share * self.options.slip_m
         if jumps:
             velocity = np.zeros(3)
         else:
