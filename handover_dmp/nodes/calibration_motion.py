@@ -192,14 +192,14 @@ class CalibrationMotionNode(HandoverNode):
         velocities = np.zeros(self._model.dof)
         if self._follower is not None and not self.ended:
             dt = min(max(now_s - self._told_s, 1e-3), MAX_STEP * self._period_s)
-            if self._fault:
+            time_s = now_s - self._began_s
+            if self._fault or time_s >= self.values['duration_s'] + SETTLE_S:
+                # the last command must be zero: a driver may keep it
                 velocities = self._follower.brake(self._positions, dt)
                 self.ended = self._follower.resting
             else:
-                time_s = now_s - self._began_s
                 velocities, self._fault = self._follower.follow(time_s, self._positions, dt)
                 self._look_for_others()
-                self.ended = time_s >= self.values['duration_s'] + SETTLE_S
         self._told_s, self._told_ns = now_s, time_ns
         self._command.publish(to_joint_command(time_ns, velocities.tolist()))
 
