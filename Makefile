@@ -88,7 +88,7 @@ bench: $(VENV)/.bench
 
 clean:
 	rm -rf $(VENV) $(LINTERS) $(SITE) .venv-* build dist install log *.egg-info
-	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage*
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # Each file below stands for "is installed".

@@ -72,7 +72,7 @@ EXTRAS = {
         'scikit-learn>=1.4',
         'setuptools>=70.1,<80',
     ],
-    'coverage': ['pytest-cov>=5.0'],
+    'coverage': ['coverage>=7.10', 'pytest-cov>=7.0'],
     # Pinned, with the NumPy whose type stubs they read, since other versions find other faults.
     'lint': [
         'check-jsonschema==0.39.0',

@@ -40,7 +40,7 @@ from handover_dmp.common.settings import ANYWHERE
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.nodes.shutdown import end_context, shut_down
-from handover_dmp.nodes.spin import MAX_END_S, PARENT_VARIABLE, STDERR
+from handover_dmp.nodes.spin import events_executor, MAX_END_S, PARENT_VARIABLE, STDERR
 from handover_dmp.topics import (
     CLOCK,
     DEMONSTRATOR_POSE,
@@ -352,7 +352,9 @@ class Graph:
 
     def _watch(self) -> None:
         self.node = rclpy.create_node('handover_dmp_watch', context=self._context)
-        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor = events_executor(self._context) or SingleThreadedExecutor(
+            context=self._context
+        )
         self._executor.add_node(self.node)
         self._listen(STATE, self._on_state)
         if self._lockstep:
