@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from pathlib import Path
 import shutil
@@ -29,8 +30,9 @@ import pytest
 use_one_thread()
 
 # `make test` tries the same examples each time; `make longtest` looks for new ones.
+NEW_EXAMPLES = 'new'
 settings.register_profile('same', derandomize=True, deadline=None)
-settings.register_profile('new', deadline=None, print_blob=True)
+settings.register_profile(NEW_EXAMPLES, deadline=None, print_blob=True)
 settings.load_profile('same')
 
 DATA = Path(__file__).resolve().parents[2] / 'shared' / 'data'
@@ -47,16 +49,37 @@ LONGEST = (
 )  # fmt: skip
 
 
-def pytest_configure() -> None:
+def pytest_configure(config: pytest.Config) -> None:
     """Give every process of tests a ROS domain; the next one is left to it, too."""
     worker = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw'))
     first = int(os.environ.get('ROS_DOMAIN_ID') or os.getpid())
     os.environ['ROS_DOMAIN_ID'] = str((first - 1 + 2 * worker) % DOMAINS + 1)
+    if config.getoption('hypothesis_profile', None) != NEW_EXAMPLES:
+        _draw_the_same_whatever_is_imported()
+
+
+def _draw_the_same_whatever_is_imported() -> None:
+    """
+    Keep hypothesis from drawing numbers that it finds in the modules of this project.
+
+    Which of them are imported depends on the tests that ran before. Older versions never look.
+    """
+    from hypothesis.internal.conjecture import providers
+
+    if hasattr(providers, '_get_local_constants'):
+        nothing = providers.Constants()
+        providers._get_local_constants = lambda: nothing
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put the longest files first."""
     items.sort(key=lambda item: item.path.stem not in LONGEST)
+
+
+def pytest_collection_finish() -> None:
+    """Spare the garbage collection what stays: thousands of tests and all modules."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.hookimpl(optionalhook=True)

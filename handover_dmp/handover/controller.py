@@ -392,6 +392,11 @@ class HandoverController:
         return self._estimator.timeout_s
 
     @property
+    def hand_is_disputed(self) -> bool:
+        """Whether the newest pose of the hand was refused as an outlier: it may be elsewhere."""
+        return self._estimator.is_disputed
+
+    @property
     def refused(self) -> Counter[str]:
         """Return the number of refused poses of the hand since the beginning, by reason."""
         return self._estimator.rejected

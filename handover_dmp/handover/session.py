@@ -504,7 +504,7 @@ class SessionController(HandoverController):
     def _judge_release(self, now_s: float, fresh: bool, feels_now: bool) -> None:
         """Give: open the gripper once the partner has the object. Take: close it, and hold."""
         assert self._exchange_since_s is not None
-        arrived = self._arrived and fresh
+        arrived = self._arrived and fresh and not self.hand_is_disputed
         lasted_s = now_s - self._exchange_since_s
         if self.leg is Leg.GIVE:
             if self._force is None:

@@ -100,6 +100,7 @@ class GoalEstimator:
         rejected: number of refused poses since the beginning, by reason: those of `no_pose`,
             `frozen`, `future`, `repeated`, `late`, `outlier`; with several trackers also
             `disagrees`, `other_clock`.
+        is_disputed: whether an outlier came after the newest used pose: the hand may be elsewhere.
 
     """
 
@@ -137,6 +138,7 @@ class GoalEstimator:
         """Forget the hand; counts and learnt biases are kept."""
         self._track = HandTrack(self.parameters, self.trackers, self._track)
         self._candidates: list[list[HandTrack]] = [[] for _ in self.trackers]
+        self.is_disputed = False
         self._now_s = -math.inf
         self._clocks_s = -math.inf
         for watch in self._watches:
@@ -200,8 +202,10 @@ class GoalEstimator:
         watch.count(reason, stamp, distance)
         if reason:
             self.rejected[reason] += 1
+            self.is_disputed |= reason == 'outlier'
         else:
             self.accepted += 1
+            self.is_disputed = False
             watch.used_s = max(watch.used_s, stamp)
         return reason
 

@@ -630,6 +630,31 @@ def test_whatever_happens_it_drops_nothing_and_never_moves_towards_a_lost_hand(
     check_lost_hand(loop.moments)
 
 
+@pytest.mark.parametrize('leg', [Leg.GIVE, Leg.TAKE])
+def test_the_gripper_waits_while_poses_say_that_the_hand_is_elsewhere(leg: Leg) -> None:
+    """Without a force: until the hand is seen where it was, or the jump is believed."""
+    loop = Loop()
+    loop.step(20)
+    loop.controller.signal(loop.now_s)
+    if leg is Leg.TAKE:
+        loop.until(S.WAITING)
+        loop.hand = hand_of(TAKE)
+        loop.step(300)
+        loop.controller.signal(loop.now_s)
+    loop.until(S.EXCHANGE)
+    closed = loop.controller.gripper_closed
+    assert closed is (leg is Leg.GIVE)
+    if closed:
+        loop.step(round(loop.options.exchange_hold_s / PERIOD_S) - 3)
+    met = loop.hand
+    loop.hand = met + (0.3, 0.0, 0.2)
+    loop.step(30)
+    assert loop.controller.gripper_closed is closed
+    loop.hand = met
+    loop.step(400)
+    assert loop.controller.gripper_closed is not closed
+
+
 def test_the_diagram_of_the_documents_is_that_of_the_checks() -> None:
     assert documented_states() == STATES_OF_SESSIONS
 
