@@ -217,7 +217,7 @@ class Dmp(HandoverNode):
         self._clock_of_periods = Lockstep(
             period_s,
             self._answer,
-            self._publish,
+            self._publish_again,
             patience_s=self.patience_s,
             begun=lambda: self._hands.begun,
             ready=self._ready,
@@ -480,10 +480,12 @@ class Dmp(HandoverNode):
                 frame=self.frame,
                 into=self._twist,
             )
+        # before what is for observers only: the arm waits for it
+        self._publish_command()
         self._told = active or count % self._status_every == 0
         if self._told:
             self._tell(command, now_s, time)
-        self._publish()
+        self._publish_status()
         self._publish_state()
         self._exit_when_done(now_s)
         controller, expectation = self._controller, command.expectation
@@ -556,10 +558,16 @@ class Dmp(HandoverNode):
         else:
             self._controller.abort()
 
-    def _publish(self) -> None:
+    def _publish_again(self) -> None:
+        self._publish_command()
+        self._publish_status()
+
+    def _publish_command(self) -> None:
         if self._commands and self._pose is not None:
             self._pose_command.publish(self._pose)
             self._twist_command.publish(self._twist)
+
+    def _publish_status(self) -> None:
         if self._told and self._values is not None:
             self._phase.publish(self._values)
         if self._told and self._seen is not None:

@@ -158,7 +158,7 @@ class PriorityIkNode(HandoverNode):
         self._lockstep = Lockstep(
             self._period_s,
             self._answer,
-            self._publish,
+            self._publish_again,
             patience_s=lambda: self.patience_s() + HEAD_START_S,
             begun=lambda: self._taken_ns is not None or self._pose is not None,
             ready=self._ready,
@@ -392,6 +392,8 @@ class PriorityIkNode(HandoverNode):
             velocities = command.velocities.tolist()
             self._command = to_joint_command(time_ns, velocities, into=self._command)
             self._rests = not (self.lockstep or self._fault or any(velocities))
+        # before the status: the arm waits for it
+        self._publish_command()
         if self._rests:
             self._periods.rest()
         self._active = command.solution.active_limits if command.solution else ()
@@ -399,7 +401,7 @@ class PriorityIkNode(HandoverNode):
         if self._tells:
             self._told_s = now_s
             self._tell(command, now_s, time_ns)
-        self._publish()
+        self._publish_status()
 
     def _tell(self, command: JointCommand, now_s: float, time_ns: int) -> None:
         followed = {
@@ -410,9 +412,15 @@ class PriorityIkNode(HandoverNode):
         numbers = {**command.status_values(time_ns / NANOSECONDS), **followed}
         self._status = to_float_array(numbers, into=self._status)
 
-    def _publish(self) -> None:
+    def _publish_again(self) -> None:
+        self._publish_command()
+        self._publish_status()
+
+    def _publish_command(self) -> None:
         if self._commands:
             self._joint_command.publish(self._command)
+
+    def _publish_status(self) -> None:
         if self._tells and self._status is not None:
             self._ik_status.publish(self._status)
 

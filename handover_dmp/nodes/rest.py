@@ -23,13 +23,22 @@ import re
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from handover_dmp.handover.controller import HandoverState, MOVING
 from handover_dmp.nodes.conversions import NANOSECONDS
-from handover_dmp.topics import MARKERS, Quality, Topic
+from handover_dmp.topics import (
+    HAND_FUSED,
+    HAND_TRUTH,
+    MARKERS,
+    OBJECT_POSE,
+    Quality,
+    TF,
+    Topic,
+)
 
 BEFORE_S = 1.0
 """Time before a handover from which messages are still recorded, s."""
 REPEATED_S = 60.0
 """Period at which an unchanged report of a node is recorded at rest, s."""
 OFTEN_SAID = (Quality.SENSOR, Quality.COMMAND)
+ALSO_OFTEN = (HAND_FUSED, HAND_TRUTH, OBJECT_POSE, MARKERS, TF)
 KeptMessage = tuple[str, bytes, int]
 
 
@@ -44,7 +53,7 @@ def is_left_out_at_rest(topic: Topic) -> bool:
         Whether it is.
 
     """
-    return topic.quality in OFTEN_SAID or topic is MARKERS
+    return topic.quality in OFTEN_SAID or topic in ALSO_OFTEN
 
 
 class Rest:
