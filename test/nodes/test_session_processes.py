@@ -101,6 +101,7 @@ class Session:
         """Forget what was: the world has been put back to the start."""
         self.watch = SessionWatch()
         self._hand = None
+        self._watches = True
 
     def _hear(self, topic: Topic, take: Callable[[Any], None]) -> None:
         kind = message_class(topic.type_name)
@@ -122,7 +123,7 @@ class Session:
         self._hand = nanoseconds(message.header.stamp) / NANOSECONDS, position_of(message)
 
     def _on_wrist(self, message: Any) -> None:
-        if self._hand is None:
+        if self._hand is None or not self._watches:
             return
         now_s, (seen_s, place) = nanoseconds(message.header.stamp) / NANOSECONDS, self._hand
         self.watch.see_wrist(now_s, position_of(message), place, now_s - seen_s)
@@ -183,8 +184,11 @@ class Session:
 
     def begin(self) -> None:
         """Put the world back to the start, and let the partner ask for the object."""
+        self._watches = False  # the arm is put back in one step, wherever the hand is
         self.tell('/robot_sim/reset')
         self.tell('/robot_sim/resume')
+        # what was sent before may still come
+        self.wait_sim(0.1)
         self.watch_anew()
         # the last stage that a dead node told of is over
         self.stages = StageWatch()
@@ -220,11 +224,14 @@ class Session:
         if process is not None:
             process.kill()
             process.wait()
+        bag = self.folder / 'bag'
         if name == 'recorder':
-            bag = self.folder / 'bag'
             bag.rename(bag.with_name(f'bag_{len(list(self.folder.iterdir()))}'))
-        self.state = 'idle'
+        elif name == 'dmp':
+            self.state = 'idle'
         self.graph.start(name)
+        if name == 'recorder':
+            self.until(bag.exists, 'the next bag')
 
     def kill(self, name: str) -> None:
         process = self.graph.processes.pop(name)
