@@ -63,7 +63,9 @@ matrix:
 	scripts/matrix.sh
 
 coverage: $(VENV)/.coverage
-	$(PYTEST) --cov=handover_dmp --cov-report=json:$(VENV)/coverage.json --cov-report=
+	$(PYTEST) --cov=handover_dmp --cov-report=
+	$(PYTEST) --cov=handover_dmp --cov-append --cov-report=json:$(VENV)/coverage.json \
+	    --cov-report= -m slow test/cli/test_bench.py
 	$(BIN)/python scripts/coverage_by_room.py $(VENV)/coverage.json
 
 lint: $(LINTERS)/.lint

@@ -553,12 +553,15 @@ def test_a_full_disk_ends_the_recording_and_not_the_handover(prepare: Any) -> No
         graph.pause(False)
         assert graph.wait_for_state(('reaching',), MAX_S, lambda: None)
         written = (folder / 'bag' / 'bag_0.mcap').stat().st_size
-        full = (written + 20_000, written + 20_000)
-        resource.prlimit(graph.processes['recorder'].pid, resource.RLIMIT_FSIZE, full)
+        recorder = graph.processes['recorder'].pid
+        room = resource.prlimit(recorder, resource.RLIMIT_FSIZE)
+        resource.prlimit(recorder, resource.RLIMIT_FSIZE, (written + 20_000, room[1]))
         neighbour = Neighbour(graph)
         assert graph.wait_for_state(('done',), MAX_S, lambda: None)
         assert 'File too large' in neighbour.diagnosis('recorder', 'recording stopped').message
         neighbour.close()
+        # it is over for good, also with room again
+        resource.prlimit(recorder, resource.RLIMIT_FSIZE, room)
     log = (folder / 'logs' / 'recorder.log').read_text()
     assert log.count('recording ended') == 1
     assert 'Traceback' not in log
