@@ -144,7 +144,7 @@ class RobotSim(HandoverNode):
     def _doing(self) -> str:
         if self._paused:
             return 'time stands still until ~/pause is called with false'
-        return 'following commands'
+        return 'no command yet' if self._commanded_s == -inf else 'following commands'
 
     def _stopped(self) -> str:
         report = self._arm.report

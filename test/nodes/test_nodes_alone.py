@@ -113,6 +113,20 @@ def test_starts_alone_and_ends_cleanly(node: str, tmp_path: Path) -> None:
     assert 'leaked' not in said[1]
 
 
+def test_robot_sim_does_not_say_that_it_follows_nobody(tmp_path: Path) -> None:
+    with start('robot_sim', tmp_path) as process:
+        assert process.stderr is not None
+        said = []
+        for line in process.stderr:
+            said.append(line)
+            if 'is priority_ik running?' in line:
+                break
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=30)
+    assert any('no command yet' in line for line in said), said
+    assert not any('following commands' in line for line in said), said
+
+
 class Partner:
     """Somebody whom `dmp` has not discovered yet; latches one signal at once."""
 
