@@ -109,11 +109,12 @@ def run(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -
             sys.stdout.flush()
             sys.stderr.flush()
             os._exit(exit_code)
+        # what is left cannot hang, but takes long where a machine has no time
+        faulthandler.cancel_dump_traceback_later()
     # Extension modules complain at exit about remaining objects.
     del node, executor
     gc.unfreeze()
     gc.collect()
-    faulthandler.cancel_dump_traceback_later()
     return exit_code
 
 

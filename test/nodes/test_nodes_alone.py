@@ -113,6 +113,31 @@ def test_starts_alone_and_ends_cleanly(node: str, tmp_path: Path) -> None:
     assert 'leaked' not in said[1]
 
 
+def test_is_not_ended_by_force_once_it_has_left_dds() -> None:
+    """What is left then takes long only on a busy machine, and must not cost the exit code."""
+    program = (
+        'import faulthandler, sys\n'
+        'from handover_dmp.nodes import spin\n'
+        'from rclpy.node import Node\n'
+        'cancel = faulthandler.cancel_dump_traceback_later\n'
+        'faulthandler.cancel_dump_traceback_later = lambda: (print("safe"), cancel())\n'
+        'class Rest:\n'
+        '    def __init__(self):\n'
+        '        self.cycle = self\n'
+        '    def __del__(self):\n'
+        '        print("collected")\n'
+        'def make_node():\n'
+        '    node = Node("rest")\n'
+        '    node.ended, node.rest = True, Rest()\n'
+        '    return node\n'
+        'sys.exit(spin.run(make_node))\n'
+    )
+    isolate()
+    done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True)
+    assert done.returncode == 0, done
+    assert done.stdout.split() == ['safe', 'collected'], done
+
+
 def test_robot_sim_does_not_say_that_it_follows_nobody(tmp_path: Path) -> None:
     with start('robot_sim', tmp_path) as process:
         assert process.stderr is not None
