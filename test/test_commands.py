@@ -64,6 +64,8 @@ ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').glob('*.md'))]
 ROS2 = shutil.which('ros2')
 PLAYER = ROOT / 'test' / 'nodes' / 'play_bag.py'
+# What a launch needs with these; it ends at once where that is missing.
+VIEWERS = {'rviz:=true': ('tf2_msgs', 'rviz2'), 'foxglove:=true': ('tf2_msgs', 'foxglove_bridge')}
 WAIT_S = 90.0
 FIRST_POSES_S = 0.3
 # These take a quarter of a minute and more each.
@@ -260,6 +262,10 @@ def run_ros2(words: list[str], folder: Path, request: pytest.FixtureRequest) -> 
         case ['launch' | 'security', *_]:
             if ROS2 is None:
                 pytest.skip('ros2 is not installed')
+            for package in (each for word in words for each in VIEWERS.get(word, ())):
+                asked = [ROS2, 'pkg', 'prefix', package]
+                if subprocess.run(asked, capture_output=True).returncode:
+                    pytest.skip(f'{package} is not installed')
             with ended_by_interrupt([ROS2, *words], folder) as process:
                 wait_for_node('dmp') if words[0] == 'launch' else process.wait(WAIT_S)
         case _:
