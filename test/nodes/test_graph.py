@@ -548,8 +548,9 @@ def test_two_trackers_give_the_motion_of_lockstep_and_are_told_of(
         for status in message.status
         if status.name == 'dmp'
     ]
-    # of the reports those after poses have come; how many these are depends on the machine
-    values = next(one for one in said if float(one.get('mocap: rate (Hz)', 0.0)) > 100.0)
+    # the last report while poses come: how much of the bias is learnt at the first depends on the
+    # time that the machine takes
+    values = [one for one in said if float(one.get('mocap: rate (Hz)', 0.0)) > 100.0][-1]
     assert 0.08 <= float(values['depth_camera: age (s)']) < 0.12
     bias = [float(axis) for axis in values['depth_camera: bias (mm)'].split(', ')]
     assert np.linalg.norm(np.subtract(bias, [22.0, 0.0, 0.0])) < 15.0
