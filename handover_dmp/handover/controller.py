@@ -393,7 +393,7 @@ class HandoverController:
 
     @property
     def hand_is_disputed(self) -> bool:
-        """Whether the newest pose of the hand was refused as an outlier: it may be elsewhere."""
+        """Whether an outlier says that the hand is elsewhere, and no later pose denies it."""
         return self._estimator.is_disputed
 
     @property

@@ -100,7 +100,6 @@ class GoalEstimator:
         rejected: number of refused poses since the beginning, by reason: those of `no_pose`,
             `frozen`, `future`, `repeated`, `late`, `outlier`; with several trackers also
             `disagrees`, `other_clock`.
-        is_disputed: whether an outlier came after the newest used pose: the hand may be elsewhere.
 
     """
 
@@ -138,11 +137,16 @@ class GoalEstimator:
         """Forget the hand; counts and learnt biases are kept."""
         self._track = HandTrack(self.parameters, self.trackers, self._track)
         self._candidates: list[list[HandTrack]] = [[] for _ in self.trackers]
-        self.is_disputed = False
         self._now_s = -math.inf
         self._clocks_s = -math.inf
         for watch in self._watches:
             watch.forget()
+
+    @property
+    def is_disputed(self) -> bool:
+        """Whether a tracker has left the hand, and none has seen it there since."""
+        newest_s = self._track.poses[-1].stamp if self._track.poses else -math.inf
+        return any(watch.left_s > newest_s for watch in self._watches)
 
     @property
     def unchanged_s(self) -> float:
@@ -202,10 +206,11 @@ class GoalEstimator:
         watch.count(reason, stamp, distance)
         if reason:
             self.rejected[reason] += 1
-            self.is_disputed |= reason == 'outlier'
+            if reason == 'outlier' and watch.left_s == -math.inf:
+                watch.left_s = stamp if now_s is None else min(stamp, now_s)
         else:
             self.accepted += 1
-            self.is_disputed = False
+            watch.left_s = -math.inf
             watch.used_s = max(watch.used_s, stamp)
         return reason
 

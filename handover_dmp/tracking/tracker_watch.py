@@ -71,6 +71,7 @@ class TrackerWatch:
         used_s: stamp of its newest pose used, s.
         used_at_s: time of its use, s.
         outliers: number of consecutive outliers since it last saw the hand.
+        left_s: stamp of the first outlier since its newest pose used, s; -∞ if there is none.
 
     """
 
@@ -98,6 +99,7 @@ class TrackerWatch:
         self.same: tuple[float, float, Point] | None = None
         self.used_at_s = -math.inf
         self.outliers = 0
+        self.left_s = -math.inf
         self.disagrees = False
         self.clock_off_s = 0.0
         self.surprise = 1.0

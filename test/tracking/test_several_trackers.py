@@ -285,3 +285,47 @@ def test_one_tracker_alone_is_never_left_out():
     assert not follow_hand(*there_and_back(trial), [alone]).said
     late = replace(alone, sensor=SensorModel(200.0, 5e-4, clock_s=-0.3))
     assert follow_hand(*there_and_back(trial), [late]).position_m < 0.5
+
+
+def tell(estimator: GoalEstimator, from_s: float, **told_m: float) -> list[bool]:
+    """Show the hand at x (m) to the trackers for 0.1 s; tell at each pose if it is disputed."""
+    disputed = []
+    for index in range(20):
+        now_s = from_s + 0.005 * index
+        for name, x in told_m.items():
+            if name == 'mocap' or index % 7 == 0:
+                estimator.update(now_s, (x, 1.0, 1e-4 * (index % 3)), now_s, tracker=name)
+        disputed.append(estimator.is_disputed)
+    return disputed
+
+
+@pytest.mark.parametrize(
+    ('jumps', 'is_disputed'),
+    [
+        ({'mocap': 0.4}, True),
+        ({'mocap': 0.4, 'camera': 0.4}, True),
+        ({'mocap': 0.0, 'camera': 0.4}, False),
+        ({'mocap': 0.0}, False),
+    ],
+)
+def test_a_hand_is_disputed_while_nobody_sees_it_where_it_was(jumps, is_disputed):
+    estimator = GoalEstimator(trackers=BOTH)
+    assert not any(tell(estimator, 0.0, mocap=0.0, camera=0.0))
+    assert tell(estimator, 0.1, **jumps)[:4] == [is_disputed] * 4
+    # seen again where it was, by the mocap alone
+    assert not any(tell(estimator, 0.2, mocap=0.0)[3:])
+
+
+def test_one_tracker_disputes_what_it_saw_until_it_believes_what_it_sees():
+    estimator = GoalEstimator()
+    disputed = []
+    for k in range(300):
+        place = (0.0 if k < 40 else 0.4, 1.0, 1e-4 * (k % 3))
+        used = not estimator.update(0.005 * k, place, 0.005 * k)
+        disputed.append(estimator.is_disputed)
+        assert disputed[-1] is not used
+    assert not any(disputed[:40]) and disputed[40] and not disputed[-1]
+    estimator.update(1.5, (0.0, 1.0, 0.0), 1.5)
+    assert estimator.is_disputed
+    estimator.reset()
+    assert not estimator.is_disputed
