@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 import gc
 import os
 from pathlib import Path
@@ -64,11 +65,12 @@ def _draw_the_same_whatever_is_imported() -> None:
 
     Which of them are imported depends on the tests that ran before. Older versions never look.
     """
-    from hypothesis.internal.conjecture import providers
+    with suppress(ImportError):
+        from hypothesis.internal.conjecture import providers
 
-    if hasattr(providers, '_get_local_constants'):
-        nothing = providers.Constants()
-        providers._get_local_constants = lambda: nothing
+        if hasattr(providers, '_get_local_constants') and hasattr(providers, 'Constants'):
+            nothing = providers.Constants()
+            providers._get_local_constants = lambda: nothing
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
