@@ -52,6 +52,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
+from shared_memory import shared_memory_of
 from std_msgs.msg import Float64MultiArray, Header, String
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
@@ -447,13 +448,6 @@ def test_ends_with_the_process_that_started_it(tmp_path: Path) -> None:
     assert not any(alive(pid) for pid in pids)
     assert (tmp_path / 'bag' / 'metadata.yaml').is_file(), 'the recorder closed its bag'
     assert [path for path in shared if path.exists()] == []
-
-
-def shared_memory_of(pid: int) -> set[Path]:
-    """List the shared memory of a process for DDS; other programs of the machine have theirs."""
-    mapped = [line.split()[-1] for line in Path(f'/proc/{pid}/maps').read_text().splitlines()]
-    opened = [str(link.readlink()) for link in Path(f'/proc/{pid}/fd').iterdir()]
-    return {Path(name) for name in mapped + opened if name.startswith('/dev/shm/fastrtps')}
 
 
 def alive(pid: int) -> bool:
