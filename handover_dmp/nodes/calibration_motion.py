@@ -36,7 +36,7 @@ from handover_dmp.nodes.conversions import (
 )
 from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.node import HandoverNode
-from handover_dmp.nodes.parameters import ARM, DRIVER, Parameter, parameters_from
+from handover_dmp.nodes.parameters import ARM, DRIVER, fixed, parameters_from
 from handover_dmp.nodes.spin import run
 from handover_dmp.robot.calibration_motion import (
     MotionFollower,
@@ -65,21 +65,24 @@ class CalibrationMotionNode(HandoverNode):
     PARAMETERS = (
         *ARM,
         *DRIVER,
-        Parameter('rate_hz', 'Rate of the joint states, Hz', 10.0, 1000.0, read_only=True),
-        Parameter('duration_s', 'Duration of the motion, s', 5.0, 600.0, read_only=True),
-        Parameter('wrist_speed', 'Maximum speed of the wrist, m/s', 0.01, 1.0, read_only=True),
-        Parameter(
-            'start', 'Trigger of the motion: auto (the first joint states) or service (~/start)',
-            choices=('auto', 'service'), read_only=True,
+        fixed('rate_hz', 'Rate of the joint states, Hz', 10.0, 1000.0),
+        fixed('duration_s', 'Duration of the motion, s', 5.0, 600.0),
+        fixed('wrist_speed', 'Maximum speed of the wrist, m/s', 0.01, 1.0),
+        fixed(
+            'start',
+            'Trigger of the motion: auto (the first joint states) or service (~/start)',
+            choices=('auto', 'service'),
         ),
-        Parameter(
-            'joint_state_timeout_s', 'Age of the joint states beyond which the arm brakes, s',
-            0.005, 10.0, read_only=True,
+        fixed(
+            'joint_state_timeout_s',
+            'Age of the joint states beyond which the arm brakes, s',
+            0.005,
+            10.0,
         ),
-        Parameter(TRACKER + 'enabled', 'Whether to simulate the tracker as well', read_only=True),
-        Parameter(TRACKER + 'frame', 'Frame of the simulated poses', read_only=True),
+        fixed(TRACKER + 'enabled', 'Whether to simulate the tracker as well'),
+        fixed(TRACKER + 'frame', 'Frame of the simulated poses'),
         *parameters_from(TrackerPlace),
-    )  # fmt: skip
+    )
 
     def __init__(self) -> None:
         """Load the arm, connect the topics, wait for joint states."""

@@ -72,8 +72,8 @@ from handover_dmp.nodes.markers import Markers
 from handover_dmp.nodes.node import Dated, HandoverNode, MISSED_S
 from handover_dmp.nodes.parameters import (
     declare,
+    fixed,
     on_change,
-    Parameter,
     parameters_from,
     Values,
 )
@@ -110,22 +110,16 @@ PRIMITIVE = parameters_from(
     names=('stiffness', 'damping', 'goal_velocity_gain', 'mu', 'sigma', 'formulation'),
 )
 SESSION_FIXED = (
-    Parameter(
+    fixed(
         'session.enabled',
         'Whether to run sessions (give, wait, take back, go home) in place of single handovers',
-        read_only=True,
     ),
-    Parameter(
-        'session.take_model',
-        'File of the learnt take; empty: a synthetic one',
-        read_only=True,
-    ),
-    Parameter(
+    fixed('session.take_model', 'File of the learnt take; empty: a synthetic one'),
+    fixed(
         'session.holder',
         'Holder of the object when the node starts: robot, partner or auto (as object/holder '
         'says; if it says nothing, the robot, or nobody if the robot picks the object up)',
         choices=('auto', 'robot', 'partner'),
-        read_only=True,
     ),
     *OF_GRIPPER,
     *OF_WRENCH,
@@ -145,26 +139,23 @@ class Dmp(HandoverNode):
 
     NAME = 'dmp'
     PARAMETERS = (
-        Parameter('model', 'File of the learnt movement; empty: a synthetic one', read_only=True),
-        Parameter('rate_hz', 'Rate of the commands, Hz', 10.0, 1000.0, read_only=True),
-        Parameter(
+        fixed('model', 'File of the learnt movement; empty: a synthetic one'),
+        fixed('rate_hz', 'Rate of the commands, Hz', 10.0, 1000.0),
+        fixed(
             'rate_at_rest_hz',
             'Rate of the commands while no handover is active and the wrist stands still, Hz',
             1.0,
             1000.0,
-            read_only=True,
         ),
-        Parameter(
+        fixed(
             'status_rate_at_rest_hz',
             'Rate of handover/phase and hand/fused while no handover is active, Hz',
             0.1,
             1000.0,
-            read_only=True,
         ),
-        Parameter(
+        fixed(
             'exit_when_done',
             'Whether to exit after a handover, with code 0, or 1 if it was aborted',
-            read_only=True,
         ),
         *HAND,
         *CHANGEABLE,

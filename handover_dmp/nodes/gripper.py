@@ -19,30 +19,24 @@ from __future__ import annotations
 
 from handover_dmp.nodes.gripper_action import GripperAction
 from handover_dmp.nodes.node import HandoverNode
-from handover_dmp.nodes.parameters import Parameter
+from handover_dmp.nodes.parameters import fixed
 from handover_dmp.topics import GRIPPER_COMMAND
 from std_msgs.msg import Bool
 
 OF_GRIPPER = (
-    Parameter(
+    fixed(
         'session.gripper_action',
         'Action of type control_msgs/action/GripperCommand that is called besides the topic; '
         'empty: none',
-        read_only=True,
     ),
-    Parameter(
-        'session.gripper_closed_m', 'Position of the closed gripper, for the action, m', 0.0, 1.0,
-        read_only=True,
+    fixed(
+        'session.gripper_closed_m', 'Position of the closed gripper, for the action, m', 0.0, 1.0
     ),
-    Parameter(
-        'session.gripper_open_m', 'Position of the open gripper, for the action, m', 0.0, 1.0,
-        read_only=True,
+    fixed('session.gripper_open_m', 'Position of the open gripper, for the action, m', 0.0, 1.0),
+    fixed(
+        'session.gripper_effort_n', 'Maximum effort of the gripper, for the action, N', 0.0, 1000.0
     ),
-    Parameter(
-        'session.gripper_effort_n', 'Maximum effort of the gripper, for the action, N',
-        0.0, 1000.0, read_only=True,
-    ),
-)  # fmt: skip
+)
 
 
 class Gripper:

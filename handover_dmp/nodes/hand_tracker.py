@@ -26,7 +26,7 @@ from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds, pose_messag
 from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.lockstep import Lockstep
 from handover_dmp.nodes.node import HandoverNode
-from handover_dmp.nodes.parameters import Parameter, Values
+from handover_dmp.nodes.parameters import fixed, Values
 from handover_dmp.nodes.spin import run
 from handover_dmp.nodes.tracker_parameters import plain, TOPIC, TRACKERS
 from handover_dmp.topics import (
@@ -47,29 +47,17 @@ from std_msgs.msg import Bool, Header, String
 
 LOOK_S = 0.1
 SENSOR = (
-    Parameter('sensor.rate_hz', 'Rate of the poses, Hz; 0: rate_hz', 0.0, 1000.0, read_only=True),
-    Parameter(
-        'sensor.noise_m',
-        'Standard deviation of the noise on each axis, m',
-        0.0,
-        1.0,
-        read_only=True,
-    ),
-    Parameter('sensor.delay_s', 'Delay from measurement to arrival, s', 0.0, 5.0, read_only=True),
-    Parameter('sensor.dropout', 'Share of lost poses', 0.0, 1.0, read_only=True),
-    Parameter('sensor.outliers', 'Share of outliers', 0.0, 1.0, read_only=True),
-    Parameter('sensor.seed', 'Seed of the random numbers', 0, 2**31 - 1, read_only=True),
-    Parameter('sensor.offset_m', 'Constant offset of all poses, m', read_only=True),
-    Parameter(
-        'sensor.clock_s', 'Error of the stamps, s; positive: too late', -5.0, 5.0, read_only=True
-    ),
-    Parameter(
-        'sensor.fault', 'Fault of the tracker during the motion', choices=FAULTS, read_only=True
-    ),
-    Parameter(
-        'sensor.fault_at_s', 'Time of the fault, after the start, s', 0.0, 60.0, read_only=True
-    ),
-    Parameter('sensor.fault_m', 'Size of the jump or drift, m', read_only=True),
+    fixed('sensor.rate_hz', 'Rate of the poses, Hz; 0: rate_hz', 0.0, 1000.0),
+    fixed('sensor.noise_m', 'Standard deviation of the noise on each axis, m', 0.0, 1.0),
+    fixed('sensor.delay_s', 'Delay from measurement to arrival, s', 0.0, 5.0),
+    fixed('sensor.dropout', 'Share of lost poses', 0.0, 1.0),
+    fixed('sensor.outliers', 'Share of outliers', 0.0, 1.0),
+    fixed('sensor.seed', 'Seed of the random numbers', 0, 2**31 - 1),
+    fixed('sensor.offset_m', 'Constant offset of all poses, m'),
+    fixed('sensor.clock_s', 'Error of the stamps, s; positive: too late', -5.0, 5.0),
+    fixed('sensor.fault', 'Fault of the tracker during the motion', choices=FAULTS),
+    fixed('sensor.fault_at_s', 'Time of the fault, after the start, s', 0.0, 60.0),
+    fixed('sensor.fault_m', 'Size of the jump or drift, m'),
 )
 
 
@@ -82,62 +70,46 @@ class HandTracker(HandoverNode):
 
     NAME = 'hand_tracker'
     PARAMETERS = (
-        Parameter(
+        fixed(
             'source',
             'What is published: a trial or a session as a tracker would see it, or the recorded '
             'poses of a bag',
             choices=('trial', 'session', 'bag'),
-            read_only=True,
         ),
-        Parameter('bag', 'Bag that is played, if source is bag', read_only=True),
-        Parameter(
-            'trial',
-            'CSV file or bag of the trial or session; empty: a synthetic one',
-            read_only=True,
-        ),
-        Parameter(
+        fixed('bag', 'Bag that is played, if source is bag'),
+        fixed('trial', 'CSV file or bag of the trial or session; empty: a synthetic one'),
+        fixed(
             'session.lead_s',
             'Part of the recording that is played before the first reach of a session, s',
             0.1,
             3600.0,
-            read_only=True,
         ),
-        Parameter(
+        fixed(
             'session.patience_s',
             'Time for which the partner holds out the hand at an exchange, s',
             0.0,
             3600.0,
-            read_only=True,
         ),
-        Parameter(
+        fixed(
             'cutoff_hz',
             'Cutoff frequency of the low-pass filter of the recording, Hz; 0: no filter',
             0.0,
             100.0,
-            read_only=True,
         ),
-        Parameter(
+        fixed(
             'replay_at_s',
             'Start of the replay, s: in simulated time, or on the wall clock after all nodes are '
             'there; negative: when ~/replay is called',
             -1.0,
             1e9,
-            read_only=True,
         ),
-        Parameter(
-            'lead_s',
-            'Time from the signal to the start of the replay, s',
-            0.0,
-            60.0,
-            read_only=True,
-        ),
-        Parameter('rate_hz', 'Rate of the poses, Hz', 1.0, 1000.0, read_only=True),
-        Parameter(
+        fixed('lead_s', 'Time from the signal to the start of the replay, s', 0.0, 60.0),
+        fixed('rate_hz', 'Rate of the poses, Hz', 1.0, 1000.0),
+        fixed(
             'rate_at_rest_hz',
             'Rate at which an unmoved hand is published again, wall clock only, Hz',
             1.0,
             1000.0,
-            read_only=True,
         ),
         TRACKERS,
         TOPIC,

@@ -20,6 +20,7 @@ from array import array
 from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 import json
 from pathlib import Path
@@ -96,6 +97,10 @@ class Parameter(Setting):
         return OFF if value is False and OFF in self.choices else value
 
 
+fixed = partial(Parameter, read_only=True)
+"""Makes a parameter that does not change while the node runs."""
+
+
 def parameters_from(*kinds: type[Any], names: Collection[str] = ()) -> tuple[Parameter, ...]:
     """
     Collect the parameters of dataclasses.
@@ -115,68 +120,39 @@ def parameters_from(*kinds: type[Any], names: Collection[str] = ()) -> tuple[Par
 
 
 COMMON = (
-    Parameter('frame', 'Frame of all positions', read_only=True),
-    Parameter(
-        'lockstep', 'Whether the nodes wait for each other on simulated time', read_only=True
-    ),
+    fixed('frame', 'Frame of all positions'),
+    fixed('lockstep', 'Whether the nodes wait for each other on simulated time'),
     Parameter('patience_s', 'Maximum time to wait for another node in lockstep, s', 0.05, 600.0),
-    Parameter(
+    fixed(
         'executor',
         'Executor of rclpy: events, or default (single-threaded)',
         choices=('events', 'default'),
-        read_only=True,
     ),
-    Parameter(
+    fixed(
         'thread_priority',
         'Real-time priority (FIFO), if the system permits it; ignored in lockstep; 0: ordinary '
         'scheduling',
         0,
         99,
-        read_only=True,
     ),
 )
 
 
 ARM = (
-    Parameter(
+    fixed(
         'robot',
         'Robot: lwr4, iiwa14, panda, ur5, the path of a URDF or xacro file, or the topic of a '
         'description',
-        read_only=True,
     ),
-    Parameter(
-        'wrist_frame',
-        'Link that follows the wrist; empty: found from the description',
-        read_only=True,
-    ),
-    Parameter(
-        'base_frame', 'First link of the arm; empty: the root of the description', read_only=True
-    ),
-    Parameter('base_position', 'Position of the robot base in the room, m', read_only=True),
-    Parameter(
-        'base_roll',
-        'Rotation of the robot base about x, applied first, rad',
-        -6.3,
-        6.3,
-        read_only=True,
-    ),
-    Parameter(
-        'base_pitch',
-        'Rotation of the robot base about y, applied second, rad',
-        -6.3,
-        6.3,
-        read_only=True,
-    ),
-    Parameter(
-        'base_yaw',
-        'Rotation of the robot base about z, applied last, rad',
-        -6.3,
-        6.3,
-        read_only=True,
-    ),
+    fixed('wrist_frame', 'Link that follows the wrist; empty: found from the description'),
+    fixed('base_frame', 'First link of the arm; empty: the root of the description'),
+    fixed('base_position', 'Position of the robot base in the room, m'),
+    fixed('base_roll', 'Rotation of the robot base about x, applied first, rad', -6.3, 6.3),
+    fixed('base_pitch', 'Rotation of the robot base about y, applied second, rad', -6.3, 6.3),
+    fixed('base_yaw', 'Rotation of the robot base about z, applied last, rad', -6.3, 6.3),
 )
 
-DRIVER = (Parameter('joint_prefix', 'Prefix of the joint names of the driver', read_only=True),)
+DRIVER = (fixed('joint_prefix', 'Prefix of the joint names of the driver'),)
 
 
 def declare(

@@ -46,8 +46,8 @@ from handover_dmp.nodes.node import HandoverNode, MISSED_S
 from handover_dmp.nodes.parameters import (
     ARM,
     DRIVER,
+    fixed,
     on_change,
-    Parameter,
     parameters_from,
     Values,
 )
@@ -99,19 +99,17 @@ class PriorityIkNode(HandoverNode):
         *HAND,
         *TIMEOUTS,
         *TASK_PARAMETERS,
-        Parameter(
+        fixed(
             'rate_hz',
             'Rate of the wrist commands, and of the watchdog when they are missing, Hz',
             10.0,
             1000.0,
-            read_only=True,
         ),
-        Parameter(
+        fixed(
             'status_rate_at_rest_hz',
             'Rate of wrist/ik_status while the arm stands at its target, wall clock only, Hz',
             0.1,
             1000.0,
-            read_only=True,
         ),
     )
 

@@ -30,7 +30,7 @@ from handover_dmp.common.errors import DataError
 from handover_dmp.nodes.arm import load_arm
 from handover_dmp.nodes.diagnostics import Attendance, Diagnostics, full_name, Periods
 from handover_dmp.nodes.node import HandoverNode
-from handover_dmp.nodes.parameters import ARM, DRIVER, Parameter
+from handover_dmp.nodes.parameters import ARM, DRIVER, fixed
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.nodes.rest import is_left_out_at_rest, Reports, Rest
 from handover_dmp.nodes.spin import run
@@ -74,52 +74,24 @@ class Recorder(HandoverNode):
 
     NAME = 'recorder'
     PARAMETERS = (
-        Parameter('folder', 'Folder of the bag; it must not exist', read_only=True),
-        Parameter('topics', 'Topics to record; empty: all', read_only=True),
-        Parameter(
-            'info', 'JSON about the run, recorded as a message of /handover/info', read_only=True
-        ),
-        Parameter(
+        fixed('folder', 'Folder of the bag; it must not exist'),
+        fixed('topics', 'Topics to record; empty: all'),
+        fixed('info', 'JSON about the run, recorded as a message of /handover/info'),
+        fixed(
             'rest_s',
             'Time without a handover after which fast streams are no longer recorded, s; 0: they '
             'always are',
             0.0,
             1e6,
-            read_only=True,
         ),
         *ARM,
         *DRIVER,
-        Parameter(
-            'transforms',
-            'Whether to write /tf of this arm if nobody publishes it',
-            read_only=True,
-        ),
-        Parameter(
-            'compression',
-            'Compression of the chunks',
-            choices=('zstd', 'lz4', 'none'),
-            read_only=True,
-        ),
-        Parameter(
-            'chunk_size', 'Size at which a chunk is closed, bytes', 1024, 2**26, read_only=True
-        ),
-        Parameter(
-            'flush_period_s',
-            'Maximum time for which a message stays in memory, s',
-            0.01,
-            60.0,
-            read_only=True,
-        ),
-        Parameter(
-            'split_size', 'Maximum size of a file, bytes; 0: no limit', 0, 2**40, read_only=True
-        ),
-        Parameter(
-            'split_duration_s',
-            'Maximum duration of a file, s; 0: no limit',
-            0.0,
-            1e6,
-            read_only=True,
-        ),
+        fixed('transforms', 'Whether to write /tf of this arm if nobody publishes it'),
+        fixed('compression', 'Compression of the chunks', choices=('zstd', 'lz4', 'none')),
+        fixed('chunk_size', 'Size at which a chunk is closed, bytes', 1024, 2**26),
+        fixed('flush_period_s', 'Maximum time for which a message stays in memory, s', 0.01, 60.0),
+        fixed('split_size', 'Maximum size of a file, bytes; 0: no limit', 0, 2**40),
+        fixed('split_duration_s', 'Maximum duration of a file, s; 0: no limit', 0.0, 1e6),
     )
 
     def __init__(self) -> None:

@@ -32,6 +32,7 @@ from handover_dmp.nodes.object_topics import carried_object, OBJECT, ObjectTopic
 from handover_dmp.nodes.parameters import (
     ARM,
     declare,
+    fixed,
     on_change,
     Parameter,
     parameters_from,
@@ -65,11 +66,7 @@ CHANGEABLE = (
     ),
 )
 POSTURE = (
-    Parameter(
-        'initial_positions',
-        'Initial joint positions, rad; not set: the home configuration',
-        read_only=True,
-    ),
+    fixed('initial_positions', 'Initial joint positions, rad; not set: the home configuration'),
 )
 
 
@@ -81,18 +78,17 @@ class RobotSim(HandoverNode):
     PARAMETERS = (
         *ARM,
         *CHANGEABLE,
-        Parameter('rate_hz', 'Rate of the joint states, Hz', 10.0, 1000.0, read_only=True),
-        Parameter(
+        fixed('rate_hz', 'Rate of the joint states, Hz', 10.0, 1000.0),
+        fixed(
             'rate_at_rest_hz',
             'Rate of the joint states while the arm stands still, wall clock only, Hz',
             1.0,
             1000.0,
-            read_only=True,
         ),
         *parameters_from(ArmOptions),
-        Parameter('paused', 'Whether simulated time stands still at the start', read_only=True),
+        fixed('paused', 'Whether simulated time stands still at the start'),
         *OBJECT,
-    )  # fmt: skip
+    )
 
     def __init__(self) -> None:
         """Load the arm, compare it with Pinocchio's model, start the simulation."""

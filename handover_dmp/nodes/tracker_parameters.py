@@ -28,42 +28,33 @@ from typing import Any
 
 from handover_dmp.common.errors import UsageError
 from handover_dmp.common.settings import defaults, parameters_of
-from handover_dmp.nodes.parameters import declare, Parameter, parameters_from, TRACKER, Values
+from handover_dmp.nodes.parameters import (
+    declare,
+    fixed,
+    Parameter,
+    parameters_from,
+    TRACKER,
+    Values,
+)
 from handover_dmp.tracking import GoalEstimator, HandFilter, Tracker
 from rclpy.node import Node
 
-SENSOR = 'sensor.'
-TRACKERS = Parameter('trackers', 'Names of the trackers that see the hand', read_only=True)
-TOPIC = Parameter(TRACKER + 'topic', 'Topic of the poses', read_only=True)
+TRACKERS = fixed('trackers', 'Names of the trackers that see the hand')
+TOPIC = fixed(TRACKER + 'topic', 'Topic of the poses')
 
 
 ONE_TRACKER = (
     TOPIC,
-    Parameter(
-        TRACKER + 'type', 'Type of the messages; empty: as the topic has it', read_only=True
-    ),
-    Parameter(
-        TRACKER + 'body',
-        'Name or number of the hand, if the messages contain several bodies',
-        read_only=True,
-    ),
-    Parameter(TRACKER + 'frame', 'Frame of the poses, if it differs from frame', read_only=True),
-    Parameter(
-        TRACKER + 'position',
-        'Position of the origin of that frame in our frame, m',
-        read_only=True,
-    ),
-    Parameter(
-        TRACKER + 'quaternion',
-        'Rotation from the axes of that frame to ours, as x, y, z, w',
-        read_only=True,
-    ),
-    Parameter(
+    fixed(TRACKER + 'type', 'Type of the messages; empty: as the topic has it'),
+    fixed(TRACKER + 'body', 'Name or number of the hand, if the messages contain several bodies'),
+    fixed(TRACKER + 'frame', 'Frame of the poses, if it differs from frame'),
+    fixed(TRACKER + 'position', 'Position of the origin of that frame in our frame, m'),
+    fixed(TRACKER + 'quaternion', 'Rotation from the axes of that frame to ours, as x, y, z, w'),
+    fixed(
         TRACKER + 'latency_s',
         'Time from measurement to arrival, s; in lockstep the nodes wait for it',
         0.0,
         5.0,
-        read_only=True,
     ),
     *parameters_from(Tracker),
 )
@@ -71,11 +62,10 @@ ONE_TRACKER = (
 HAND = (
     TRACKERS,
     *ONE_TRACKER,
-    Parameter(
+    fixed(
         'hand_stamps',
         'Source of the time of a hand pose: its header or its arrival',
         choices=('header', 'arrival'),
-        read_only=True,
     ),
     *parameters_from(HandFilter),
 )

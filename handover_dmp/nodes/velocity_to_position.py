@@ -25,7 +25,7 @@ from handover_dmp.nodes.arm import arm_options, limits_told, load_arm
 from handover_dmp.nodes.conversions import to_joint_command
 from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.node import HandoverNode
-from handover_dmp.nodes.parameters import ARM, DRIVER, Parameter, parameters_from
+from handover_dmp.nodes.parameters import ARM, DRIVER, fixed, parameters_from
 from handover_dmp.nodes.spin import run
 from handover_dmp.robot.position_commander import PositionCommander, PositionCommanderOptions
 from handover_dmp.robot.velocity_driver import ArmOptions, CommandOutcome
@@ -44,7 +44,7 @@ class VelocityToPosition(HandoverNode):
     PARAMETERS = (
         *ARM,
         *DRIVER,
-        Parameter('rate_hz', 'Rate of the joint positions, Hz', 10.0, 1000.0, read_only=True),
+        fixed('rate_hz', 'Rate of the joint positions, Hz', 10.0, 1000.0),
         *parameters_from(ArmOptions, PositionCommanderOptions),
     )
 

@@ -30,21 +30,19 @@ from handover_dmp.common.errors import UsageError
 from handover_dmp.common.quaternions import normalized, Quaternion, rotated
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
 from handover_dmp.nodes.node import HandoverNode
-from handover_dmp.nodes.parameters import Parameter
+from handover_dmp.nodes.parameters import fixed
 from handover_dmp.topics import WRIST_WRENCH
 
 NOTHING: Vector = (0.0, 0.0, 0.0)
 OF_WRENCH = (
-    Parameter(
+    fixed(
         'session.wrench_frame',
         'Frame of a wrench that is not given in the frame of the room; it must move with the '
         'wrist',
-        read_only=True,
     ),
-    Parameter(
+    fixed(
         'session.wrench_quaternion',
         "Rotation from the axes of that frame to those of the wrist's link, as x, y, z, w",
-        read_only=True,
     ),
 )
 
