@@ -132,9 +132,8 @@ class CalibrationMotionNode(HandoverNode):
             return f"no joint states yet on {states}: is robot_sim or the arm's driver running?"
         return ''
 
-    def _start(self) -> str:
+    def _start(self) -> None:
         self._wanted = True
-        return ''
 
     def _on_joint_states(self, message: JointState) -> None:
         if not self._reader.concerns(message.name):

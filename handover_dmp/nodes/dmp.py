@@ -275,8 +275,8 @@ class Dmp(HandoverNode):
         self.subscribe(SIGNAL, Dated(self._on_latched_signal))
         self.subscribe(replace(SIGNAL, quality=Quality.COMMAND), Dated(self._on_signal))
         self.serve('start', self._start)
-        self.serve('abort', self._abort)
-        self.serve('reset', self._reset)
+        self.serve('abort', self._controller.abort)
+        self.serve('reset', self._controller.reset)
 
     # Inputs
 
@@ -390,19 +390,8 @@ class Dmp(HandoverNode):
     # Services and parameters
 
     def _start(self) -> str:
-        return (
-            ''
-            if self._controller.start()
-            else 'a handover is active, or no wrist pose has been received'
-        )
-
-    def _abort(self) -> str:
-        self._controller.abort()
-        return ''
-
-    def _reset(self) -> str:
-        self._controller.reset()
-        return ''
+        begins = self._controller.start()
+        return '' if begins else 'a handover is active, or no wrist pose has been received'
 
     def _prepare(self, values: Values) -> Callable[[], None]:
         # always from the learnt model: a shape that once had no weight would be lost

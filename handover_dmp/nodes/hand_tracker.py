@@ -176,13 +176,12 @@ class HandTracker(HandoverNode):
         self.subscribe(OBJECT_HOLDER, hear_holder)
         self.subscribe(GRIPPER_COMMAND, hear_gripper)
 
-    def _replay(self) -> str:
+    def _replay(self) -> None:
         if not self._signal.get_subscription_count():
             self.get_logger().warning(
                 f'nobody subscribes to {self.named(SIGNAL)}: is dmp running?'
             )
         self._begin(self.now_s() + self.values['lead_s'])
-        return ''
 
     def _begin_when_all_are_there(self) -> None:
         """Start the replay once `dmp` listens and the wrist of the arm is known."""

@@ -229,18 +229,19 @@ class HandoverNode(Node):  # type: ignore[misc]
         except InvalidTopicNameException as error:
             raise _no_topic(name, error) from error
 
-    def serve(self, name: str, action: Callable[[], str]) -> None:
+    def serve(self, name: str, action: Callable[[], str | None]) -> None:
         """
         Offer a service `~/name` of type `std_srvs/Trigger`.
 
         Args:
             name: name of the service.
-            action: does the work; returns the reason if it failed, or an empty string.
+            action: does the work; returns the reason if it failed, otherwise nothing or an
+                empty string.
 
         """
 
         def answer(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            response.message = action()
+            response.message = action() or ''
             response.success = not response.message
             return response
 

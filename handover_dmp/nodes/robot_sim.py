@@ -176,8 +176,8 @@ class RobotSim(HandoverNode):
         self._object = ObjectTopics(self, self._arm)
         self.subscribe(JOINT_COMMAND, self._on_command)
         self.serve_switch('pause', self._pause)
-        self.serve('resume', self._resume)
-        self.serve('reset', self._reset)
+        self.serve('resume', self._arm.resume)
+        self.serve('reset', lambda: self._arm.reset(self._start))
         on_change(self, CHANGEABLE, self._prepare)
 
     # Simulated time: a period ends when the command that answers it has arrived
@@ -278,14 +278,6 @@ class RobotSim(HandoverNode):
 
     def _pause(self, paused: bool) -> None:
         self._paused = paused
-
-    def _resume(self) -> str:
-        self._arm.resume()
-        return ''
-
-    def _reset(self) -> str:
-        self._arm.reset(self._start)
-        return ''
 
     def _prepare(self, values: Values) -> Callable[[], None]:
         _check_factor(values)

@@ -72,7 +72,7 @@ class VelocityToPosition(HandoverNode):
         self._positions = self.advertise(JOINT_POSITIONS)
         self.subscribe(JOINT_STATES, self._on_joint_states)
         self.subscribe(JOINT_COMMAND, self._on_command)
-        self.serve('resume', self._resume)
+        self.serve('resume', self._commander.resume)
         self.every(self._period_s, self._answer)
         Diagnostics(self, self._periods, self._condition)
         self.say_changes(lambda: 'following commands', lambda: self._fault)
@@ -115,10 +115,6 @@ class VelocityToPosition(HandoverNode):
         while self._publish(self._period_s):
             sleep(self._period_s)
         super().finish()
-
-    def _resume(self) -> str:
-        self._commander.resume()
-        return ''
 
     def _condition(self) -> tuple[str, dict[str, str]]:
         report = asdict(self._commander.report)
