@@ -25,6 +25,7 @@ import sys
 from time import sleep
 
 from builtin_interfaces.msg import Time
+from handover_dmp.common.settings import parameters_of
 from handover_dmp.nodes.arm import limits_told, load_arm
 from handover_dmp.nodes.conversions import (
     NANOSECONDS,
@@ -93,8 +94,6 @@ class CalibrationMotionNode(HandoverNode):
         self._reader = JointStateReader(self._model.joint_names, values['joint_prefix'])
         self._period_s = 1.0 / values['rate_hz']
         self._periods = Periods(self._period_s)
-        self.ended = False
-        self.exit_code = 0
         self._wanted = values['start'] == 'auto'
         self._follower: MotionFollower | None = None
         self._positions = self._model.home
@@ -104,14 +103,8 @@ class CalibrationMotionNode(HandoverNode):
         self._fault = ''
         self._tracker: SimulatedTracker | None = None
         if values[TRACKER + 'enabled']:
-            place = {
-                name.removeprefix(TRACKER): value
-                for name, value in values.items()
-                if name.startswith(TRACKER)
-            }
-            self._tracker_frame: str = place.pop('frame')
-            del place['enabled']
-            self._tracker = SimulatedTracker(TrackerPlace(**place))
+            place = TrackerPlace(**parameters_of(TrackerPlace, values))
+            self._tracker = SimulatedTracker(place)
             self._hand = self.advertise(HAND_POSE)
         self._command = self.advertise(JOINT_COMMAND)
         self._wrist = self.advertise(WRIST_POSE)
@@ -168,7 +161,8 @@ class CalibrationMotionNode(HandoverNode):
             if not self.lockstep:
                 # ages and stamps are of different clocks
                 time_ns += self.now_ns() - round(now_s * NANOSECONDS)
-            self._hand.publish(pose_message(stamp(time_ns), seen, frame=self._tracker_frame))
+            frame = self.values[TRACKER + 'frame']
+            self._hand.publish(pose_message(stamp(time_ns), seen, frame=frame))
 
     def _plan(self) -> None:
         try:

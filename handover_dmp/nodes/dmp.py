@@ -200,8 +200,6 @@ class Dmp(HandoverNode):
         # latched signals arrive at both subscriptions
         self._signals_heard: deque[int] = deque(maxlen=SIGNALS_REMEMBERED)
         self._over_s: float | None = None
-        self.ended = False
-        self.exit_code = 0
         self._faults: dict[str, int] = {}
         self._connect()
         self._markers = Markers(self, learnt_path(learnt))

@@ -63,6 +63,8 @@ class HandoverNode(Node):  # type: ignore[misc]
         PARAMETERS: its parameters beyond those of all nodes.
         OF_EACH_TRACKER: its parameters for each of its `trackers`.
         MAKES_TIME: whether the other nodes follow its `/clock` in lockstep.
+        ended: set to end the node.
+        exit_code: code with which its process then ends.
 
     """
 
@@ -70,6 +72,8 @@ class HandoverNode(Node):  # type: ignore[misc]
     PARAMETERS: ClassVar[tuple[Parameter, ...]]
     OF_EACH_TRACKER: ClassVar[tuple[Parameter, ...]] = ()
     MAKES_TIME: ClassVar[bool] = False
+    ended = False
+    exit_code = 0
 
     def __init__(self) -> None:
         """Declare the parameters; their values at the start are in `self.values`."""

@@ -106,7 +106,6 @@ class Recorder(HandoverNode):
             split_size=values['split_size'],
             split_duration_s=values['split_duration_s'],
         )
-        self.exit_code = 0
         self._space = self.get_namespace()
         self._wanted = {
             self.resolve_topic_name(name, only_expand=True) for name in values['topics'] if name
