@@ -22,7 +22,7 @@ from math import hypot
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, TwistStamped
-from handover_dmp.common.arrays import Array
+from handover_dmp.common.arrays import Array, Point
 from handover_dmp.common.quaternions import IDENTITY, normalized, Quaternion, to_matrix
 from handover_dmp.topics import FRAME, label_of, names_of_values, position_covariance
 from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension
@@ -132,7 +132,7 @@ def twist_message(
     return message
 
 
-def position_of(message: PoseStamped) -> tuple[float, float, float]:
+def position_of(message: PoseStamped) -> Point:
     """Return the position of a pose, m."""
     place = message.pose.position
     return place.x, place.y, place.z
@@ -178,13 +178,11 @@ def to_float_array(
 
 
 def values_of(message: Float64MultiArray) -> dict[str, float]:
-    """Return what `labelled` put into an array."""
+    """Return what `to_float_array` put into an array."""
     return dict(zip(names_of_values(message), message.data, strict=False))
 
 
-def velocities_of(
-    message: TwistStamped,
-) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+def velocities_of(message: TwistStamped) -> tuple[Point, Point]:
     """Return the linear velocity of a twist, m/s, and the angular one, rad/s."""
     linear, angular = message.twist.linear, message.twist.angular
     return (linear.x, linear.y, linear.z), (angular.x, angular.y, angular.z)

@@ -27,6 +27,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
+from handover_dmp.common.arrays import Point
 from handover_dmp.common.errors import UsageError
 from handover_dmp.mocap.message_bodies import bodies, Body
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
@@ -117,9 +118,7 @@ class HandInputs:
         topics = [str(node.values[f'{name}.topic']) for name in self._names]
         return ', '.join(map(node.resolve_topic_name, topics))
 
-    def placed(
-        self, position: tuple[float, float, float], header: Any
-    ) -> tuple[float, float, float] | None:
+    def placed(self, position: Point, header: Any) -> Point | None:
         """
         Transform another point that a tracker sees to the frame of the node.
 
@@ -208,7 +207,7 @@ class HandInput:
         self._take = take
         self._refuse = refuse
         self._chooser = BodyChooser(node.values[f'{name}.body'])
-        self._transforms: dict[str, Callable[[Any], tuple[float, float, float]]] = {}
+        self._transforms: dict[str, Callable[[Point], Point]] = {}
         if frame := node.values[f'{name}.frame']:
             from handover_dmp.tracking.frames import FixedTransform
 
@@ -270,9 +269,7 @@ class HandInput:
             pose = pose._replace(position=place)
         self._take(message.header.stamp, pose)
 
-    def placed(
-        self, position: tuple[float, float, float], header: Any
-    ) -> tuple[float, float, float] | None:
+    def placed(self, position: Point, header: Any) -> Point | None:
         """
         Transform a position to the frame of the node.
 

@@ -22,12 +22,12 @@ defaults of `tracker` in `config/handover.yaml`.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 import re
 from typing import Any
 
 from handover_dmp.common.errors import UsageError
-from handover_dmp.common.settings import defaults, parameters_of
+from handover_dmp.common.settings import defaults, parameters_of, settings_of
 from handover_dmp.nodes.parameters import (
     declare,
     fixed,
@@ -145,11 +145,7 @@ def trackers(values: Values) -> list[Tracker]:
     return [
         Tracker(
             name,
-            **{
-                field.name: plain(values[f'{name}.{field.name}'])
-                for field in fields(Tracker)
-                if field.name != 'name'
-            },
+            **{field: plain(values[f'{name}.{field}']) for field in settings_of(Tracker)},
         )
         for name in values[TRACKERS.name]
     ]
