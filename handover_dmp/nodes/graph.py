@@ -30,7 +30,6 @@ import socket
 import subprocess
 import sys
 from time import monotonic
-from types import TracebackType
 from typing import Any
 
 from handover_dmp.common.errors import HandoverError
@@ -169,18 +168,11 @@ class Graph:
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, _kind: object, error: object, _trace: object) -> None:
         """End the nodes, the recorder last; raise an error if one did not end cleanly."""
-        codes = self._end()
-        wrong = {name: code for name, code in codes.items() if code != 0}
-        if wrong and error is None:
-            name, code = next(iter(wrong.items()))
-            raise GraphError(f'{name} ended with code {code}{self._last_words(name)}')
+        for name, code in self._end().items():
+            if code != 0 and error is None:
+                raise self._ended(name, code)
 
     def words(self, name: str) -> list[str]:
         """
@@ -203,8 +195,7 @@ class Graph:
             name: which.
 
         """
-        log = (self._folder / 'logs' / f'{name}.log').open('ab')
-        with log:
+        with (self._folder / 'logs' / f'{name}.log').open('ab') as log:
             self.processes[name] = subprocess.Popen(
                 [
                     sys.executable, *self.words(name),
@@ -233,9 +224,7 @@ class Graph:
         self._executor.spin_once(timeout_sec=timeout_s)
         for name, process in self.processes.items():
             if process.poll() is not None:
-                raise GraphError(
-                    f'{name} ended with code {process.returncode}{self._last_words(name)}'
-                )
+                raise self._ended(name, process.returncode)
 
     def call(self, service: str, request: Any = None) -> None:
         """
@@ -399,10 +388,11 @@ class Graph:
             if monotonic() > deadline_s:
                 raise GraphError(f'{fault} within {timeout_s:.0f} s')
 
-    def _last_words(self, name: str) -> str:
+    def _ended(self, name: str, code: int) -> GraphError:
+        """Make the error of a node that ended, with the last line of its log."""
         log = self._folder / 'logs' / f'{name}.log'
         lines = log.read_text(encoding='utf-8', errors='replace').strip().splitlines()
-        return f': {lines[-1]}' if lines else ''
+        return GraphError(': '.join([f'{name} ended with code {code}', *lines[-1:]]))
 
     def _end(self) -> dict[str, int]:
         # the recorder last, so that it records the last messages of the others; the arm first,
