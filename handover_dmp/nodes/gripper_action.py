@@ -74,7 +74,10 @@ class GripperAction:
         self._name = _resolved(node, name)
         self.patience_s = PATIENCE_S
         self._goal_type = kind.Goal
-        self._client = _client(node, kind, name)
+        # only few need it
+        from rclpy.action import ActionClient
+
+        self._client = ActionClient(node, kind, name)
         self._closed = False
         self._commands = 0
         self._missing = Missing.NOTHING
@@ -222,10 +225,3 @@ def _resolved(node: HandoverNode, name: str) -> str:
     except RuntimeError as error:
         reason = str(error).partition(': ')[2].rpartition(', at ')[0]
         raise UsageError(f'session.gripper_action is {name!r}: {reason}') from error
-
-
-def _client(node: HandoverNode, kind: Any, name: str) -> Any:
-    # only few need it
-    from rclpy.action import ActionClient
-
-    return ActionClient(node, kind, name)

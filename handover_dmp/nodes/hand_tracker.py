@@ -151,7 +151,7 @@ class HandTracker(HandoverNode):
             period_s = 1.0 / values['rate_hz']
             # stamps are whole multiples of the period, so poses are fresh at its ticks
             sleep(period_s - self.now_s() % period_s)
-            self.every(period_s, self._tick)
+            self.every(period_s, lambda: self._answer(self.now_ns(), 0.0))
         Diagnostics(self, self._periods, self._condition)
         what = values['bag'] if values['source'] == 'bag' else values['trial']
         shown = ', '.join(publisher.topic_name for publisher in self._hand_poses)
@@ -202,9 +202,6 @@ class HandTracker(HandoverNode):
             time = stamp(round(signal_s * NANOSECONDS))
             self._signal.publish(Header(stamp=time, frame_id=self.frame))
             self.say(f'the signal is for {signal_s:.3f} s')
-
-    def _tick(self) -> None:
-        self._answer(self.now_ns(), 0.0)
 
     def _answer(self, time_ns: int, _elapsed_s: float) -> None:
         self._periods.tick()

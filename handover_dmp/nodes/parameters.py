@@ -364,12 +364,10 @@ def on_change(
     prepared: list[Callable[[], None]] = []
 
     def changed(requested: list[RosParameter]) -> SetParametersResult:
+        new = {wanted.name: wanted for wanted in requested}
         values = {
-            parameter.name: node.get_parameter(parameter.name).value for parameter in parameters
-        }
-        values.update({r.name: r.value for r in requested if r.name in values})
-        values = {
-            parameter.name: parameter.meant(values[parameter.name]) for parameter in parameters
+            one.name: one.meant((new.get(one.name) or node.get_parameter(one.name)).value)
+            for one in parameters
         }
         fault = _wrong_choice(parameters, values)
         if fault:
