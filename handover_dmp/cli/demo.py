@@ -43,9 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the verb."""
     try:
-        from handover_dmp.nodes.run_graph import run_graph, run_session_graph
+        from handover_dmp.nodes.run_graph import run_graph
     except ModuleNotFoundError as error:
         raise HandoverError(f'{error.name} is not installed; {GET_ROS}') from error
-    lockstep = not options.wall_clock
-    handover, session = (partial(one, lockstep=lockstep) for one in (run_graph, run_session_graph))
-    return run_and_report(options, options.trial, options.model, handover, session)
+    run_either = partial(run_graph, lockstep=not options.wall_clock)
+    return run_and_report(options, options.trial, options.model, run_either, run_either)

@@ -36,7 +36,7 @@ from handover_dmp.handover.session_scenario import make_session_scenario, Sessio
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds, position_of
 from handover_dmp.nodes.graph import Graph
 from handover_dmp.nodes.qos import message_class, qos_profile
-from handover_dmp.nodes.run_graph import session_parameters
+from handover_dmp.nodes.run_graph import graph_parameters
 from handover_dmp.robot.model import BasePlacement
 from handover_dmp.runs.folder import keep_session, session_info
 from handover_dmp.topics import (
@@ -272,7 +272,7 @@ def session_of(folder: Path) -> Iterator[Session]:
     scenario = make_session_scenario(base=BASE, pick_up=True)
     keep_session(folder, scenario)
     info = session_info(scenario, MASS_KG)
-    parameters = session_parameters(folder, scenario, info, True)
+    parameters = graph_parameters(folder, scenario, info, True)
     prepare_for_faults(parameters, SHORT_PATIENCE_S)
     with Graph(folder, parameters) as graph:
         graph.pause(False)
