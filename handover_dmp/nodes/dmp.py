@@ -190,7 +190,6 @@ class Dmp(HandoverNode):
         self._orientation: Quaternion | None = None
         self._turned: Quaternion | None = None
         self._wrist_arrival_s = -inf
-        self._last_s: float | None = None
         self._stepped_s: float | None = None
         self._stepped_monotonic_s = monotonic()
         self._stepped_in_motion = False
@@ -244,8 +243,7 @@ class Dmp(HandoverNode):
         for parameter in PRIMITIVE:
             if values[parameter.name] != default[parameter.name]:
                 learnt[parameter.name] = values[parameter.name]
-        take = _movement(self._learnt_take, options, learnt)
-        return SessionModels(give, take)
+        return SessionModels(give, _movement(self._learnt_take, options, learnt))
 
     def _connect(self) -> None:
         self._pose_command = self.advertise(POSE_COMMAND)
@@ -423,7 +421,7 @@ class Dmp(HandoverNode):
     def _tick(self) -> None:
         now_ns = self.now_ns()
         arrival_s = self.arrival_s()
-        last_s, self._last_s = self._last_s, arrival_s
+        last_s = self._stepped_s
         if last_s is not None and arrival_s < last_s:
             self._jumped()
         elapsed_s = 0.0 if last_s is None else min(max(arrival_s - last_s, 0.0), 0.05)

@@ -37,7 +37,7 @@ from handover_dmp.topics import (
     WRIST_WRENCH,
 )
 import numpy as np
-from std_msgs.msg import Bool, String
+from std_msgs.msg import String
 
 OBJECT = parameters_from(CarriedObjectOptions, PartnerGripOptions)
 TRUTH_LOST_S = 0.2
@@ -83,12 +83,9 @@ class ObjectTopics:
         self._wrench = node.advertise(WRIST_WRENCH)
         self._pose = node.advertise(OBJECT_POSE)
         self._said_holder = node.advertise(OBJECT_HOLDER)
-        node.subscribe(GRIPPER_COMMAND, self._on_gripper)
+        node.subscribe(GRIPPER_COMMAND, lambda message: arm.set_gripper(message.data))
         node.subscribe(HAND_TRUTH, self._on_truth)
         node.subscribe(HAND_POSE, self._on_hand)
-
-    def _on_gripper(self, message: Bool) -> None:
-        self._arm.set_gripper(message.data)
 
     def _on_truth(self, message: PoseStamped) -> None:
         self._truth_s = self._node.arrival_s()

@@ -175,7 +175,7 @@ class PriorityIkNode(HandoverNode):
         )
 
     def _missing(self) -> str:
-        ages = self._controller.ages_s(self.now_s() if self.lockstep else self.arrival_s())
+        ages = self._controller.ages_s(self.arrival_s())
         for age, topic, who in (
             ('joint states', JOINT_STATES, 'the driver, or robot_sim,'),
             ('wrist command', POSE_COMMAND, 'dmp'),
@@ -443,7 +443,7 @@ class PriorityIkNode(HandoverNode):
     def _condition(self) -> tuple[str, dict[str, str]]:
         refused, self._refused = self._refused, 0
         refusal, self._refusal = self._refusal, ''
-        ages = self._controller.ages_s(self.now_s() if self.lockstep else self.arrival_s())
+        ages = self._controller.ages_s(self.arrival_s())
         return '; '.join(filter(None, (self._fault, refusal))), {
             **{f'age of the {name} (s)': f'{age_s:.3f}' for name, age_s in ages.items()},
             'active limits': ', '.join(self._active) or 'none',

@@ -32,7 +32,7 @@ from handover_dmp.nodes.diagnostics import Attendance, Diagnostics, full_name, P
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import ARM, DRIVER, fixed
 from handover_dmp.nodes.qos import message_class, qos_profile
-from handover_dmp.nodes.rest import is_left_out_at_rest, Reports, Rest
+from handover_dmp.nodes.rest import is_left_out_at_rest, OFTEN_SAID, Reports, Rest
 from handover_dmp.nodes.spin import run
 from handover_dmp.nodes.transforms import tf_is_installed, TransformRecorder
 from handover_dmp.recording import BagWriter, Qos
@@ -44,7 +44,6 @@ from handover_dmp.topics import (
     INFO,
     JOINT_STATES,
     OPTIONAL,
-    Quality,
     STATE,
     TF,
     TF_STATIC,
@@ -55,7 +54,6 @@ from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 from std_msgs.msg import String
 
-STREAMING = (Quality.SENSOR, Quality.COMMAND)
 OF_ALL_GRAPHS = {'/rosout', '/parameter_events'} | {
     topic.name for topic in TOPICS if topic.is_global
 }
@@ -187,7 +185,7 @@ class Recorder(HandoverNode):
         streams = sorted(self._wanted - known) + [
             topic.within(self._space)
             for topic in TOPICS
-            if topic.quality in STREAMING
+            if topic.quality in OFTEN_SAID
             and topic is not HAND_POSE
             and self._is_wanted(topic.within(self._space))
             and (topic is not CLOCK or self.lockstep)

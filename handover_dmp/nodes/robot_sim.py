@@ -168,10 +168,9 @@ class RobotSim(HandoverNode):
         # a description from a topic is not published again
         alone = self.values['robot'] != self.resolve_topic_name(ROBOT_DESCRIPTION.relative)
         if alone:
-            self._description = self.advertise(ROBOT_DESCRIPTION)
             folder = model.urdf_path.parent
             described = published_description(model.urdf_text, folder, self.frame)
-            self._description.publish(String(data=described))
+            self.advertise(ROBOT_DESCRIPTION).publish(String(data=described))
         self._transforms = TransformPublisher(self, model, alone=alone)
         self._object = ObjectTopics(self, self._arm)
         self.subscribe(JOINT_COMMAND, self._on_command)

@@ -107,10 +107,10 @@ class TransformPublisher:
         if not tf_is_installed():
             return
         fixed = self._links.fixed if alone else self._links.fixed[:1]
-        self._fixed = node.advertise(TF_STATIC)
         kind = message_class(TF.type_name)
         # they hold at any time of any clock
-        self._fixed.publish(kind(transforms=transform_messages(Time(), fixed)))
+        links = transform_messages(Time(), fixed)
+        node.advertise(TF_STATIC).publish(kind(transforms=links))
         if alone:
             self._publisher, self._kind = node.advertise(TF), kind
 
