@@ -21,14 +21,11 @@ import re
 from time import sleep
 
 from handover_dmp.common.errors import HandoverError
-from handover_dmp.common.settings import parameters_of
 from handover_dmp.nodes.node import HandoverNode
-from handover_dmp.nodes.parameters import Values
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.nodes.spin import told_to_end
 from handover_dmp.robot.descriptions import Description, read_description
 from handover_dmp.robot.model import BasePlacement, RobotModel
-from handover_dmp.robot.velocity_driver import ArmOptions
 from handover_dmp.topics import ROBOT_DESCRIPTION
 
 TOPIC = re.compile(r'(/[A-Za-z_]\w*)+')
@@ -104,20 +101,6 @@ def _awaited(node: HandoverNode, topic: str) -> Description:
     finally:
         node.destroy_subscription(subscription)
     return Description(topic, '', Path(topic), str(taken[0].data))
-
-
-def arm_options(values: Values) -> ArmOptions:
-    """
-    Read from the parameters when an arm stops by itself.
-
-    Args:
-        values: parameters, those of the dataclass among them.
-
-    Returns:
-        The options.
-
-    """
-    return ArmOptions(**parameters_of(ArmOptions, values))
 
 
 def limits_told(model: RobotModel) -> dict[str, str]:

@@ -90,7 +90,6 @@ class CalibrationMotionNode(HandoverNode):
         super().__init__()
         values = self.values
         self._model = load_arm(self)
-        self._limits_told = limits_told(self._model)
         self._reader = JointStateReader(self._model.joint_names, values['joint_prefix'])
         self._period_s = 1.0 / values['rate_hz']
         self._periods = Periods(self._period_s)
@@ -237,7 +236,7 @@ class CalibrationMotionNode(HandoverNode):
     def _condition(self) -> tuple[str, dict[str, str]]:
         return self._fault, {
             'moving': str(self._follower is not None and not self.ended),
-            **self._limits_told,
+            **limits_told(self._model),
         }
 
 

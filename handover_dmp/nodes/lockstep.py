@@ -103,9 +103,7 @@ class Lockstep:
     def look(self) -> None:
         """Answer if that is due and possible; call it whenever an input has arrived."""
         tick_ns = self._asked_ns
-        if tick_ns is None or tick_ns == self.answered_ns:
-            return
-        if not self._begun():
+        if tick_ns is None or tick_ns == self.answered_ns or not self._begun():
             return
         ready = self._ready(tick_ns)
         if not ready and not self._waited_in_vain():

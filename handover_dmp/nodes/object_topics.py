@@ -135,8 +135,8 @@ class ObjectTopics:
         message.wrench.torque = _vector(wrench.torque)
         self._wrench.publish(message)
         position, quaternion = self._arm.object_pose
-        x, y, z, w = quaternion.tolist()
-        self._pose.publish(pose_message(time, position, (x, y, z, w), frame=header_frame))
+        pose = pose_message(time, position, quaternion.tolist(), frame=header_frame)
+        self._pose.publish(pose)
         if self._arm.holder is not self._holder:
             self._holder = self._arm.holder
             self._said_holder.publish(String(data=self._holder.value))

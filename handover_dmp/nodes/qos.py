@@ -38,6 +38,24 @@ def message_class(type_name: str) -> type:
     return kind
 
 
+def is_installed(type_name: str) -> bool:
+    """
+    Tell whether a message type is installed; the wheels of ROS 2 lack that of `/tf`.
+
+    Args:
+        type_name: e.g. `tf2_msgs/msg/TFMessage`.
+
+    Returns:
+        Whether its class can be imported.
+
+    """
+    try:
+        message_class(type_name)
+    except (ImportError, AttributeError, ValueError):
+        return False
+    return True
+
+
 def qos_profile(quality: Quality) -> QoSProfile:
     """
     Make the profile of a quality of service.

@@ -31,10 +31,10 @@ from handover_dmp.nodes.arm import load_arm
 from handover_dmp.nodes.diagnostics import Attendance, Diagnostics, full_name, Periods
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import ARM, DRIVER, fixed
-from handover_dmp.nodes.qos import message_class, qos_profile
+from handover_dmp.nodes.qos import is_installed, message_class, qos_profile
 from handover_dmp.nodes.rest import is_left_out_at_rest, OFTEN_SAID, Reports, Rest
 from handover_dmp.nodes.spin import run
-from handover_dmp.nodes.transforms import tf_is_installed, TransformRecorder
+from handover_dmp.nodes.transforms import TransformRecorder
 from handover_dmp.recording import BagWriter, Qos
 from handover_dmp.recording.messages import string
 from handover_dmp.topics import (
@@ -45,8 +45,6 @@ from handover_dmp.topics import (
     JOINT_STATES,
     OPTIONAL,
     STATE,
-    TF,
-    TF_STATIC,
     TOPICS,
 )
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -125,8 +123,7 @@ class Recorder(HandoverNode):
         for topic in TOPICS:
             # at once, before the offers are known, so that nothing of the start is missed
             name = topic.within(self._space)
-            known = topic not in (TF, TF_STATIC) or tf_is_installed()
-            if self._is_wanted(name) and topic is not INFO and known:
+            if self._is_wanted(name) and topic is not INFO and is_installed(topic.type_name):
                 self._subscribe(name, topic.type_name, qos_profile(topic.quality))
         # remapped topics are recorded under their names here
         self._moved = {self.resolve_topic_name(name) for name in self._heard} - set(self._heard)
@@ -256,15 +253,11 @@ class Recorder(HandoverNode):
         """Tell whether the messages of a topic are installed; warn once if not."""
         if name in self._not_installed:
             return False
-        try:
-            message_class(type_name)
-        except (ImportError, AttributeError, ValueError):
-            self._not_installed.add(name)
-            self.get_logger().warning(
-                f'{name}: {type_name} is not installed, so it is not recorded'
-            )
-            return False
-        return True
+        if is_installed(type_name):
+            return True
+        self._not_installed.add(name)
+        self.get_logger().warning(f'{name}: {type_name} is not installed, so it is not recorded')
+        return False
 
     def _subscribe(self, name: str, type_name: str, request: QoSProfile) -> None:
         queue = QoSProfile(

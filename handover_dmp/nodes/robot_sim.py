@@ -23,7 +23,8 @@ import sys
 from time import monotonic, sleep
 
 from handover_dmp.common.errors import UsageError
-from handover_dmp.nodes.arm import arm_options, limits_told, load_arm
+from handover_dmp.common.settings import parameters_of
+from handover_dmp.nodes.arm import limits_told, load_arm
 from handover_dmp.nodes.conversions import NANOSECONDS, period_of, stamp
 from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.lockstep import ASK_AGAIN_S, HEAD_START_S, Pace
@@ -99,7 +100,7 @@ class RobotSim(HandoverNode):
         self.values |= declare(self, POSTURE, defaults_from=home)
         self._arm = SimulatedArm(
             model,
-            options=arm_options(self.values),
+            options=ArmOptions(**parameters_of(ArmOptions, self.values)),
             carried=carried_object(self.values),
         )
         self._start: Sequence[float] = self.values['initial_positions']

@@ -131,26 +131,6 @@ def of(tracker: str, parameter: str) -> str:
     return f'{tracker}.{parameter.removeprefix(TRACKER)}'
 
 
-def trackers(values: Values) -> list[Tracker]:
-    """
-    Make the trackers that a node's parameters describe.
-
-    Args:
-        values: values of the parameters `HAND` and of those of each tracker.
-
-    Returns:
-        The trackers.
-
-    """
-    return [
-        Tracker(
-            name,
-            **{field: plain(values[f'{name}.{field}']) for field in settings_of(Tracker)},
-        )
-        for name in values[TRACKERS.name]
-    ]
-
-
 def goal_estimator(values: Values) -> GoalEstimator:
     """
     Make the estimator of the hand that a node's parameters describe.
@@ -162,7 +142,13 @@ def goal_estimator(values: Values) -> GoalEstimator:
         The estimator, without a hand yet.
 
     """
-    return GoalEstimator(HandFilter(**parameters_of(HandFilter, values)), trackers(values))
+    trackers = [
+        Tracker(
+            name, **{field: plain(values[f'{name}.{field}']) for field in settings_of(Tracker)}
+        )
+        for name in values[TRACKERS.name]
+    ]
+    return GoalEstimator(HandFilter(**parameters_of(HandFilter, values)), trackers)
 
 
 def plain(value: Any) -> Any:

@@ -25,7 +25,7 @@ from geometry_msgs.msg import TransformStamped
 from handover_dmp.common.arrays import Array
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
 from handover_dmp.nodes.node import HandoverNode
-from handover_dmp.nodes.qos import message_class
+from handover_dmp.nodes.qos import is_installed, message_class
 from handover_dmp.recording import BagWriter, Qos
 from handover_dmp.recording.messages import transforms
 from handover_dmp.robot.joint_states import JointStateReader
@@ -54,15 +54,6 @@ def frame_prefix(namespace: str) -> str:
     """
     inner = namespace.strip('/')
     return f'{inner}/' if inner else ''
-
-
-def tf_is_installed() -> bool:
-    """Tell whether messages of `/tf` are installed; the wheels of ROS 2 do not have them."""
-    try:
-        message_class(TF.type_name)
-    except (ImportError, AttributeError):
-        return False
-    return True
 
 
 def transform_messages(time: Time, links: Iterable[LinkTransform]) -> list[TransformStamped]:
@@ -104,7 +95,7 @@ class TransformPublisher:
         self._links = LinkFrames(model, node.frame, frame_prefix(node.get_namespace()))
         self._publisher: Publisher | None = None
         self._told = -1
-        if not tf_is_installed():
+        if not is_installed(TF.type_name):
             return
         fixed = self._links.fixed if alone else self._links.fixed[:1]
         kind = message_class(TF.type_name)
@@ -149,7 +140,7 @@ class TransformRecorder:
         self._links = LinkFrames(model, node.frame, frame_prefix(node.get_namespace()))
         self._reader = JointStateReader(model.joint_names, node.values['joint_prefix'])
         self._told: int | None = None
-        self._may_be_published = tf_is_installed()
+        self._may_be_published = is_installed(TF.type_name)
         self._begun_s = inf
 
     def hear(self, data: bytes, log_time_ns: int) -> None:

@@ -21,7 +21,8 @@ import sys
 from time import sleep
 
 from handover_dmp.common.errors import UsageError
-from handover_dmp.nodes.arm import arm_options, limits_told, load_arm
+from handover_dmp.common.settings import parameters_of
+from handover_dmp.nodes.arm import limits_told, load_arm
 from handover_dmp.nodes.conversions import to_joint_command
 from handover_dmp.nodes.diagnostics import Diagnostics, Periods
 from handover_dmp.nodes.node import HandoverNode
@@ -57,11 +58,10 @@ class VelocityToPosition(HandoverNode):
             )
         values = self.values
         model = load_arm(self)
-        self._limits_told = limits_told(model)
         self._commander = PositionCommander(
             model,
-            arm_options(values),
-            PositionCommanderOptions(values['joint_state_timeout_s'], values['lead_limit_rad']),
+            ArmOptions(**parameters_of(ArmOptions, values)),
+            PositionCommanderOptions(**parameters_of(PositionCommanderOptions, values)),
             joint_prefix=values['joint_prefix'],
         )
         self._period_s = 1.0 / values['rate_hz']
@@ -118,7 +118,8 @@ class VelocityToPosition(HandoverNode):
 
     def _condition(self) -> tuple[str, dict[str, str]]:
         report = asdict(self._commander.report)
-        return self._fault, {key: str(value) for key, value in report.items()} | self._limits_told
+        limits = limits_told(self._commander.model)
+        return self._fault, {key: str(value) for key, value in report.items()} | limits
 
 
 def main() -> int:

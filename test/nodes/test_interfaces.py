@@ -33,12 +33,11 @@ from handover_dmp.nodes.graph import Graph
 from handover_dmp.nodes.hand_tracker import HandTracker
 from handover_dmp.nodes.parameters import COMMON, declare, on_change
 from handover_dmp.nodes.priority_ik import PriorityIkNode
-from handover_dmp.nodes.qos import message_class, qos_profile
+from handover_dmp.nodes.qos import is_installed, message_class, qos_profile
 from handover_dmp.nodes.recorder import Recorder
 from handover_dmp.nodes.robot_sim import POSTURE, RobotSim
 from handover_dmp.nodes.run_graph import graph_parameters
 from handover_dmp.nodes.tracker_parameters import of
-from handover_dmp.nodes.transforms import tf_is_installed
 from handover_dmp.runs.folder import keep_inputs
 from handover_dmp.topics import (
     DIAGNOSTICS,
@@ -258,7 +257,7 @@ def test_topics_have_the_type_and_quality_of_the_table(graph: Graph) -> None:
     for topic in TOPICS:
         offered = graph.node.get_publishers_info_by_topic(topic.name)
         # the recorder writes the one itself, and on the wall clock nobody makes a time
-        unsent = topic in (TF, TF_STATIC) and not tf_is_installed()
+        unsent = topic in (TF, TF_STATIC) and not is_installed(topic.type_name)
         if topic.name in ('/handover/info', '/clock') or topic in OPTIONAL or unsent:
             assert not offered, topic.name
             continue
