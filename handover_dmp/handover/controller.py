@@ -23,7 +23,6 @@ the `dmp` node use the same class.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from enum import Enum
@@ -38,7 +37,7 @@ from handover_dmp.dmp import DecoupledDmp, DmpParameters, DmpState, relearn
 from handover_dmp.dmp.orientation import NO_TURN
 from handover_dmp.handover.approach import ApproachOptions, bounded, step_towards
 from handover_dmp.handover.turning import WristTurning
-from handover_dmp.tracking import GoalEstimator, HandEstimate, TrackerReport
+from handover_dmp.tracking import GoalEstimator, HandEstimate
 from handover_dmp.tracking.partner_model import (
     check_partner_model,
     Expectation,
@@ -275,7 +274,11 @@ class HandoverController:
     Attributes:
         model: the movement in use.
         options: the rules.
+        estimator: estimator of the hand's position and velocity.
+        hand: last seen position of the hand, fused from all trackers, m; None if unknown.
         hand_stamp_s: time of the newest accepted pose of the hand, s; NaN before one.
+        wrist: measured position of the wrist, m; None if unknown.
+        returns: whether the wrist is returning to the start of the last handover.
 
     """
 
@@ -297,8 +300,8 @@ class HandoverController:
         self._partner: PartnerModel | None = None
         self._turning = WristTurning()
         self.use(model, options or HandoverOptions())
-        self._estimator = estimator or GoalEstimator()
-        self._wrist: Vector | None = None
+        self.estimator = estimator or GoalEstimator()
+        self.wrist: Vector | None = None
         self._primitive: DmpState | None = None
         self._begun_at: Vector | None = None
         self.reset()
@@ -321,30 +324,20 @@ class HandoverController:
     def reset(self) -> None:
         """Forget the handover and the hand; brake if necessary, then hold the wrist."""
         self.state = HandoverState.IDLE
-        self._hand: Vector | None = None
+        self.hand: Vector | None = None
         self.hand_stamp_s = nan
         self._hand_arrival_s: float | None = None
         self.exchange_position: Vector | None = None
-        self._estimator.reset()
+        self.estimator.reset()
         self._signal_s: float | None = None
         self._exchange_since_s: float | None = None
         self._goal_weight = 0.0
         self._phase_rate = 0.0
         self._expectation: Expectation | None = None
         self._astray = -inf
-        self._returns = False
+        self.returns = False
         if self._primitive is not None and hypot(*self._primitive.velocity) == 0.0:
             self._primitive = None
-
-    @property
-    def hand(self) -> Vector | None:
-        """Last seen position of the hand, fused from all trackers, m."""
-        return self._hand
-
-    @property
-    def wrist(self) -> Vector | None:
-        """Measured position of the wrist, m."""
-        return self._wrist
 
     def hand_age_s(self, arrival_s: float) -> float:
         """
@@ -361,74 +354,17 @@ class HandoverController:
             return float('inf')
         return max(0.0, arrival_s - self._hand_arrival_s)
 
-    def estimate(self, now_s: float) -> HandEstimate | None:
-        """
-        Estimate position and velocity of the hand.
-
-        Args:
-            now_s: the time, s, on the clock of the stamps.
-
-        Returns:
-            The estimate; None before the first pose.
-
-        """
-        return self._estimator.estimate(now_s)
-
     def forget_hand(self) -> None:
         """Forget the hand, e.g. after a jump in time; the wrist brakes until it is seen again."""
-        self._estimator.reset()
-        self._hand = None
+        self.estimator.reset()
+        self.hand = None
         self.hand_stamp_s = nan
         self._hand_arrival_s = None
 
     @property
     def hand_timeout_s(self) -> float:
         """Age of the hand beyond which the wrist brakes, s; larger for a slow tracker."""
-        return max(self.options.hand_timeout_s, self.tracker_timeout_s)
-
-    @property
-    def tracker_timeout_s(self) -> float:
-        """Age of the hand up to which no pose of a tracker is missing, s."""
-        return self._estimator.timeout_s
-
-    @property
-    def hand_is_disputed(self) -> bool:
-        """Whether an outlier says that the hand is elsewhere, and no later pose denies it."""
-        return self._estimator.is_disputed
-
-    @property
-    def refused(self) -> Counter[str]:
-        """Return the number of refused poses of the hand since the beginning, by reason."""
-        return self._estimator.rejected
-
-    def refuse_hand(self, reason: str, tracker: str = '') -> None:
-        """
-        Count a refused pose of the hand.
-
-        Args:
-            reason: the reason, one word.
-            tracker: name of its tracker; the first one if left out.
-
-        """
-        self._estimator.refuse(reason, tracker)
-
-    def report_trackers(self, now_s: float) -> list[TrackerReport]:
-        """
-        Report on each tracker since the last report.
-
-        Args:
-            now_s: the time, s, on the clock of the stamps.
-
-        Returns:
-            One report per tracker, in their order.
-
-        """
-        return self._estimator.report(now_s)
-
-    @property
-    def hand_unchanged_s(self) -> float:
-        """Time for which the poses of the hand have been bitwise equal, s."""
-        return self._estimator.unchanged_s
+        return max(self.options.hand_timeout_s, self.estimator.timeout_s)
 
     def set_hand(
         self,
@@ -458,13 +394,13 @@ class HandoverController:
         """
         # also if it is not a number
         if not abs(stamp_s - now_s) <= self.options.stamp_tolerance_s:
-            self.refuse_hand('other_time', tracker)
+            self.estimator.refuse('other_time', tracker)
             return 'other_time'
-        reason = self._estimator.update(stamp_s, position, now_s, orientation, covariance, tracker)
+        reason = self.estimator.update(stamp_s, position, now_s, orientation, covariance, tracker)
         if reason:
             return reason
-        seen = self._estimator.estimate(stamp_s)
-        self._hand = None if seen is None else seen.position
+        seen = self.estimator.estimate(stamp_s)
+        self.hand = None if seen is None else seen.position
         self.hand_stamp_s = stamp_s
         self._hand_arrival_s = arrival_s
         return ''
@@ -479,7 +415,7 @@ class HandoverController:
 
         """
         if all(map(isfinite, position)):
-            self._wrist = position
+            self.wrist = position
         if orientation is not None and all(map(isfinite, orientation)):
             self._turning.measure(orientation)
 
@@ -502,7 +438,7 @@ class HandoverController:
             return
         if self.state is HandoverState.DONE:
             self.reset()
-            self._returns = self._begun_at is not None
+            self.returns = self._begun_at is not None
         self._signal_s = at_s
 
     @property
@@ -515,11 +451,6 @@ class HandoverController:
         """Whether a signal is followed now, or as soon as the wrist has returned."""
         return self.state not in (*MOVING, HandoverState.ABORTED)
 
-    @property
-    def returns(self) -> bool:
-        """Whether the wrist is returning to the start of the last handover."""
-        return self._returns
-
     def start(self) -> bool:
         """
         Start reaching from the present wrist position.
@@ -528,15 +459,15 @@ class HandoverController:
             Whether it started; not during a handover, nor before the wrist is known.
 
         """
-        if self.state in MOVING or self._wrist is None:
+        if self.state in MOVING or self.wrist is None:
             return False
         if self._primitive is None:
-            self._primitive = self.model.initial_state(self._wrist)
+            self._primitive = self.model.initial_state(self.wrist)
         else:
             held = self._anchored(self._primitive)
             self._primitive = self.model.initial_state(held.position, held.velocity)
-        self._begun_at = self._wrist
-        self._returns = False
+        self._begun_at = self.wrist
+        self.returns = False
         self._exchange_since_s = None
         self.exchange_position = None
         self._signal_s = None
@@ -552,7 +483,7 @@ class HandoverController:
     def abort(self) -> None:
         """Brake and hold until `start` or `reset`."""
         self.state = HandoverState.ABORTED
-        self._returns = False
+        self.returns = False
 
     def hold(self) -> None:
         """Abort at the wrist's position: commands were missing so long that the arm stands."""
@@ -576,11 +507,11 @@ class HandoverController:
             The command for the end of the period; None until the wrist is known.
 
         """
-        if self._wrist is None:
+        if self.wrist is None:
             return None
         if self._primitive is None:
-            self._primitive = self.model.initial_state(self._wrist)
-        hand = self.estimate(now_s)
+            self._primitive = self.model.initial_state(self.wrist)
+        hand = self.estimator.estimate(now_s)
         age = self.hand_age_s(now_s if arrival_s is None else arrival_s)
         self._start_if_signalled(now_s, hand)
         fresh = hand is not None and age <= self.hand_timeout_s
@@ -592,14 +523,14 @@ class HandoverController:
             if self.state in FOLLOWING and self._partner is not None:
                 self._partner.wait(dt)
             self._phase_rate, self._expectation = 0.0, None
-            returns = self._returns and fresh
+            returns = self.returns and fresh
             move = self._go_back if returns else self._brake
             self._primitive = move(self._primitive, dt)
             self._turning.rest(dt, back=returns)
         return self._command(self._primitive, age)
 
     def _start_if_signalled(self, now_s: float, hand: HandEstimate | None) -> None:
-        if self.state is not HandoverState.IDLE or hand is None or self._returns:
+        if self.state is not HandoverState.IDLE or hand is None or self.returns:
             return
         signalled = self._signal_s is not None and now_s >= self._signal_s
         moving = (
@@ -645,13 +576,13 @@ class HandoverController:
 
     def _anchored(self, primitive: DmpState) -> DmpState:
         """Keep the command near the measured wrist, so that it cannot wind up."""
-        assert self._wrist is not None
-        distance = dist(primitive.position, self._wrist)
+        assert self.wrist is not None
+        distance = dist(primitive.position, self.wrist)
         if distance <= self.options.tracking_error_limit_m:
             return primitive
         share = self.options.tracking_error_limit_m / distance
         position = tuple(
-            w + (c - w) * share for w, c in zip(self._wrist, primitive.position, strict=True)
+            w + (c - w) * share for w, c in zip(self.wrist, primitive.position, strict=True)
         )
         return primitive._replace(position=position)
 
@@ -670,11 +601,11 @@ class HandoverController:
 
     def _go_back(self, primitive: DmpState, dt: float) -> DmpState:
         """Move straight to the start of the last handover, and stop there."""
-        assert self._wrist is not None and self._begun_at is not None
+        assert self.wrist is not None and self._begun_at is not None
         primitive = self._anchored(primitive)
         left = dist(primitive.position, self._begun_at)
         if left < RETURNED_M:
-            self._returns = dist(self._wrist, self._begun_at) > WRIST_RETURNED_M
+            self.returns = dist(self.wrist, self._begun_at) > WRIST_RETURNED_M
             return self._brake(primitive, dt)
         limit = RETURN_SHARE * self.options.acceleration_limit
         speed = min(RETURN_SPEED, sqrt(limit * left))
@@ -694,13 +625,13 @@ class HandoverController:
 
     def _held(self, primitive: DmpState) -> DmpState:
         """Hold the position, or the present one if something has moved the wrist away."""
-        assert self._wrist is not None
-        if dist(primitive.position, self._wrist) > self.options.tracking_error_limit_m:
-            return primitive._replace(position=self._wrist)
+        assert self.wrist is not None
+        if dist(primitive.position, self.wrist) > self.options.tracking_error_limit_m:
+            return primitive._replace(position=self.wrist)
         return primitive
 
     def _judge_exchange(self, now_s: float, hand: HandEstimate) -> None:
-        assert self._wrist is not None and self._primitive is not None
+        assert self.wrist is not None and self._primitive is not None
         if self.state is HandoverState.EXCHANGE:
             assert self._exchange_since_s is not None
             if now_s - self._exchange_since_s >= self.options.exchange_hold_s:
@@ -708,13 +639,13 @@ class HandoverController:
             return
         if self._is_at(hand) and self._goal_weight > 0.5:
             self.state = HandoverState.EXCHANGE
-            self.exchange_position = self._wrist
+            self.exchange_position = self.wrist
             self._exchange_since_s = now_s
 
     def _is_at(self, hand: HandEstimate) -> bool:
         """Return whether the wrist is close enough to the goal, and as fast as the hand."""
-        assert self._wrist is not None and self._primitive is not None
-        gap = dist(self._wrist, self._goal(hand))
+        assert self.wrist is not None and self._primitive is not None
+        gap = dist(self.wrist, self._goal(hand))
         relative = dist(self._primitive.velocity, hand.velocity)
         return gap < self.options.exchange_distance_m and relative < self.options.exchange_speed
 

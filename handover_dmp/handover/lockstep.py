@@ -198,10 +198,10 @@ class LockstepLoop(Closing, ABC):
             turning = np.array(command.angular_velocity)
             target = WristTarget(place, velocity, to_matrix(command.orientation), turning)
         self.wrist_controller.set_target(target, now_s)
-        estimate = self.controller.estimate(now_s)
+        estimate = self.controller.estimator.estimate(now_s)
         if seen and estimate is not None:
             known = Partner(np.array(estimate.position), np.array(estimate.velocity))
-            self.wrist_controller.set_hand(known, now_s, self.controller.tracker_timeout_s)
+            self.wrist_controller.set_hand(known, now_s, self.controller.estimator.timeout_s)
         answer = self.wrist_controller.update(now_s, self.period_s)
         self._phase_rate = answer.speed_scale
         if answer.velocities is not None:

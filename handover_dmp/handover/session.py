@@ -380,10 +380,10 @@ class SessionController(HandoverController):
             Whether it started; not during a handover, nor before the wrist is known.
 
         """
-        if self.state in MOVING or self._wrist is None:
+        if self.state in MOVING or self.wrist is None:
             return False
         self.leg = self.next_leg
-        here = self._wrist
+        here = self.wrist
         if self._primitive is not None:
             here = self._anchored(self._primitive).position
         if self._trace is None:
@@ -419,13 +419,13 @@ class SessionController(HandoverController):
             The command for the end of the period; None until the wrist is known.
 
         """
-        if self._hand is not None:
-            self._last_seen = self._hand
+        if self.hand is not None:
+            self._last_seen = self.hand
         self._dt = dt
         arrival_s = now_s if arrival_s is None else arrival_s
         self._feel(arrival_s, dt)
         age = self.hand_age_s(arrival_s)
-        fresh = self._hand is not None and age <= self.hand_timeout_s
+        fresh = self.hand is not None and age <= self.hand_timeout_s
         before = self.state
         if before in OWN_WAYS:
             command = self._go(now_s, dt, phase_rate, fresh, age)
@@ -464,11 +464,11 @@ class SessionController(HandoverController):
 
     def _is_asked_by(self, hand: HandEstimate) -> bool:
         """Return whether the hand moves; for a take, whether it has approached the wrist."""
-        assert self._wrist is not None
+        assert self.wrist is not None
         if self.next_leg is Leg.GIVE:
             moves = hypot(*hand.velocity) > self.options.motion_threshold
             return moves and self.state is HandoverState.IDLE
-        between = [w - float(h) for w, h in zip(self._wrist, hand.position, strict=True)]
+        between = [w - float(h) for w, h in zip(self.wrist, hand.position, strict=True)]
         distance = hypot(*between)
         along = sum(float(v) * b for v, b in zip(hand.velocity, between, strict=True))
         speed = along / distance if distance > 0.0 else 0.0
@@ -504,7 +504,7 @@ class SessionController(HandoverController):
     def _judge_release(self, now_s: float, fresh: bool, feels_now: bool) -> None:
         """Give: open the gripper once the partner has the object. Take: close it, and hold."""
         assert self._exchange_since_s is not None
-        arrived = self._arrived and fresh and not self.hand_is_disputed
+        arrived = self._arrived and fresh and not self.estimator.is_disputed
         lasted_s = now_s - self._exchange_since_s
         if self.leg is Leg.GIVE:
             if self._force is None:
@@ -615,7 +615,7 @@ class SessionController(HandoverController):
 
     def _speed_on(self, way: WayFollower, position: Vector, now_s: float, fresh: bool) -> float:
         """Return the maximum speed of the wrist on a way, m/s."""
-        options, hand = self.session.withdrawal, self.estimate(now_s)
+        options, hand = self.session.withdrawal, self.estimator.estimate(now_s)
         if fresh and hand is not None:
             return options.speed_at(dist(position, self._goal(hand)))
         # it may move away from a lost hand, but never towards it
@@ -625,8 +625,8 @@ class SessionController(HandoverController):
         return 0.0 if nearer else options.near_speed
 
     def _arrive(self, way: WayFollower, now_s: float) -> None:
-        assert self._primitive is not None and self._wrist is not None
-        there = dist(self._wrist, way.way.end) < WRIST_RETURNED_M
+        assert self._primitive is not None and self.wrist is not None
+        there = dist(self.wrist, way.way.end) < WRIST_RETURNED_M
         if not (there and way.has_arrived(self._primitive.position, self._primitive.velocity)):
             return
         self._way = None

@@ -277,7 +277,7 @@ class Dmp(HandoverNode):
     # Inputs
 
     def _refuse_hand(self, tracker: str, reason: str, text: str) -> None:
-        self._controller.refuse_hand(reason, tracker)
+        self._controller.estimator.refuse(reason, tracker)
         self._fault(text)
 
     def _on_hand(self, hand: HandPose) -> None:
@@ -489,7 +489,7 @@ class Dmp(HandoverNode):
             numbers = {**command.status_values(now_s), **known}
             self._values = to_float_array(numbers, into=self._values)
         if self.lockstep or self._fused.get_subscription_count():
-            hand = self._controller.estimate(now_s)
+            hand = self._controller.estimator.estimate(now_s)
             if hand is not None:
                 self._seen = pose_with_covariance(
                     time, hand.position, hand.deviation_m, frame=self.frame, into=self._seen
@@ -616,17 +616,17 @@ class Dmp(HandoverNode):
             faults['the exchange takes too long: waiting for the partner'] = 1
         if age_s > self._controller.hand_timeout_s:
             faults['no recent pose of the hand: braking'] = 1
-        unchanged_s = self._controller.hand_unchanged_s
+        unchanged_s = self._controller.estimator.unchanged_s
         if self._controller.state in MOVING and unchanged_s > self.values['hand_filter.frozen_s']:
             faults['hand unchanged to the last bit: a replay at rest, or a frozen tracker'] = 1
-        trackers = self._controller.report_trackers(self.now_s())
+        trackers = self._controller.estimator.report(self.now_s())
         faults |= {tracker.fault: 1 for tracker in trackers if tracker.fault}
         values = {
             'state': self._controller.state.value,
             'age of the hand (s)': f'{age_s:.3f}',
             'age of the wrist (s)': f'{now_s - self._wrist_arrival_s:.3f}',
             'hand unchanged (s)': f'{unchanged_s:.3f}',
-            **refusals(self._controller.refused),
+            **refusals(self._controller.estimator.rejected),
             **of_trackers(trackers),
         }
         return '; '.join(f'{fault} ({count} times)' for fault, count in faults.items()), values

@@ -80,8 +80,8 @@ def test_a_body_tracker_at_5_5_hz_does_not_stop_and_go(scenario):
 def test_the_presets_hand_over(scenario, names):
     _, _, handover = hand_over(scenario, read_trackers(names))
     assert handover.controller.state is HandoverState.DONE
-    assert [report.name for report in handover.controller.report_trackers(MAX_S)] == names
-    reports = handover.controller.report_trackers(MAX_S)
+    assert [report.name for report in handover.controller.estimator.report(MAX_S)] == names
+    reports = handover.controller.estimator.report(MAX_S)
     assert not any(report.fault for report in reports)
 
 
