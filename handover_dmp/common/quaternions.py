@@ -28,7 +28,6 @@ from handover_dmp.common.arrays import Array
 import numpy as np
 from numpy.typing import ArrayLike
 
-Array = Array
 Quaternion = tuple[float, float, float, float]
 Turn = tuple[float, float, float]
 

@@ -21,6 +21,7 @@ from functools import cached_property
 from math import erf, exp, log, sqrt
 
 from handover_dmp.common.arrays import Array, Vector
+from handover_dmp.common.vectors import minus, plus
 from handover_dmp.dmp.fast_step import fast_step, FastStep
 from handover_dmp.dmp.primitive import Primitive
 from handover_dmp.dmp.state import DmpState
@@ -99,7 +100,7 @@ class DecoupledDmp(Primitive):
         alpha = self.parameters.alpha
         half = 0.5 * phase_rate * dt / self.duration_s
         now, then = self.shape(-log(state.phase) / alpha + half), self.shape(later + half)
-        moved = tuple(x0 + (n - t) for x0, n, t in zip(state.start, now, then, strict=True))
+        moved = plus(state.start, minus(now, then))
         asked = state._replace(phase=exp(-alpha * later), start=moved)
         after = self.step(asked, goal, goal_velocity, dt, phase_rate)
         phase = state.phase * exp(-2.0 * alpha * half)

@@ -51,12 +51,11 @@ from handover_dmp.common.quaternions import (
     Turn,
     turn_rate,
 )
+from handover_dmp.common.vectors import minus
 from handover_dmp.dmp.decoupled import DecoupledDmp
 from handover_dmp.dmp.state import DmpState
 import numpy as np
 from numpy.typing import ArrayLike
-
-Array = Array
 
 NO_TURN: Turn = (0.0, 0.0, 0.0)
 EQUAL_WEIGHTS = 1e-9
@@ -167,46 +166,29 @@ class OrientationState(NamedTuple):
             The state at the end of the step.
 
         """
-        speed = hypot(*self.turned.velocity)
-        if speed == 0.0:
-            return self
-        slower = max(0.0, speed - deceleration * dt) / speed
-        return self._moved(tuple(v * slower for v in self.turned.velocity), dt)
+        return self._replace(turned=self.turned.braked(dt, deceleration))
 
-    def turned_back(
-        self, dt: float, speed: float, acceleration: float, towards: Sequence[float] = NO_TURN
-    ) -> OrientationState:
+    def turned_back(self, dt: float, speed: float, acceleration: float) -> OrientationState:
         """
-        Turn back to the start, or to another rotation on the path, and stop there.
+        Turn back to the start, and stop there.
 
         Args:
             dt: length of the step, s.
             speed: rad/s.
             acceleration: rad/s².
-            towards: r at the end, rad.
 
         Returns:
             The state at the end of the step.
 
         """
         turned = self.turned
-        left = [t - r for t, r in zip(towards, turned.position, strict=True)]
+        left = minus(NO_TURN, turned.position)
         distance = hypot(*left)
         # proportional at the end, which avoids chattering
         wanted_speed = min(speed, sqrt(acceleration * distance), 0.2 * distance / dt)
         wanted = [wanted_speed * part / max(distance, 1e-12) for part in left]
-        change = [w - v for w, v in zip(wanted, turned.velocity, strict=True)]
-        share = min(1.0, acceleration * dt / max(hypot(*change), 1e-12))
-        velocity = tuple(v + share * c for v, c in zip(turned.velocity, change, strict=True))
-        return self._moved(velocity, dt)
-
-    def _moved(self, velocity: tuple[float, ...], dt: float) -> OrientationState:
-        turned = self.turned
-        place = tuple(
-            r + 0.5 * (before + after) * dt
-            for r, before, after in zip(turned.position, turned.velocity, velocity, strict=True)
-        )
-        return self._replace(turned=turned._replace(position=place, velocity=velocity))
+        change = minus(wanted, turned.velocity)
+        return self._replace(turned=turned.accelerated(change, dt, acceleration))
 
 
 class OrientationPrimitive:

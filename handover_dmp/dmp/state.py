@@ -16,10 +16,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import hypot
 from typing import NamedTuple
 
 from handover_dmp.common.arrays import Array, Vector
+from handover_dmp.common.vectors import plus, scaled_by
 
 SMALLEST_PHASE = 1e-300
 
@@ -43,6 +46,48 @@ class DmpState(NamedTuple):
     velocity: Vector
     phase: float
     start: Vector
+
+    def braked(self, dt: float, deceleration: float) -> DmpState:
+        """
+        Decelerate along the path; the phase stands still.
+
+        Args:
+            dt: length of the step, s.
+            deceleration: m/s².
+
+        Returns:
+            The state at the end of the step.
+
+        """
+        speed = hypot(*self.velocity)
+        if speed == 0.0:
+            return self
+        slower = max(0.0, speed - deceleration * dt) / speed
+        return self._moved(scaled_by(self.velocity, slower), dt)
+
+    def accelerated(self, change: Sequence[float], dt: float, acceleration: float) -> DmpState:
+        """
+        Change the velocity as far as the acceleration permits; the phase stands still.
+
+        Args:
+            change: wanted change of the velocity, m/s, d floats.
+            dt: length of the step, s.
+            acceleration: its limit, m/s².
+
+        Returns:
+            The state at the end of the step.
+
+        """
+        size = hypot(*change)
+        share = min(1.0, acceleration * dt / size) if size > 0.0 else 1.0
+        return self._moved(plus(self.velocity, scaled_by(change, share)), dt)
+
+    def _moved(self, velocity: Vector, dt: float) -> DmpState:
+        position = tuple(
+            x + 0.5 * (before + after) * dt
+            for x, before, after in zip(self.position, self.velocity, velocity, strict=True)
+        )
+        return self._replace(position=position, velocity=velocity)
 
 
 @dataclass(frozen=True, eq=False)

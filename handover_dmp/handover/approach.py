@@ -47,11 +47,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 from math import copysign, dist, exp, hypot, inf, log, sqrt
-from operator import add, mul, sub
 from typing import NamedTuple
 
 from handover_dmp.common.arrays import Array, Vector
 from handover_dmp.common.settings import defaults, setting
+from handover_dmp.common.vectors import dot, minus, plus, scaled_by
 from handover_dmp.dmp import DecoupledDmp, DmpState
 import numpy as np
 
@@ -227,7 +227,7 @@ def _near(
     options: ApproachOptions,
 ) -> float:
     position, start = state.position, state.start
-    soon = _plus(goal, _scaled(goal_velocity, AHEAD_S))
+    soon = plus(goal, scaled_by(goal_velocity, AHEAD_S))
     whole = min(dist(goal, start), dist(soon, start))
     left = whole - dist(position, start)
     near = (options.near_m - left) / (NEAR_WIDTH * options.near_m)
@@ -274,7 +274,7 @@ class SpeedBound(NamedTuple):
             m/s; negative within the bound.
 
         """
-        return _dot(velocity, self.direction) - self.max_speed
+        return dot(velocity, self.direction) - self.max_speed
 
 
 class Braking(NamedTuple):
@@ -324,12 +324,12 @@ class Braking(NamedTuple):
             The bound; `FREE` if the wrist is on the other side of its start.
 
         """
-        gone, way = _minus(state.position, state.start), _minus(goal, state.start)
+        gone, way = minus(state.position, state.start), minus(goal, state.start)
         far, whole = hypot(*gone), hypot(*way)
-        if far < MIN_DISTANCE_M or _dot(gone, way) <= 0.0:
+        if far < MIN_DISTANCE_M or dot(gone, way) <= 0.0:
             return FREE
-        receding = _dot(goal_velocity, way) / whole
-        return SpeedBound(_scaled(gone, 1.0 / far), receding + self.speed(whole - far))
+        receding = dot(goal_velocity, way) / whole
+        return SpeedBound(scaled_by(gone, 1.0 / far), receding + self.speed(whole - far))
 
     def straight(self, state: DmpState, goal: Vector, goal_velocity: Vector) -> SpeedBound:
         """
@@ -344,12 +344,12 @@ class Braking(NamedTuple):
             The bound; `FREE` at the goal itself.
 
         """
-        between = _minus(goal, state.position)
+        between = minus(goal, state.position)
         distance = hypot(*between)
         if distance < MIN_DISTANCE_M:
             return FREE
-        direction = _scaled(between, 1.0 / distance)
-        return SpeedBound(direction, _dot(goal_velocity, direction) + self.speed(distance))
+        direction = scaled_by(between, 1.0 / distance)
+        return SpeedBound(direction, dot(goal_velocity, direction) + self.speed(distance))
 
 
 FREE = SpeedBound((0.0, 0.0, 0.0), inf)
@@ -394,17 +394,17 @@ def bounded(
         )
         bounds, softly = _speed_bounds(braking, before, after, goal, goal_velocity, dt)
     wanted = _within(after.velocity, softly)
-    change = _minus(wanted, before.velocity)
+    change = minus(wanted, before.velocity)
     if hypot(*change) <= max_change:
         if wanted is after.velocity:
             return after
     else:
-        needed = _minus(_within(before.velocity, bounds), before.velocity)
+        needed = minus(_within(before.velocity, bounds), before.velocity)
         max_needed = max(acceleration_limit, options.stopping_limit) * dt
         change = _shortened(needed, change, max_change, max_needed)
-    velocity = _plus(before.velocity, change)
-    mean = _plus(before.velocity, _scaled(change, 0.5))
-    position = _plus(before.position, _scaled(mean, dt))
+    velocity = plus(before.velocity, change)
+    mean = plus(before.velocity, scaled_by(change, 0.5))
+    position = plus(before.position, scaled_by(mean, dt))
     return after._replace(position=position, velocity=velocity)
 
 
@@ -459,7 +459,7 @@ def _speed_bounds(
     dt: float,
 ) -> tuple[list[SpeedBound], list[SpeedBound]]:
     """Return the bounds at the end of the period, and those of the rate limit on the approach."""
-    moved = _plus(goal, _scaled(goal_velocity, dt))
+    moved = plus(goal, scaled_by(goal_velocity, dt))
     kept = max(0.0, 1.0 - CLOSING_GAIN * dt)
     bounds, softly = [], []
     for bound in (braking.along_the_way, braking.straight):
@@ -483,41 +483,25 @@ def _within(velocity: Vector, bounds: list[SpeedBound]) -> Vector:
     if not broken:
         return velocity
     for bound in broken:
-        nearest = _plus(velocity, _scaled(bound.direction, -bound.excess(velocity)))
+        nearest = plus(velocity, scaled_by(bound.direction, -bound.excess(velocity)))
         if all(other is bound or other.excess(nearest) <= 0.0 for other in bounds):
             return nearest
     first, second = bounds
-    alike = _dot(first.direction, second.direction)
+    alike = dot(first.direction, second.direction)
     if alike < OPPOSED:
-        return _plus(velocity, _scaled(first.direction, -max(0.0, first.excess(velocity))))
+        return plus(velocity, scaled_by(first.direction, -max(0.0, first.excess(velocity))))
     apart = max(1.0 - alike * alike, MIN_SINE_SQUARED)
     over_first, over_second = first.excess(velocity), second.excess(velocity)
-    less = _scaled(first.direction, -(over_first - alike * over_second) / apart)
-    lesser = _scaled(second.direction, -(over_second - alike * over_first) / apart)
-    return _plus(velocity, _plus(less, lesser))
+    less = scaled_by(first.direction, -(over_first - alike * over_second) / apart)
+    lesser = scaled_by(second.direction, -(over_second - alike * over_first) / apart)
+    return plus(velocity, plus(less, lesser))
 
 
 def _shortened(needed: Vector, wanted: Vector, max_size: float, max_needed: float) -> Vector:
     """Move from the needed change towards the wanted one, as far as the limit permits."""
     size = hypot(*needed)
     if size > max_size:
-        return _scaled(needed, min(1.0, max_needed / size))
-    further = _minus(wanted, needed)
-    a, b, c = _dot(further, further), _dot(needed, further), size * size - max_size * max_size
-    return _plus(needed, _scaled(further, (sqrt(b * b - a * c) - b) / a))
-
-
-def _dot(a: Vector, b: Vector) -> float:
-    return float(sum(map(mul, a, b)))
-
-
-def _plus(a: Vector, b: Vector) -> Vector:
-    return tuple(map(add, a, b))
-
-
-def _minus(a: Vector, b: Vector) -> Vector:
-    return tuple(map(sub, a, b))
-
-
-def _scaled(a: Vector, factor: float) -> Vector:
-    return tuple([x * factor for x in a])
+        return scaled_by(needed, min(1.0, max_needed / size))
+    further = minus(wanted, needed)
+    a, b, c = dot(further, further), dot(needed, further), size * size - max_size * max_size
+    return plus(needed, scaled_by(further, (sqrt(b * b - a * c) - b) / a))

@@ -33,6 +33,7 @@ from typing import Any, NamedTuple
 from handover_dmp.common.arrays import Vector
 from handover_dmp.common.quaternions import Quaternion
 from handover_dmp.common.settings import setting
+from handover_dmp.common.vectors import minus, plus, scaled_by
 from handover_dmp.dmp import DecoupledDmp, DmpParameters, DmpState, relearn
 from handover_dmp.dmp.orientation import NO_TURN
 from handover_dmp.handover.approach import ApproachOptions, bounded, step_towards
@@ -324,19 +325,16 @@ class HandoverController:
     def reset(self) -> None:
         """Forget the handover and the hand; brake if necessary, then hold the wrist."""
         self.state = HandoverState.IDLE
-        self.hand: Vector | None = None
-        self.hand_stamp_s = nan
-        self._hand_arrival_s: float | None = None
+        self.forget_hand()
         self.exchange_position: Vector | None = None
-        self.estimator.reset()
-        self._signal_s: float | None = None
+        self._signal_s = inf
         self._exchange_since_s: float | None = None
         self._goal_weight = 0.0
         self._phase_rate = 0.0
         self._expectation: Expectation | None = None
         self._astray = -inf
         self.returns = False
-        if self._primitive is not None and hypot(*self._primitive.velocity) == 0.0:
+        if self._primitive is not None and not any(self._primitive.velocity):
             self._primitive = None
 
     def hand_age_s(self, arrival_s: float) -> float:
@@ -350,16 +348,14 @@ class HandoverController:
             The age, s; infinite before any pose.
 
         """
-        if self._hand_arrival_s is None:
-            return float('inf')
         return max(0.0, arrival_s - self._hand_arrival_s)
 
     def forget_hand(self) -> None:
         """Forget the hand, e.g. after a jump in time; the wrist brakes until it is seen again."""
         self.estimator.reset()
-        self.hand = None
+        self.hand: Vector | None = None
         self.hand_stamp_s = nan
-        self._hand_arrival_s = None
+        self._hand_arrival_s = -inf
 
     @property
     def hand_timeout_s(self) -> float:
@@ -470,7 +466,7 @@ class HandoverController:
         self.returns = False
         self._exchange_since_s = None
         self.exchange_position = None
-        self._signal_s = None
+        self._signal_s = inf
         self._goal_weight = float(self.model.goal_weight(self._primitive.phase))
         self._astray = -inf
         self._turning.use(self.model)
@@ -532,7 +528,7 @@ class HandoverController:
     def _start_if_signalled(self, now_s: float, hand: HandEstimate | None) -> None:
         if self.state is not HandoverState.IDLE or hand is None or self.returns:
             return
-        signalled = self._signal_s is not None and now_s >= self._signal_s
+        signalled = now_s >= self._signal_s
         moving = (
             self.options.start == 'motion'
             and hypot(*hand.velocity) > self.options.motion_threshold
@@ -542,8 +538,7 @@ class HandoverController:
 
     def _goal(self, hand: HandEstimate) -> Vector:
         # plain floats: the primitive's step takes several times as long with NumPy's
-        offset = self.model.goal_offset.tolist()
-        return tuple(p + o for p, o in zip(hand.position, offset, strict=True))
+        return plus(hand.position, self.model.goal_offset.tolist())
 
     def _follow(
         self, primitive: DmpState, hand: HandEstimate, dt: float, phase_rate: float
@@ -581,23 +576,17 @@ class HandoverController:
         if distance <= self.options.tracking_error_limit_m:
             return primitive
         share = self.options.tracking_error_limit_m / distance
-        position = tuple(
-            w + (c - w) * share for w, c in zip(self.wrist, primitive.position, strict=True)
-        )
-        return primitive._replace(position=position)
+        ahead = minus(primitive.position, self.wrist)
+        return primitive._replace(position=plus(self.wrist, scaled_by(ahead, share)))
 
     def _brake(self, primitive: DmpState, dt: float) -> DmpState:
-        """Brake along the path, within the acceleration limit; the phase stands still."""
-        speed = hypot(*primitive.velocity)
-        if speed == 0.0:
-            return self._held(primitive)
-        slower = max(0.0, speed - self.options.acceleration_limit * dt) / speed
-        velocity = tuple(v * slower for v in primitive.velocity)
-        position = tuple(
-            x + 0.5 * (b + v) * dt
-            for x, b, v in zip(primitive.position, primitive.velocity, velocity, strict=True)
-        )
-        return primitive._replace(position=position, velocity=velocity)
+        """Brake; at rest hold the position, or the present one if something moved the wrist."""
+        assert self.wrist is not None
+        if any(primitive.velocity):
+            return primitive.braked(dt, self.options.acceleration_limit)
+        if dist(primitive.position, self.wrist) > self.options.tracking_error_limit_m:
+            return primitive._replace(position=self.wrist)
+        return primitive
 
     def _go_back(self, primitive: DmpState, dt: float) -> DmpState:
         """Move straight to the start of the last handover, and stop there."""
@@ -609,26 +598,9 @@ class HandoverController:
             return self._brake(primitive, dt)
         limit = RETURN_SHARE * self.options.acceleration_limit
         speed = min(RETURN_SPEED, sqrt(limit * left))
-        wanted = tuple(
-            speed * (b - x) / left for b, x in zip(self._begun_at, primitive.position, strict=True)
-        )
-        change = dist(wanted, primitive.velocity)
-        share = min(1.0, limit * dt / change) if change > 0.0 else 1.0
-        velocity = tuple(
-            v + share * (w - v) for w, v in zip(wanted, primitive.velocity, strict=True)
-        )
-        position = tuple(
-            x + 0.5 * (v + after) * dt
-            for x, v, after in zip(primitive.position, primitive.velocity, velocity, strict=True)
-        )
-        return primitive._replace(position=position, velocity=velocity)
-
-    def _held(self, primitive: DmpState) -> DmpState:
-        """Hold the position, or the present one if something has moved the wrist away."""
-        assert self.wrist is not None
-        if dist(primitive.position, self.wrist) > self.options.tracking_error_limit_m:
-            return primitive._replace(position=self.wrist)
-        return primitive
+        way = minus(self._begun_at, primitive.position)
+        wanted = tuple(speed * part / left for part in way)
+        return primitive.accelerated(minus(wanted, primitive.velocity), dt, limit)
 
     def _judge_exchange(self, now_s: float, hand: HandEstimate) -> None:
         assert self.wrist is not None and self._primitive is not None

@@ -30,6 +30,7 @@ from math import dist, hypot, inf, isfinite
 from handover_dmp.common.arrays import Vector
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.settings import setting
+from handover_dmp.common.vectors import dot, minus, plus
 from handover_dmp.dmp import DecoupledDmp
 from handover_dmp.handover.controller import (
     HandoverController,
@@ -389,7 +390,7 @@ class SessionController(HandoverController):
         if self._trace is None:
             self._trace = Trace(here)
         if self.leg is Leg.GIVE and not self.gripper_closed:
-            self._signal_s = None
+            self._signal_s = inf
             self._returning = False
             self._begun_at = here
             self._walk(self.session.pick_up_position, here)
@@ -458,8 +459,7 @@ class SessionController(HandoverController):
     def _start_if_signalled(self, now_s: float, hand: HandEstimate | None) -> None:
         if self.state not in HOLDING or hand is None:
             return
-        signalled = self._signal_s is not None and now_s >= self._signal_s
-        if signalled or (self.starts_by == 'motion' and self._is_asked_by(hand)):
+        if now_s >= self._signal_s or (self.starts_by == 'motion' and self._is_asked_by(hand)):
             self.start()
 
     def _is_asked_by(self, hand: HandEstimate) -> bool:
@@ -468,10 +468,9 @@ class SessionController(HandoverController):
         if self.next_leg is Leg.GIVE:
             moves = hypot(*hand.velocity) > self.options.motion_threshold
             return moves and self.state is HandoverState.IDLE
-        between = [w - float(h) for w, h in zip(self.wrist, hand.position, strict=True)]
+        between = minus(self.wrist, hand.position)
         distance = hypot(*between)
-        along = sum(float(v) * b for v, b in zip(hand.velocity, between, strict=True))
-        speed = along / distance if distance > 0.0 else 0.0
+        speed = dot(hand.velocity, between) / distance if distance > 0.0 else 0.0
         comes = speed > self.options.motion_threshold
         self._nearer_m = self._nearer_m + speed * self._dt if comes else 0.0
         return self._nearer_m >= self.session.take_approach_m
@@ -479,7 +478,7 @@ class SessionController(HandoverController):
     # Exchange
 
     def _goal(self, hand: HandEstimate) -> Vector:
-        return tuple(g + s for g, s in zip(super()._goal(hand), self._shift, strict=True))
+        return plus(super()._goal(hand), self._shift)
 
     def _stay_with(self, hand: HandEstimate) -> None:
         """
@@ -490,8 +489,7 @@ class SessionController(HandoverController):
         assert self._primitive is not None
         # the meeting point is known by now
         self._partner = None
-        goal = super()._goal(hand)
-        self._shift = tuple(x - g for x, g in zip(self._primitive.position, goal, strict=True))
+        self._shift = minus(self._primitive.position, super()._goal(hand))
 
     def _judge_exchange(self, now_s: float, hand: HandEstimate) -> None:
         self._arrived = self._is_at(hand)
@@ -588,14 +586,8 @@ class SessionController(HandoverController):
             if speed == 0.0 == self._way.rate:
                 self._primitive = self._brake(primitive, dt)
             else:
-                position, velocity = self._way.step(
-                    primitive.position,
-                    primitive.velocity,
-                    dt,
-                    speed,
-                    self.options.acceleration_limit,
-                )
-                self._primitive = primitive._replace(position=position, velocity=velocity)
+                limit = self.options.acceleration_limit
+                self._primitive = self._way.step(primitive, dt, speed, limit)
             self._phase_rate = self._way.rate
             self._arrive(self._way, now_s)
         return self._command(self._primitive, age)
@@ -627,7 +619,7 @@ class SessionController(HandoverController):
     def _arrive(self, way: WayFollower, now_s: float) -> None:
         assert self._primitive is not None and self.wrist is not None
         there = dist(self.wrist, way.way.end) < WRIST_RETURNED_M
-        if not (there and way.has_arrived(self._primitive.position, self._primitive.velocity)):
+        if not (there and way.has_arrived(self._primitive)):
             return
         self._way = None
         self._since_s = now_s

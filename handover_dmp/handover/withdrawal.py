@@ -36,6 +36,8 @@ from typing import NamedTuple
 
 from handover_dmp.common.arrays import Vector
 from handover_dmp.common.settings import setting
+from handover_dmp.common.vectors import minus, plus, scaled_by
+from handover_dmp.dmp import DmpState
 from handover_dmp.dmp.primitive import Primitive
 import numpy as np
 
@@ -211,10 +213,8 @@ class Way:
         """
         self._minimum_jerk = duration_s is None
         nodes = _evenly_spaced(places) if duration_s is None else list(places)
-        before, after = (
-            tuple(2.0 * a - b for a, b in zip(end, inner, strict=True))
-            for end, inner in ((nodes[0], nodes[1]), (nodes[-1], nodes[-2]))
-        )
+        before = minus(scaled_by(nodes[0], 2.0), nodes[1])
+        after = minus(scaled_by(nodes[-1], 2.0), nodes[-2])
         # nodes extrapolated beyond the ends make the spline begin and end at the first and last
         self._nodes = [before, *nodes, after]
         self._segments = len(nodes) - 1
@@ -275,8 +275,8 @@ class Way:
         bending = _combined(bend, four, 1.0)
         return Motion(
             position,
-            tuple(speed * d for d in direction),
-            tuple(speed * speed * b + change * d for b, d in zip(bending, direction, strict=True)),
+            scaled_by(direction, speed),
+            plus(scaled_by(bending, speed * speed), scaled_by(direction, change)),
         )
 
     def rest_of(self, time_s: float) -> list[Vector]:
@@ -374,41 +374,37 @@ class WayFollower:
         self.time_s = 0.0
         self.rate = 1.0
 
-    def has_arrived(self, position: Vector, velocity: Vector) -> bool:
+    def has_arrived(self, command: DmpState) -> bool:
         """
         Return whether the way is completed.
 
         Args:
-            position: position of the command, m.
-            velocity: velocity of the command, m/s.
+            command: the present command.
 
         Returns:
             Whether the command is at its end and almost at rest.
 
         """
         over = self.time_s >= self.way.duration_s
-        there = dist(position, self.way.end) < ARRIVED_M
-        return over and there and hypot(*velocity) < ARRIVED_SPEED
+        there = dist(command.position, self.way.end) < ARRIVED_M
+        return over and there and hypot(*command.velocity) < ARRIVED_SPEED
 
-    def step(
-        self, position: Vector, velocity: Vector, dt: float, max_speed: float, limit: float
-    ) -> tuple[Vector, Vector]:
+    def step(self, command: DmpState, dt: float, max_speed: float, limit: float) -> DmpState:
         """
         Advance by one period.
 
         Args:
-            position: position of the command, m.
-            velocity: velocity of the command, m/s.
+            command: the command at the start of the period.
             dt: length of the period, s.
             max_speed: maximum speed on the way, m/s; 0 to stop.
             limit: bound on the acceleration, m/s².
 
         Returns:
-            Position and velocity of the command at the end of the period.
+            The command at the end of the period.
 
         """
         if dt <= 0.0:
-            return position, velocity
+            return command
         here = self.way.at(self.time_s)
         full = hypot(*here.velocity)
         wanted = min(1.0, max_speed / full) if full > MIN_SPEED else float(max_speed > 0.0)
@@ -418,19 +414,13 @@ class WayFollower:
         then = self.way.at(self.time_s)
         change = []
         for x, v, place, v_here, v_then in zip(
-            position, velocity, here.position, here.velocity, then.velocity, strict=True
+            *command[:2], here.position, here.velocity, then.velocity, strict=True
         ):
             asked = rate * v_then - self.rate * v_here
             off = TRACKING_RATE * (place - x) + 2.0 * (self.rate * v_here - v)
             change.append(asked + TRACKING_RATE * off * dt)
         self.rate = rate
-        size = hypot(*change)
-        share = min(1.0, limit * dt / size) if size > 0.0 else 1.0
-        after = tuple(v + share * c for v, c in zip(velocity, change, strict=True))
-        moved = tuple(
-            x + 0.5 * (v + a) * dt for x, v, a in zip(position, velocity, after, strict=True)
-        )
-        return moved, after
+        return command.accelerated(change, dt, limit)
 
 
 def _done(u: float) -> float:

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from math import dist
 
-from handover_dmp.dmp import DecoupledDmp, learn
+from handover_dmp.dmp import DecoupledDmp, DmpState, learn
 from handover_dmp.handover.withdrawal import (
     Trace,
     Way,
@@ -41,11 +41,11 @@ PLACES = st.lists(PLACE, min_size=2, max_size=8)
 
 def walked(way: Way, position: tuple[float, ...], velocity: tuple[float, ...]) -> np.ndarray:
     """Follow a way for as long as it takes; (n, 2, 3) positions and velocities."""
-    follower, rows = WayFollower(way), [(position, velocity)]
-    while not follower.has_arrived(*rows[-1]):
-        rows.append(follower.step(*rows[-1], PERIOD_S, 10.0, LIMIT))
+    follower, rows = WayFollower(way), [DmpState(position, velocity, 1.0, position)]
+    while not follower.has_arrived(rows[-1]):
+        rows.append(follower.step(rows[-1], PERIOD_S, 10.0, LIMIT))
         assert len(rows) * PERIOD_S < way.duration_s + 3.0
-    return np.array(rows)
+    return np.array([row[:2] for row in rows])
 
 
 def test_a_straight_way_is_a_minimum_jerk_reach() -> None:
@@ -137,19 +137,19 @@ def test_a_learnt_way_back_is_followed_from_elsewhere_to_home() -> None:
 def test_stands_on_its_way_as_long_as_it_is_told_to() -> None:
     way = Way([(0.0, 0.0, 0.0), (0.6, 0.0, 0.0)], speed=0.3, acceleration=5.0)
     follower = WayFollower(way)
-    position: tuple[float, ...] = (0.0, 0.0, 0.0)
-    velocity: tuple[float, ...] = (0.0, 0.0, 0.0)
+    origin = (0.0, 0.0, 0.0)
+    command = DmpState(origin, origin, 1.0, origin)
     for _ in range(300):
-        position, velocity = follower.step(position, velocity, PERIOD_S, 10.0, LIMIT)
-    begun = position
+        command = follower.step(command, PERIOD_S, 10.0, LIMIT)
+    begun = command.position
     for _ in range(200):
-        position, velocity = follower.step(position, velocity, PERIOD_S, 0.0, LIMIT)
-    assert dist(begun, position) < 0.01
-    assert np.linalg.norm(velocity) < 1e-6
-    halted = position
+        command = follower.step(command, PERIOD_S, 0.0, LIMIT)
+    assert dist(begun, command.position) < 0.01
+    assert np.linalg.norm(command.velocity) < 1e-6
+    halted = command.position
     for _ in range(20):
-        position, velocity = follower.step(position, velocity, PERIOD_S, 0.0, LIMIT)
-    assert dist(halted, position) < 1e-7
+        command = follower.step(command, PERIOD_S, 0.0, LIMIT)
+    assert dist(halted, command.position) < 1e-7
 
 
 def test_leads_nearer_only_where_it_does() -> None:
