@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 from handover_dmp.common.errors import HandoverError
@@ -134,6 +134,9 @@ def setting(
     """
     what = Setting(name, description, low, high, choices, read_only)
     return field(default_factory=lambda: defaults(node)[name], metadata={'setting': what})
+
+
+dmp_setting = partial(setting, 'dmp')
 
 
 def settings_of(kind: type[Any]) -> dict[str, Setting]:

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from math import log, sqrt
 
 from handover_dmp.common.errors import DataError
-from handover_dmp.common.settings import check_settings, setting, settings_of
+from handover_dmp.common.settings import check_settings, dmp_setting, settings_of
 
 
 @dataclass(frozen=True)
@@ -33,31 +33,28 @@ class DmpParameters:
 
     """
 
-    stiffness: float = setting('dmp', 'stiffness', 'Stiffness K of (8), above 0', 0.001, 1000000.0)
-    damping: float = setting(
-        'dmp', 'damping', 'Damping D of (8); 0: critical damping, 2√K', 0.0, 100000.0
+    stiffness: float = dmp_setting('stiffness', 'Stiffness K of (8), above 0', 0.001, 1000000.0)
+    damping: float = dmp_setting(
+        'damping', 'Damping D of (8); 0: critical damping, 2√K', 0.0, 100000.0
     )
-    goal_velocity_gain: float = setting(
-        'dmp',
+    goal_velocity_gain: float = dmp_setting(
         'goal_velocity_gain',
         'Goal velocity gain K_v of (8), s; negative: Dτ, with which the motion does not lag '
         'behind a goal of constant velocity',
         -1000000.0,
         1000000.0,
     )
-    phase_at_end: float = setting(
-        'dmp',
+    phase_at_end: float = dmp_setting(
         'phase_at_end',
         'Phase s(τ) at the end, between 0 and 1; it sets α of (4)',
         1e-09,
         0.99,
     )
-    mu: float = setting('dmp', 'mu', 'Centre of the goal weight (7), in units of τ', -10.0, 10.0)
-    sigma: float = setting(
-        'dmp', 'sigma', 'Width of the goal weight (7), in units of τ', 0.0001, 10.0
+    mu: float = dmp_setting('mu', 'Centre of the goal weight (7), in units of τ', -10.0, 10.0)
+    sigma: float = dmp_setting(
+        'sigma', 'Width of the goal weight (7), in units of τ', 0.0001, 10.0
     )
-    formulation: str = setting(
-        'dmp',
+    formulation: str = dmp_setting(
         'formulation',
         'Factor K_s of the learnt shape. stiff: K_s = K, the only form that becomes (1a) when '
         'w_g = 1 − s; printed: K_s = 1, as (5a), (8) and (9) are printed',

@@ -50,7 +50,7 @@ from math import copysign, dist, exp, hypot, inf, log, sqrt
 from typing import NamedTuple
 
 from handover_dmp.common.arrays import Array, Vector
-from handover_dmp.common.settings import defaults, setting
+from handover_dmp.common.settings import defaults, dmp_setting
 from handover_dmp.common.vectors import dot, minus, plus, scaled_by
 from handover_dmp.dmp import DecoupledDmp, DmpState
 import numpy as np
@@ -81,47 +81,41 @@ OPPOSED = -0.9
 class ApproachOptions:
     """Options for the approach of a hand that is not where it was in the demonstration."""
 
-    enabled: bool = setting(
-        'dmp',
+    enabled: bool = dmp_setting(
         'approach.enabled',
         'Whether the approach rules hold; if not, the movement follows (7) and (8) alone',
     )
-    near_m: float = setting(
-        'dmp',
+    near_m: float = dmp_setting(
         'approach.near_m',
         'Remaining distance ρ at which the goal takes over, m',
         0.001,
         1.0,
     )
-    shape_beyond_m: float = setting(
-        'dmp',
+    shape_beyond_m: float = dmp_setting(
         'approach.shape_beyond_m',
         'Distance β beyond the goal to which the learnt shape must lead for the goal to take over '
         'at near_m, m',
         0.001,
         10.0,
     )
-    astray: float = setting(
-        'dmp',
+    astray: float = dmp_setting(
         'approach.astray',
         'Growth ε of the distance to the goal, beyond what was learnt, at which the goal takes '
         'over; as a fraction of the distance at the start',
         0.01,
         10.0,
     )
-    beyond_m: float = setting(
-        'dmp', 'approach.beyond_m', 'Maximum distance of the wrist beyond the goal, m', 0.0, 1.0
+    beyond_m: float = dmp_setting(
+        'approach.beyond_m', 'Maximum distance of the wrist beyond the goal, m', 0.0, 1.0
     )
-    braking_share: float = setting(
-        'dmp',
+    braking_share: float = dmp_setting(
         'approach.braking_share',
         'Share of the acceleration limit that braking before the goal may use; the rest is kept '
         'for motions of the hand',
         0.05,
         1.0,
     )
-    stopping_limit: float = setting(
-        'dmp',
+    stopping_limit: float = dmp_setting(
         'approach.stopping_limit',
         'Maximum acceleration of the wrist command when the wrist would otherwise overrun the '
         'goal, m/s²; values below acceleration_limit mean acceleration_limit',

@@ -32,7 +32,7 @@ from typing import Any, NamedTuple
 
 from handover_dmp.common.arrays import Vector
 from handover_dmp.common.quaternions import Quaternion
-from handover_dmp.common.settings import setting
+from handover_dmp.common.settings import dmp_setting
 from handover_dmp.common.vectors import minus, plus, scaled_by
 from handover_dmp.dmp import DecoupledDmp, DmpParameters, DmpState, relearn
 from handover_dmp.dmp.orientation import NO_TURN
@@ -98,71 +98,62 @@ class HandoverOptions:
 
     """
 
-    start: str = setting(
-        'dmp',
+    start: str = dmp_setting(
         'start',
         "Trigger of the handover, besides ~/start: signal (the partner's signal), motion (the "
         'hand moves) or service (~/start only)',
         choices=('signal', 'motion', 'service'),
     )
-    motion_threshold: float = setting(
-        'dmp',
+    motion_threshold: float = dmp_setting(
         'motion_threshold',
         'Speed above which the hand counts as moving, m/s',
         0.0,
         5.0,
     )
-    hand_timeout_s: float = setting(
-        'dmp',
+    hand_timeout_s: float = dmp_setting(
         'hand_timeout_s',
         'Age of the last hand pose, by arrival, beyond which the wrist brakes, s',
         0.01,
         5.0,
     )
-    stamp_tolerance_s: float = setting(
-        'dmp',
+    stamp_tolerance_s: float = dmp_setting(
         'stamp_tolerance_s',
         'Maximum difference between the stamp of a hand pose and the current time, s',
         0.01,
         60.0,
     )
-    exchange_distance_m: float = setting(
-        'dmp',
+    exchange_distance_m: float = dmp_setting(
         'exchange_distance_m',
         'Distance from wrist to goal below which the exchange may begin, m',
         0.001,
         1.0,
     )
-    exchange_speed: float = setting(
-        'dmp',
+    exchange_speed: float = dmp_setting(
         'exchange_speed',
         'Speed of the wrist relative to the goal below which the exchange may begin, m/s',
         0.001,
         5.0,
     )
-    exchange_hold_s: float = setting(
-        'dmp', 'exchange_hold_s', 'Duration of the exchange, s', 0.0, 60.0
+    exchange_hold_s: float = dmp_setting(
+        'exchange_hold_s', 'Duration of the exchange, s', 0.0, 60.0
     )
-    acceleration_limit: float = setting(
-        'dmp',
+    acceleration_limit: float = dmp_setting(
         'acceleration_limit',
         'Maximum acceleration of the wrist command, m/s²',
         0.1,
         1000.0,
     )
-    tracking_error_limit_m: float = setting(
-        'dmp',
+    tracking_error_limit_m: float = dmp_setting(
         'tracking_error_limit_m',
         'Maximum distance of the command ahead of the measured wrist, m',
         0.001,
         10.0,
     )
-    phase_stopping: bool = setting(
-        'dmp', 'phase_stopping', 'Whether the phase slows down for an arm that cannot keep up'
+    phase_stopping: bool = dmp_setting(
+        'phase_stopping', 'Whether the phase slows down for an arm that cannot keep up'
     )
     approach: ApproachOptions = field(default_factory=ApproachOptions)
-    partner_model: str = setting(
-        'dmp',
+    partner_model: str = dmp_setting(
         'partner_model',
         'Use of the partner model: auto (if the learnt movement has one) or off',
         choices=PARTNER_MODEL,

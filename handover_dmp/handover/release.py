@@ -31,7 +31,7 @@ from math import dist, hypot, isfinite
 from statistics import fmean, median
 
 from handover_dmp.common.errors import UsageError
-from handover_dmp.common.settings import setting
+from handover_dmp.common.settings import dmp_setting
 
 Force = tuple[float, float, float]
 
@@ -54,36 +54,31 @@ class ReleaseOptions:
 
     """
 
-    share: float = setting(
-        'dmp',
+    share: float = dmp_setting(
         'release.share',
         'Share of the weight that the taker must carry before the giver opens',
         0.01,
         2.0,
     )
-    pull_n: float = setting(
-        'dmp',
+    pull_n: float = dmp_setting(
         'release.pull_n',
         'Force towards the taker that opens the gripper as well, N',
         0.1,
         1000.0,
     )
-    contact_n: float = setting(
-        'dmp',
+    contact_n: float = dmp_setting(
         'release.contact_n',
         'Force of the taker below which the object counts as untouched, N',
         0.01,
         100.0,
     )
-    window_s: float = setting(
-        'dmp',
+    window_s: float = dmp_setting(
         'release.window_s',
         'Window of the median filter of the force, s; bumps shorter than half of it are ignored',
         0.005,
         2.0,
     )
-    tare_s: float = setting(
-        'dmp',
+    tare_s: float = dmp_setting(
         'release.tare_s',
         'Duration of the force measurement at rest, before the force is judged, s',
         0.01,

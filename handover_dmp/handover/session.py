@@ -29,7 +29,7 @@ from math import dist, hypot, inf, isfinite
 
 from handover_dmp.common.arrays import Vector
 from handover_dmp.common.errors import DataError
-from handover_dmp.common.settings import setting
+from handover_dmp.common.settings import dmp_setting
 from handover_dmp.common.vectors import dot, minus, plus
 from handover_dmp.dmp import DecoupledDmp
 from handover_dmp.handover.controller import (
@@ -107,69 +107,60 @@ class SessionOptions:
 
     """
 
-    take_start: str = setting(
-        'dmp',
+    take_start: str = dmp_setting(
         'session.take_start',
         "Trigger of the take: signal (the partner's signal) or motion (the hand comes towards "
         'the robot)',
         choices=('signal', 'motion'),
     )
-    take_approach_m: float = setting(
-        'dmp',
+    take_approach_m: float = dmp_setting(
         'session.take_approach_m',
         'Distance by which the hand must approach the wrist without a pause to trigger a take by '
         'motion, m',
         0.0,
         5.0,
     )
-    pick_up: bool = setting(
-        'dmp',
+    pick_up: bool = dmp_setting(
         'session.pick_up',
         'Whether the robot picks the object up first; if not, the gripper already holds it',
     )
-    pick_up_position: Vector = setting(
-        'dmp', 'session.pick_up_position', 'Wrist position at which the object is picked up, m'
+    pick_up_position: Vector = dmp_setting(
+        'session.pick_up_position', 'Wrist position at which the object is picked up, m'
     )
-    grip_s: float = setting(
-        'dmp', 'session.grip_s', 'Time that the gripper takes to close, s', 0.0, 60.0
+    grip_s: float = dmp_setting(
+        'session.grip_s', 'Time that the gripper takes to close, s', 0.0, 60.0
     )
-    released_s: float = setting(
-        'dmp',
+    released_s: float = dmp_setting(
         'session.released_s',
         'Time for which the wrist stands still after the object is released, s',
         0.0,
         60.0,
     )
-    wait_timeout_s: float = setting(
-        'dmp',
+    wait_timeout_s: float = dmp_setting(
         'session.wait_timeout_s',
         'Time after which the robot stops waiting for a take and ends the session, s; 0: never',
         0.0,
         86400.0,
     )
-    exchange_timeout_s: float = setting(
-        'dmp',
+    exchange_timeout_s: float = dmp_setting(
         'session.exchange_timeout_s',
         'Duration of an exchange after which a warning is given, s; 0: never',
         0.0,
         86400.0,
     )
-    withdraws_untaken: bool = setting(
-        'dmp',
+    withdraws_untaken: bool = dmp_setting(
         'session.withdraws_untaken',
         'Whether the wrist goes home with the object if nobody has touched it within '
         'exchange_timeout_s',
     )
-    held_share: float = setting(
-        'dmp',
+    held_share: float = dmp_setting(
         'session.held_share',
         'Share of the weight that the robot must carry in a take before it withdraws, if the '
         'force on the wrist is measured',
         0.0,
         1.0,
     )
-    wrench_timeout_s: float = setting(
-        'dmp',
+    wrench_timeout_s: float = dmp_setting(
         'session.wrench_timeout_s',
         'Age of the wrench, by arrival, beyond which it is ignored, s',
         0.01,

@@ -35,7 +35,7 @@ from math import dist, hypot, sqrt
 from typing import NamedTuple
 
 from handover_dmp.common.arrays import Vector
-from handover_dmp.common.settings import setting
+from handover_dmp.common.settings import dmp_setting
 from handover_dmp.common.vectors import minus, plus, scaled_by
 from handover_dmp.dmp import DmpState
 from handover_dmp.dmp.primitive import Primitive
@@ -70,23 +70,20 @@ ASIDE_M = 0.0005
 class WithdrawalOptions:
     """Options of the way back."""
 
-    speed: float = setting(
-        'dmp',
+    speed: float = dmp_setting(
         'session.withdrawal_speed',
         'Maximum speed of the wrist on its way home and to the object, m/s',
         0.01,
         2.0,
     )
-    near_m: float = setting(
-        'dmp',
+    near_m: float = dmp_setting(
         'session.near_m',
         'Distance to the exchange position, as it would be with the hand now, within which '
         'near_speed holds, m; the bound ends at twice that distance',
         0.001,
         2.0,
     )
-    near_speed: float = setting(
-        'dmp',
+    near_speed: float = dmp_setting(
         'session.near_speed',
         'Maximum speed of the wrist near the exchange position, and while the hand is lost, m/s',
         0.001,
