@@ -18,8 +18,8 @@ Release rule: the giver lets go if the taker carries enough of the weight, or pu
 The measured force on the wrist consists of the object's weight, its inertial force, the bias of
 the sensor, and the taker's force. Weight and bias are measured before contact, and the inertial
 force follows from the acceleration; the rest is the taker's force. Its component against gravity,
-divided by the weight, is the taker's share; its component towards the taker is the pull. Both use
-the median over a short window, so a bump shorter than half of it has no effect.
+divided by the weight, is the taker's share; its size, without what lifts the object, is the pull.
+Both use the median over a short window, so a bump shorter than half of it has no effect.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from dataclasses import dataclass
 from math import dist, hypot, isfinite
 from statistics import fmean, median
 
+from handover_dmp.common.arrays import Vector
 from handover_dmp.common.errors import UsageError
 from handover_dmp.common.settings import dmp_setting
-
-Force = tuple[float, float, float]
+from handover_dmp.common.vectors import plus, scaled_by
 
 GRAVITY = 9.81
 """m/s²."""
@@ -41,7 +41,7 @@ WEIGHTLESS_N = 0.1
 """Weight below which the share is undefined, N."""
 PARTS = 4
 """Number of parts of the time at rest; their means must agree."""
-NOTHING: Force = (0.0, 0.0, 0.0)
+NOTHING: Vector = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -98,6 +98,7 @@ class ReleaseRule:
 
     Attributes:
         options: the conditions.
+        weight_n: weight of the object as given, or as measured at rest, N; 0 before that.
 
     """
 
@@ -112,14 +113,12 @@ class ReleaseRule:
         self.options = options or ReleaseOptions()
         self.reset()
 
-    def reset(self, weight_n: float | None = None, towards: Sequence[float] | None = None) -> None:
+    def reset(self, weight_n: float | None = None) -> None:
         """
         Restart, with the wrist at rest and the object held by the gripper alone.
 
         Args:
             weight_n: weight of the object, N; None: measured.
-            towards: (3,), direction from the giver to the taker; None: unknown, so a force in
-                any direction counts as a pull.
 
         Raises:
             UsageError: the weight is negative or not finite.
@@ -130,31 +129,19 @@ class ReleaseRule:
                 f'weight of the object is {weight_n} N; it must be finite and not negative'
             )
         self._told_n = weight_n
-        length = 0.0 if towards is None else hypot(*towards)
-        self._towards = None if towards is None or length == 0.0 else _scaled(towards, 1 / length)
-        self._rest: Force | None = None
-        self._weight_n = weight_n or 0.0
-        self._tare: deque[Force] = deque()
+        self._rest: Vector | None = None
+        self.weight_n = weight_n or 0.0
+        self._tare: deque[Vector] = deque()
         self._tare_span_s = 0.0
-        self._felt: deque[tuple[float, Force]] = deque()
+        self._felt: deque[tuple[float, Vector]] = deque()
         self._felt_s = 0.0
         self._silent_s = 0.0
-        self._taker: Force = NOTHING
+        self._taker = NOTHING
 
     @property
     def tared(self) -> bool:
         """Whether the force at rest is known; before that, the gripper never opens."""
         return self._rest is not None
-
-    @property
-    def weight_n(self) -> float:
-        """Weight of the object as given, or as measured at rest, N; 0 before that."""
-        return self._weight_n
-
-    @property
-    def taker_force(self) -> Force:
-        """Return the taker's force on the object, (3,), N, in the axes of `world`."""
-        return self._taker
 
     @property
     def contact(self) -> bool:
@@ -169,14 +156,13 @@ class ReleaseRule:
         1 is all of it; it is negative if the taker leans on the object. If the gripper was empty
         at the tare, it is minus the share that the wrist has taken over.
         """
-        return self._taker[2] / self._weight_n if self._weight_n > WEIGHTLESS_N else 0.0
+        return self._taker[2] / self.weight_n if self.weight_n > WEIGHTLESS_N else 0.0
 
     @property
     def pull_n(self) -> float:
-        """Force with which the taker pulls, N; negative for pushing if the direction is known."""
-        if self._towards is None:
-            return hypot(self._taker[0], self._taker[1], min(self._taker[2], 0.0))
-        return sum(f * d for f, d in zip(self._taker, self._towards, strict=True))
+        """Force with which the taker pulls in any direction but up, N."""
+        x, y, z = self._taker
+        return hypot(x, y, min(z, 0.0))
 
     def update(
         self, force: Sequence[float], dt_s: float, acceleration: Sequence[float] = NOTHING
@@ -208,11 +194,11 @@ class ReleaseRule:
         if self._rest is None:
             self._measure_rest(force, dt_s, acceleration)
             return False
-        inertia = self._weight_n / GRAVITY
+        inertia = self.weight_n / GRAVITY
         taker = tuple(
             f + inertia * a - r for f, a, r in zip(force, acceleration, self._rest, strict=True)
         )
-        if not self._feel((taker[0], taker[1], taker[2]), dt_s):
+        if not self._feel(taker, dt_s):
             return False
         carried = self.share > self.options.share
         return self.contact and (carried or self.pull_n > self.options.pull_n)
@@ -225,8 +211,7 @@ class ReleaseRule:
             mass = max(0.0, -force[2] / max(GRAVITY + acceleration[2], WEIGHTLESS_N))
         else:
             mass = self._told_n / GRAVITY
-        x, y, z = (f + mass * a for f, a in zip(force, acceleration, strict=True))
-        self._tare.append((x, y, z))
+        self._tare.append(plus(force, scaled_by(acceleration, mass)))
         self._tare_span_s += dt_s
         if self._tare_span_s < self.options.tare_s or len(self._tare) < PARTS:
             return
@@ -239,9 +224,9 @@ class ReleaseRule:
                 return
         self._rest = rest
         if self._told_n is None:
-            self._weight_n = max(0.0, -rest[2])
+            self.weight_n = max(0.0, -rest[2])
 
-    def _feel(self, taker: Force, dt_s: float) -> bool:
+    def _feel(self, taker: Vector, dt_s: float) -> bool:
         """Update the window and its median; return whether it is full."""
         window_s = self.options.window_s
         if dt_s > 0.5 * window_s:
@@ -256,16 +241,10 @@ class ReleaseRule:
             self._felt_s -= self._felt[0][0]
         full = self._felt_s >= window_s - 1e-9
         if full:
-            x, y, z = (median(force[axis] for _, force in self._felt) for axis in range(3))
-            self._taker = (x, y, z)
+            forces = [force for _, force in self._felt]
+            self._taker = tuple(map(median, zip(*forces, strict=True)))
         return full
 
 
-def _mean(forces: Sequence[Force]) -> Force:
-    x, y, z = (fmean(force[axis] for force in forces) for axis in range(3))
-    return x, y, z
-
-
-def _scaled(vector: Sequence[float], factor: float) -> Force:
-    x, y, z = (component * factor for component in vector)
-    return x, y, z
+def _mean(forces: Sequence[Vector]) -> Vector:
+    return tuple(map(fmean, zip(*forces, strict=True)))

@@ -290,11 +290,6 @@ class SessionController(HandoverController):
         if all(map(isfinite, force)):
             self._force, self._force_arrival_s = force, arrival_s
 
-    @property
-    def feels(self) -> ReleaseRule | None:
-        """Return the release rule with its force; None if no force was ever measured."""
-        return None if self._force is None else self._rule
-
     def begin_with(self, holder: str) -> bool:
         """
         Process the holder of the object: before the first handover, or when it is on the table.
