@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 from handover_dmp.common.errors import DataError
@@ -51,6 +52,31 @@ def load_plain(text: str) -> Any:
     except MISFIT as error:
         reason = ' '.join(str(error).split())[:200] or type(error).__name__
         raise DataError(f'not proper YAML: {reason}') from error
+
+
+def read_plain(path: Path, largest_bytes: int) -> Any:
+    """
+    Read a file with YAML of plain values.
+
+    Args:
+        path: the file.
+        largest_bytes: size from which on it is not read.
+
+    Returns:
+        The values.
+
+    Raises:
+        DataError: the file cannot be read, is too large, or is not YAML without aliases.
+
+    """
+    try:
+        if path.stat().st_size > largest_bytes:
+            raise DataError(f'larger than {largest_bytes // 1000} kB')
+        return load_plain(path.read_text(encoding='utf-8'))
+    except (OSError, UnicodeDecodeError) as error:
+        raise DataError(f'{path}: cannot be read: {error}') from error
+    except DataError as error:
+        raise DataError(f'{path}: {error}') from error
 
 
 def dump_plain(tree: Any) -> str:

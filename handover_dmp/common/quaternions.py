@@ -302,10 +302,6 @@ def multiply_all(a: ArrayLike, b: ArrayLike) -> Array:
 
     """
     first, second = np.asarray(a, dtype=float).T, np.asarray(b, dtype=float).T
-    if first.ndim != second.ndim:
-        first, second = np.broadcast_arrays(
-            *(each if each.ndim == 2 else each[:, None] for each in (first, second))
-        )
     product: Array = np.array(multiply(tuple(first), tuple(second))).T
     return product
 

@@ -127,6 +127,27 @@ def unknown_parameter(
     return ''
 
 
+def flat(tree: Any, prefix: str = '') -> Iterator[tuple[str, Any]]:
+    """
+    List nested parameters.
+
+    Args:
+        tree: the parameters, of which some may be tables of others.
+        prefix: prefix of their names.
+
+    Yields:
+        Name, joined by dots, and value.
+
+    """
+    if not isinstance(tree, dict):
+        return
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            yield from flat(value, f'{prefix}{key}.')
+        else:
+            yield f'{prefix}{key}', value
+
+
 def _sections(tree: Any, space: str) -> Iterator[ParameterSection]:
     if not isinstance(tree, dict):
         return
@@ -135,15 +156,5 @@ def _sections(tree: Any, space: str) -> Iterator[ParameterSection]:
             continue
         name = f'{space}/{str(key).strip("/")}'
         if PARAMETERS in inner:
-            yield ParameterSection(name, dict(_flat(inner[PARAMETERS], '')))
+            yield ParameterSection(name, dict(flat(inner[PARAMETERS])))
         yield from _sections({k: v for k, v in inner.items() if k != PARAMETERS}, name)
-
-
-def _flat(tree: Any, prefix: str) -> Iterator[tuple[str, Any]]:
-    if not isinstance(tree, dict):
-        return
-    for key, value in tree.items():
-        if isinstance(value, dict):
-            yield from _flat(value, f'{prefix}{key}.')
-        else:
-            yield f'{prefix}{key}', value

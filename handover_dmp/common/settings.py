@@ -24,6 +24,7 @@ from typing import Any
 from handover_dmp.common.errors import HandoverError
 from handover_dmp.common.plain_yaml import load_plain
 from handover_dmp.common.resources import share_path
+from handover_dmp.common.ros_parameters import flat
 
 ANYWHERE = '/**/'
 """Prefix of the name of a node in a parameter file: any namespace."""
@@ -43,7 +44,7 @@ def defaults(node: str) -> dict[str, Any]:
     """
     tree = _table()
     of_all, own = (tree[section]['ros__parameters'] for section in ('/**', ANYWHERE + node))
-    return dict(_flatten(of_all) + _flatten(own))
+    return {**dict(flat(of_all)), **dict(flat(own))}
 
 
 @cache
@@ -190,13 +191,3 @@ def parameters_of(kind: type[Any], values: Mapping[str, Any]) -> dict[str, Any]:
 def _shown(value: object) -> str:
     """Quote a text; only name the type of other values, which may be too large to show."""
     return repr(value)[:40] if isinstance(value, str) else f'of type {type(value).__name__}'
-
-
-def _flatten(tree: dict[str, Any], prefix: str = '') -> list[tuple[str, Any]]:
-    pairs: list[tuple[str, Any]] = []
-    for key, value in tree.items():
-        if isinstance(value, dict):
-            pairs += _flatten(value, f'{prefix}{key}.')
-        else:
-            pairs.append((prefix + key, value))
-    return pairs

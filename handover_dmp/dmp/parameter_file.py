@@ -23,7 +23,7 @@ from typing import Any
 
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.files import write_text
-from handover_dmp.common.plain_yaml import load_plain
+from handover_dmp.common.plain_yaml import read_plain
 from handover_dmp.common.ros_parameters import (
     merged,
     ParameterSection,
@@ -87,17 +87,7 @@ def read_parameters(path: Path) -> TunedParameters:
             has a parameter that is unknown or out of range.
 
     """
-    try:
-        if path.stat().st_size > LARGEST_FILE_BYTES:
-            raise DataError(f'{path}: larger than {LARGEST_FILE_BYTES // 1000} kB')
-        text = path.read_text(encoding='utf-8')
-    except (OSError, UnicodeDecodeError) as error:
-        raise DataError(f'{path}: cannot be read: {error}') from error
-    try:
-        tree = load_plain(text)
-    except DataError as error:
-        raise DataError(f'{path}: {error}') from error
-    section = _section(path, sections(tree))
+    section = _section(path, sections(read_plain(path, LARGEST_FILE_BYTES)))
     known = {each.name for each in fields(DmpParameters)}
     given = {name: value for name, value in section.items() if name in known}
     scale = section.get(DURATION_SCALE, 1.0)

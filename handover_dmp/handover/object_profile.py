@@ -30,7 +30,7 @@ from typing import Any
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError, UsageError
-from handover_dmp.common.plain_yaml import load_plain
+from handover_dmp.common.plain_yaml import load_plain, read_plain
 from handover_dmp.common.resources import share_path
 from handover_dmp.common.settings import defaults
 from handover_dmp.dmp import DecoupledDmp
@@ -256,14 +256,7 @@ def _profiles() -> dict[str, ObjectProfile]:
 
 
 def _read(path: Path) -> ObjectProfile:
-    try:
-        if path.stat().st_size > LARGEST_FILE_BYTES:
-            raise DataError(f'{path}: larger than {LARGEST_FILE_BYTES // 1000} kB')
-        tree = load_plain(path.read_text(encoding='utf-8'))
-    except (OSError, UnicodeDecodeError) as error:
-        raise DataError(f'{path}: cannot be read: {error}') from error
-    except DataError as error:
-        raise DataError(f'{path}: {error}') from error
+    tree = read_plain(path, LARGEST_FILE_BYTES)
     if not isinstance(tree, dict) or len(tree) != 1:
         raise DataError(f'{path}: must hold one object: its name, and its fields below that')
     [(name, own)] = tree.items()
