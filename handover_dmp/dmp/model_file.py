@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import asdict, fields
 import json
 from math import isfinite
@@ -69,7 +68,8 @@ def save_model(model: Primitive, path: Path | str) -> None:
 
     """
     document = {'format': FORMAT, 'version': VERSION, 'units': UNITS, **_describe(model)}
-    write_text(Path(path), json.dumps(document, allow_nan=False, indent=1) + '\n')
+    text = json.dumps(document, default=np.ndarray.tolist, allow_nan=False, indent=1)
+    write_text(Path(path), text + '\n')
 
 
 def _describe(model: Primitive) -> dict[str, Any]:
@@ -79,26 +79,16 @@ def _describe(model: Primitive) -> dict[str, Any]:
         'source': model.source,
         'parameters': asdict(model.parameters),
         'duration': model.duration_s,
-        'start': model.start.tolist(),
-        'start_velocity': model.start_velocity.tolist(),
-        'goal': model.goal.tolist(),
-        'goal_offset': model.goal_offset.tolist(),
-        'basis': {
-            'centres': model.basis.centres.tolist(),
-            'sharpness': model.basis.sharpness.tolist(),
-        },
-        'weights': model.weights.tolist(),
-        'covariance': None
-        if model.covariance is None
-        else [
-            {'active': posterior.active.tolist(), 'matrix': posterior.matrix.tolist()}
-            for posterior in model.covariance
-        ],
-        'partner_path': None if model.partner_path is None else model.partner_path.tolist(),
-        'way_back': None if model.way_back is None else _describe(model.way_back),
-        'turn': None
-        if model.turn is None
-        else {each.name: getattr(model.turn, each.name).tolist() for each in fields(model.turn)},
+        'start': model.start,
+        'start_velocity': model.start_velocity,
+        'goal': model.goal,
+        'goal_offset': model.goal_offset,
+        'basis': {'centres': model.basis.centres, 'sharpness': model.basis.sharpness},
+        'weights': model.weights,
+        'covariance': model.covariance and [vars(each) for each in model.covariance],
+        'partner_path': model.partner_path,
+        'way_back': model.way_back and _describe(model.way_back),
+        'turn': model.turn and vars(model.turn),
     }
 
 
@@ -154,39 +144,18 @@ def _first_line(error: BaseException) -> str:
 def _current(document: dict[str, Any]) -> dict[str, Any]:
     """Convert a document of an older version to the current one."""
     version = document.get('version')
-    known = [*MIGRATIONS, VERSION]
-    if isinstance(version, bool) or not isinstance(version, int) or version not in known:
-        raise DataError(
-            f'model version {str(version)[:40]} is unknown; '
-            f'known: {", ".join(str(each) for each in known)}'
-        )
-    for older in range(version, VERSION):
-        document = MIGRATIONS[older](document)
+    if type(version) is not int or not 1 <= version <= VERSION:
+        known = ', '.join(str(each) for each in range(1, VERSION + 1))
+        raise DataError(f'model version {str(version)[:40]} is unknown; known: {known}')
+    if version < 2:
+        start = document.get('start')
+        still = [0.0] * len(start) if isinstance(start, list) else []
+        document = {'start_velocity': still, **document, 'kind': 'decoupled'}
+    if version < 3:
+        document = {**document, 'partner_path': None}
+    if version < 4:
+        document = {**document, 'way_back': None, 'turn': None}
     return document
-
-
-def _from_version_1(document: dict[str, Any]) -> dict[str, Any]:
-    """Add what version 1 lacks: the kind of primitive and the start velocity."""
-    start = document.get('start')
-    still = [0.0] * len(start) if isinstance(start, list) else []
-    return {'start_velocity': still, **document, 'version': 2, 'kind': 'decoupled'}
-
-
-def _from_version_2(document: dict[str, Any]) -> dict[str, Any]:
-    """Add what version 2 lacks: the partner path."""
-    return {**document, 'version': 3, 'partner_path': None}
-
-
-def _from_version_3(document: dict[str, Any]) -> dict[str, Any]:
-    """Add what version 3 lacks: the way back and the turn of the wrist."""
-    return {**document, 'version': 4, 'way_back': None, 'turn': None}
-
-
-MIGRATIONS: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {
-    1: _from_version_1,
-    2: _from_version_2,
-    3: _from_version_3,
-}
 
 
 def _build(document: dict[str, Any]) -> Primitive:
