@@ -12,13 +12,32 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Types of numbers: arrays of NumPy, and tuples for fast steps of (8)."""
+"""Types of numbers: arrays of NumPy, also read-only, and tuples for fast steps of (8)."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 Vector = tuple[float, ...]
 Point = tuple[float, float, float]
+
+
+def read_only(values: ArrayLike, kind: type = float) -> NDArray[Any]:
+    """
+    Copy an array so that nobody can change the copy.
+
+    Args:
+        values: the array.
+        kind: type of its numbers.
+
+    Returns:
+        The copy, stored row by row.
+
+    """
+    copy: NDArray[Any] = np.array(values, dtype=kind, order='C')
+    copy.setflags(write=False)
+    return copy

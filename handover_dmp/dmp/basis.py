@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
-from handover_dmp.common.arrays import Array
+from handover_dmp.common.arrays import Array, read_only
 import numpy as np
 
 TABLE_RATE = 4096  # nodes of the table per τ: error below a micrometre at usual stiffness
@@ -47,9 +47,7 @@ class Basis:
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
         for name in ('centres', 'sharpness'):
-            array = np.array(getattr(self, name), dtype=float, order='C')
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
+            object.__setattr__(self, name, read_only(getattr(self, name)))
 
     def __repr__(self) -> str:
         """Return a short description."""

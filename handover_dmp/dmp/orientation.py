@@ -37,7 +37,7 @@ from math import hypot, log, sqrt
 from statistics import NormalDist
 from typing import Any, NamedTuple
 
-from handover_dmp.common.arrays import Array
+from handover_dmp.common.arrays import Array, read_only
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.quaternions import (
     angular_velocity,
@@ -95,10 +95,9 @@ class LearntTurn:
             ('weights', (count, 3)),
             ('start_velocity', (3,)),
         ):
-            array = np.array(getattr(self, name), dtype=float, order='C')
+            array = read_only(getattr(self, name))
             if array.shape != shape or not np.isfinite(array).all():
                 raise DataError(f'turn: {name} is not of {shape} finite numbers')
-            array.setflags(write=False)
             object.__setattr__(self, name, array)
         if abs(float(np.linalg.norm(self.start)) - 1.0) > 1e-6:
             raise DataError('turn: start is not a unit quaternion')

@@ -19,7 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from handover_dmp.common.arrays import Array
+from handover_dmp.common.arrays import Array, read_only
 from handover_dmp.common.errors import DataError
 import numpy as np
 from numpy.typing import NDArray
@@ -44,17 +44,15 @@ class WeightPosterior:
 
     def __post_init__(self) -> None:
         """Check the shapes and make the arrays read-only."""
-        active = np.array(self.active, dtype=np.int64)
-        matrix = np.array(self.matrix, dtype=float, order='C')
+        active, matrix = read_only(self.active, np.int64), read_only(self.matrix)
         # A coordinate that never moves has no weights left, and so an empty covariance.
         matrix = matrix.reshape(-1, active.size) if active.size else matrix.reshape(0, 0)
         if active.ndim != 1 or matrix.shape != (active.size, active.size):
             raise DataError(f'covariance has the shape {matrix.shape} for {active.size} weights')
         if not np.isfinite(matrix).all():
             raise DataError('covariance holds a number that is not finite')
-        for name, array in (('active', active), ('matrix', matrix)):
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
+        object.__setattr__(self, 'active', active)
+        object.__setattr__(self, 'matrix', matrix)
 
     def __repr__(self) -> str:
         """Return a short description."""

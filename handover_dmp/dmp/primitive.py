@@ -30,7 +30,7 @@ from functools import cached_property
 from math import ceil, inf, log, nan
 from typing import Any, TYPE_CHECKING, TypeVar
 
-from handover_dmp.common.arrays import Array, Vector
+from handover_dmp.common.arrays import Array, read_only, Vector
 from handover_dmp.common.errors import DataError
 from handover_dmp.dmp.basis import Basis, LAST_NODE, TABLE_RATE
 from handover_dmp.dmp.fast_step import FastStep
@@ -121,15 +121,13 @@ class Primitive(ABC):
             ('start_velocity', (dimensions,)),
             ('weights', (self.basis.size, dimensions)),
         ):
-            given = getattr(self, name)
-            array = np.array(given, dtype=float, order='C')
+            array = read_only(getattr(self, name))
             if array.size == 0 and name in _OPTIONAL:
-                array = np.zeros(shape)
+                array = read_only(np.zeros(shape))
             if array.shape != shape:
                 raise DataError(f'{name} has the shape {array.shape} instead of {shape}')
             if not np.isfinite(array).all():
                 raise DataError(f'{name} holds a number that is not finite')
-            array.setflags(write=False)
             object.__setattr__(self, name, array)
         if self.partner_path is not None:
             object.__setattr__(self, 'partner_path', _checked_path(self.partner_path, dimensions))
@@ -652,14 +650,13 @@ class Primitive(ABC):
 
 
 def _checked_path(given: ArrayLike, dimensions: int) -> Array:
-    path = np.array(given, dtype=float, order='C')
+    path = read_only(given)
     if path.ndim != 2 or len(path) < 2 or path.shape[1] != dimensions:
         raise DataError(
             f'partner_path has the shape {path.shape} instead of (n, {dimensions}), n at least 2'
         )
     if not np.isfinite(path).all():
         raise DataError('partner_path holds a number that is not finite')
-    path.setflags(write=False)
     return path
 
 
