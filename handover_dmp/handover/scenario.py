@@ -121,45 +121,56 @@ def make_scenario(
         learn_from_trials([taught]) if model is None else read_model(model)
     )
     replayed = condition(replayed, cutoff_hz=defaults('hand_tracker')['cutoff_hz'])
-    wrist_path = expected_path(learnt, replayed)
-    choice, task = arm or ArmChoice('lwr4'), carried.task_for(learnt)
-    robot = RobotModel.load(
-        choice.robot, wrist_frame=choice.wrist_frame, base_frame=choice.base_frame
-    )
-    if base is None:
-        base = choose_base_placement(
-            wrist_path, robot, partner=replayed.partner[-1], upright=task == 'upright'
-        )
-    robot = robot.placed(base)
+    wrist_path, task = expected_path(learnt, replayed), carried.task_for(learnt)
+    robot, q_start = placed_arm(arm, base, wrist_path, task, replayed.partner[-1])
     return Scenario(
         trial=replayed,
         model=learnt,
         robot=robot,
-        q_start=starting_joints(robot, wrist_path[0], task, replayed.partner[-1]),
+        q_start=q_start,
         seed=seed,
         partner_model=partner_model or defaults('dmp')['partner_model'],
         carried=carried,
     )
 
 
-def starting_joints(robot: RobotModel, place: Array, task: str, hand: Array) -> Array:
+def placed_arm(
+    choice: ArmChoice | None,
+    base: BasePlacement | None,
+    wrist_path: Array,
+    task: str,
+    hand: Array,
+) -> tuple[RobotModel, Array]:
     """
-    Choose the start configuration.
+    Load the arm, place it, and choose its start configuration.
 
     Args:
-        robot: the arm, placed.
-        place: (3,), m, position of the wrist.
-        task: its orientation task.
+        choice: the arm; the LWR 4+ if left out.
+        base: base placement; found if left out.
+        wrist_path: (m, 3), m, expected path of the wrist.
+        task: orientation task of the wrist.
         hand: (3,), m, future position of the partner's hand, at which a pointing wrist aims from
             the start.
 
     Returns:
-        (n,), rad; of the configurations that point at the hand, the one nearest to home.
+        The arm and its configuration, (n,), rad.
 
     Raises:
-        UnreachableError: there is no such configuration.
+        UnreachableError: the arm cannot reach the path from any placement.
 
     """
+    choice = choice or ArmChoice('lwr4')
+    robot = RobotModel.load(
+        choice.robot, wrist_frame=choice.wrist_frame, base_frame=choice.base_frame
+    )
+    if base is None:
+        base = choose_base_placement(wrist_path, robot, partner=hand, upright=task == 'upright')
+    robot = robot.placed(base)
+    return robot, _starting_joints(robot, wrist_path[0], task, hand)
+
+
+def _starting_joints(robot: RobotModel, place: Array, task: str, hand: Array) -> Array:
+    """Return, of the configurations that point at the hand, the one nearest to home, (n,) rad."""
     found: list[Array] = []
     if task == 'point':
         aim = (hand - place) / np.linalg.norm(hand - place)

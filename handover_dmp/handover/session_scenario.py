@@ -26,7 +26,7 @@ from handover_dmp.common.settings import defaults
 from handover_dmp.handover.approach import rollout_towards
 from handover_dmp.handover.object_profile import DEFAULT_OBJECT, object_profile, ObjectProfile
 from handover_dmp.handover.recordings import EXAMPLE_SESSION, read_model
-from handover_dmp.handover.scenario import starting_joints
+from handover_dmp.handover.scenario import placed_arm
 from handover_dmp.handover.session import SessionModels, SessionOptions
 from handover_dmp.handover.teaching import hand_goal, learn_from_trials
 from handover_dmp.handover.withdrawal import WithdrawalOptions
@@ -36,7 +36,6 @@ from handover_dmp.mocap.session import read_session, RecordedSession
 from handover_dmp.mocap.synthetic_session import synthesize_sessions
 from handover_dmp.robot.descriptions import ArmChoice
 from handover_dmp.robot.model import BasePlacement, RobotModel
-from handover_dmp.robot.placement import choose_base_placement
 from handover_dmp.simulation.carried_object import CarriedObjectOptions
 import numpy as np
 
@@ -208,19 +207,13 @@ def make_session_scenario(
     if place is not None:
         fetching = _fetching_path(wrist_path[0], place, replayed)
         wrist_path = np.vstack([fetching, fetching[::-1], wrist_path])
-    choice, task = arm or ArmChoice('lwr4'), carried.task_for(learnt.give)
-    robot = RobotModel.load(
-        choice.robot, wrist_frame=choice.wrist_frame, base_frame=choice.base_frame
-    )
-    partner = trials_of(replayed)[0].partner[-1]
-    if base is None:
-        base = choose_base_placement(wrist_path, robot, partner=partner, upright=task == 'upright')
-    robot = robot.placed(base)
+    task, hand = carried.task_for(learnt.give), trials_of(replayed)[0].partner[-1]
+    robot, q_start = placed_arm(arm, base, wrist_path, task, hand)
     return SessionScenario(
         session=replayed,
         models=learnt,
         robot=robot,
-        q_start=starting_joints(robot, wrist_path[0], task, partner),
+        q_start=q_start,
         seed=seed,
         partner_model=partner_model or defaults('dmp')['partner_model'],
         profile=carried,
