@@ -110,7 +110,6 @@ class LockstepLoop(Closing, ABC):
         controller: HandoverController,
         *,
         tasks: Mapping[str, Any],
-        tracker_names: Sequence[str],
         rate_hz: float,
         carried: CarriedObjectOptions | None = None,
     ) -> None:
@@ -122,7 +121,6 @@ class LockstepLoop(Closing, ABC):
             q_start: (n,), rad, its configuration at the start.
             controller: controller of the wrist.
             tasks: parameters of the inverse kinematics that differ from the defaults.
-            tracker_names: names of the trackers, in order.
             rate_hz: rate of the periods, Hz.
             carried: the handed-over object; None: no object with a mass.
 
@@ -133,7 +131,6 @@ class LockstepLoop(Closing, ABC):
         self.arm = SimulatedArm(robot, carried=carried)
         self.arm.reset(q_start)
         self._robot = robot
-        self._names = list(tracker_names)
         self._time_ns = 0
         self._phase_rate = 1.0
         self._rotation: Array | None = None
@@ -230,7 +227,7 @@ class LockstepLoop(Closing, ABC):
                 now_s,
                 now_s,
                 sample.orientation,
-                tracker=self._names[number],
+                tracker=self.controller.estimator.trackers[number].name,
             )
             for _, number, sample in sorted(poses, key=lambda pose: pose[:2])
         ]
@@ -264,14 +261,13 @@ class Handover(LockstepLoop):
         """
         self.scenario = scenario
         trackers = trackers or (TrackerPreset(),)
-        told = [one.tracker for one in trackers]
+        estimator = GoalEstimator(trackers=[one.tracker for one in trackers])
         rules = options or scenario.carried.handover_options(scenario.partner_model)
         super().__init__(
             scenario.robot,
             scenario.q_start,
-            HandoverController(scenario.model, rules, GoalEstimator(trackers=told)),
+            HandoverController(scenario.model, rules, estimator),
             tasks=scenario.carried.node_parameters(scenario.model)['priority_ik'],
-            tracker_names=[one.name for one in trackers],
             rate_hz=rate_hz,
         )
         replay = Replay.from_trial(scenario.trial)
@@ -349,8 +345,5 @@ def simulate(
         UnreachableError: the arm of the example cannot reach the path from any placement.
 
     """
-    handover = Handover(scenario or make_scenario(), trackers=trackers)
-    try:
+    with Handover(scenario or make_scenario(), trackers=trackers) as handover:
         return handover.run(progress)
-    finally:
-        handover.close()

@@ -126,7 +126,6 @@ class SessionLoop(LockstepLoop):
             scenario.q_start,
             SessionController(scenario.models, rules, estimator, session or scenario.rules),
             tasks=scenario.profile.node_parameters(scenario.models.give)['priority_ik'],
-            tracker_names=[one.name for one in trackers],
             rate_hz=rate_hz,
             carried=carried,
         )
