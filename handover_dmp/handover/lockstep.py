@@ -270,7 +270,7 @@ class Handover(LockstepLoop):
             tasks=scenario.carried.node_parameters(scenario.model)['priority_ik'],
             rate_hz=rate_hz,
         )
-        replay = Replay.from_trial(scenario.trial)
+        replay = Replay(scenario.trial.times, scenario.trial.partner)
         self.hands = [TrackedHand(replay, one.sensor) for one in trackers]
 
     @property

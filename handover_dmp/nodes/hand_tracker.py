@@ -41,7 +41,7 @@ from handover_dmp.topics import (
 )
 from handover_dmp.tracking.playback import HandSample, PlayedBag, PlayedTrial
 from handover_dmp.tracking.sensor_model import FAULTS, SensorModel
-from handover_dmp.tracking.session_playback import PlayedSession, SessionPlayback
+from handover_dmp.tracking.session_playback import PlayedSession
 from rclpy.publisher import Publisher
 from std_msgs.msg import Bool, Header, String
 
@@ -252,13 +252,11 @@ def _played(values: Values) -> PlayedTrial | PlayedSession | PlayedBag:
     sensors = [_sensor(name, values) for name in values['trackers']]
     if values['source'] == 'session':
         return PlayedSession(
-            SessionPlayback(
-                recorded_session(values['trial'], cutoff_hz=values['cutoff_hz']),
-                sensors,
-                tells_lost=values['lockstep'],
-                lead_s=values['session.lead_s'],
-                patience_s=values['session.patience_s'],
-            )
+            recorded_session(values['trial'], cutoff_hz=values['cutoff_hz']),
+            sensors,
+            tells_lost=values['lockstep'],
+            lead_s=values['session.lead_s'],
+            patience_s=values['session.patience_s'],
         )
     trial = recorded_trial(values['trial'], cutoff_hz=values['cutoff_hz'])
     return PlayedTrial(trial, sensors, tells_lost=values['lockstep'])

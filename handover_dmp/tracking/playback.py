@@ -34,7 +34,6 @@ from handover_dmp.mocap.trial import HandoverTrial
 from handover_dmp.topics import DEMONSTRATOR_POSE, HAND_POSE, SIGNAL
 from handover_dmp.tracking.sensor_model import SensorModel
 import numpy as np
-from numpy.typing import ArrayLike
 
 CATCH_UP_S = 0.25
 SEEN_BEFORE_S = 0.1
@@ -79,149 +78,39 @@ class HandSample(NamedTuple):
 
 
 class Replay:
-    """
-    A recorded hand on a clock that starts at 0.
+    """A recorded hand on a clock that starts at 0; it rests before its motion and after it."""
 
-    A replay of a trial is defined at any time: it interpolates between the samples, and rests at
-    the first sample before the start and at the last one after the end. A replay of stamped poses
-    returns exactly those poses: the newest one that has arrived.
-
-    Attributes:
-        duration_s: from the first sample to the last arrival, s.
-
-    """
-
-    def __init__(
-        self,
-        duration_s: float,
-        *,
-        path: Callable[[float], Array] | None = None,
-        arrivals: Sequence[float] = (),
-        samples: Sequence[HandSample] = (),
-    ) -> None:
+    def __init__(self, times: Array, positions: Array) -> None:
         """
-        Make a replay; usually by `from_trial` or `from_poses`.
-
-        Args:
-            duration_s: from the first sample to the last arrival, s.
-            path: position, (3,) m, at any time of the replay; None: samples are played back.
-            arrivals: arrival time of each sample, s, in order.
-            samples: the samples.
-
-        """
-        self.duration_s = duration_s
-        self._path = path
-        self._arrivals = list(arrivals)
-        self._samples = list(samples)
-
-    @classmethod
-    def from_trial(cls, trial: HandoverTrial) -> Replay:
-        """
-        Play back the hand of P1.
-
-        Args:
-            trial: the handover, filtered if noisy.
-
-        Returns:
-            Its replay; 0 is the first sample.
-
-        """
-        return cls.from_motion(trial.times, trial.partner)
-
-    @classmethod
-    def from_motion(cls, times: Array, positions: Array) -> Replay:
-        """
-        Play back any motion.
+        Interpolate a motion.
 
         Args:
             times: (n,) s, strictly increasing.
             positions: (n, 3) m.
 
-        Returns:
-            Its replay; 0 is the first sample.
-
         """
-        start, duration = float(times[0]), float(times[-1] - times[0])
-        spline = interpolate(times, positions)
+        self._start_s = float(times[0])
+        self._duration_s = float(times[-1] - times[0])
+        self._spline = interpolate(times, positions)
+        self._first, self._last = (np.array(positions[end], dtype=float) for end in (0, -1))
 
-        first, last = np.array(positions[0], dtype=float), np.array(positions[-1], dtype=float)
-
-        def path(time_s: float) -> Array:
-            if time_s <= 0.0:
-                return first
-            if time_s >= duration:
-                return last
-            place: Array = spline(start + time_s)
-            return place
-
-        return cls(duration, path=path)
-
-    @classmethod
-    def from_poses(
-        cls,
-        poses: Sequence[tuple[float, ArrayLike]] | Sequence[tuple[float, float, ArrayLike]],
-    ) -> Replay:
+    def __call__(self, elapsed_s: float) -> Array:
         """
-        Play back poses as recorded, including those of a lost hand.
+        Return the position at any time.
 
         Args:
-            poses: (stamp in s, position (3,) in m) each, or (arrival in s, stamp in s, position)
-                each, as from `SensorModel.observe`. Without an arrival time, a pose arrives at its
-                stamp. Any clock; the replay's 0 is the earliest stamp.
+            elapsed_s: time since the first sample, s.
 
         Returns:
-            Their replay.
-
-        Raises:
-            DataError: there are no poses, or a time is not finite.
+            The position, (3,) m.
 
         """
-        rows = [
-            (float(pose[0]), float(pose[-2]), np.array(pose[-1], dtype=float)) for pose in poses
-        ]
-        if not rows:
-            raise DataError('no poses to play back')
-        for number, (arrival, stamp, position) in enumerate(rows):
-            if position.shape != (3,) or not np.isfinite([arrival, stamp]).all():
-                raise DataError(f'pose {number} to play back: expected a time and three numbers')
-        rows.sort(key=lambda row: row[:2])
-        zero = min(stamp for _, stamp, _ in rows)
-        arrivals = [arrival - zero for arrival, _, _ in rows]
-        samples = [HandSample(stamp - zero, position) for _, stamp, position in rows]
-        return cls(arrivals[-1], arrivals=arrivals, samples=samples)
-
-    def newest(self, time_s: float) -> HandSample | None:
-        """
-        Return the sample to publish at a time.
-
-        Args:
-            time_s: time since the start of the replay, s.
-
-        Returns:
-            The newest sample; its stamp shows whether it is new. None before the first.
-
-        """
-        if self._path is not None:
-            return HandSample(time_s, self._path(time_s))
-        arrived = bisect_right(self._arrivals, time_s)
-        return self._samples[arrived - 1] if arrived else None
-
-    def between(self, after_s: float, until_s: float) -> list[HandSample]:
-        """
-        Return all samples that arrive in a span of time, including late and repeated ones.
-
-        Args:
-            after_s: beginning of the span, exclusive, s.
-            until_s: end of the span, s.
-
-        Returns:
-            The samples in order of arrival; the last one only for a replay defined at any time.
-
-        """
-        if self._path is not None:
-            return [HandSample(until_s, self._path(until_s))] if until_s > after_s else []
-        first, end = (bisect_right(self._arrivals, time) for time in (after_s, until_s))
-        return self._samples[first:end]
+        if elapsed_s <= 0.0:
+            return self._first
+        if elapsed_s >= self._duration_s:
+            return self._last
+        place: Array = self._spline(self._start_s + elapsed_s)
+        return place
 
 
 class TrackedHand:
@@ -235,7 +124,7 @@ class TrackedHand:
 
     def __init__(
         self,
-        replay: Replay,
+        hand: Callable[[float], Array],
         sensor: SensorModel | None = None,
         *,
         tells_lost: bool = False,
@@ -244,13 +133,13 @@ class TrackedHand:
         Take the recording and the tracker.
 
         Args:
-            replay: the hand, defined at any time.
+            hand: its position, (3,) m, at any time in s after the start, as a `Replay`.
             sensor: rate, noise, delay, faults; jitter and duplicates are ignored here.
             tells_lost: whether a lost pose is published as NaN instead of being dropped, so that
                 nodes in lockstep do not wait for it.
 
         """
-        self._replay = replay
+        self._position_at = hand
         self._tells_lost = tells_lost
         self._sensor = sensor or SensorModel()
         self._start_s = math.inf
@@ -317,10 +206,7 @@ class TrackedHand:
         if seen_s < elapsed_s:
             number = max(math.floor((self._start_s + seen_s) * sensor.rate_hz + ROUNDING), 0)
             elapsed_s = number / sensor.rate_hz - self._start_s
-        sample = self._replay.newest(max(0.0, elapsed_s))
-        if sample is None:
-            return None
-        position = sample.position + sensor.off_by(elapsed_s)
+        position = self._position_at(elapsed_s) + sensor.off_by(elapsed_s)
         if sensor.noise_m or sensor.dropout or sensor.outliers:
             random = np.random.default_rng((sensor.seed, number))
             if random.uniform() < sensor.dropout:
@@ -353,10 +239,11 @@ class PlayedTrial:
             tells_lost: whether a lost pose is published as NaN.
 
         """
-        replay = Replay.from_trial(trial)
-        self._truth = replay
-        self._hands = [TrackedHand(replay, sensor, tells_lost=tells_lost) for sensor in sensors]
-        self._demonstrator = Replay.from_motion(trial.times, trial.demonstrator)
+        self._truth = Replay(trial.times, trial.partner)
+        self._demonstrator = Replay(trial.times, trial.demonstrator)
+        self._hands = [
+            TrackedHand(self._truth, sensor, tells_lost=tells_lost) for sensor in sensors
+        ]
         self._signals: list[float] = []
 
     @property
@@ -381,13 +268,11 @@ class PlayedTrial:
 
     def truth(self, now_s: float) -> list[HandSample]:
         """Return the true position of the hand at a time, s."""
-        sample = self._truth.newest(max(0.0, now_s - self.start_s))
-        return [] if sample is None else [HandSample(now_s, sample.position)]
+        return [HandSample(now_s, self._truth(now_s - self.start_s))]
 
     def demonstrator(self, now_s: float) -> list[HandSample]:
         """Return the position of the recorded demonstrator at a time, s."""
-        sample = self._demonstrator.newest(max(0.0, now_s - self.start_s))
-        return [] if sample is None else [HandSample(now_s, sample.position)]
+        return [HandSample(now_s, self._demonstrator(now_s - self.start_s))]
 
 
 class PlayedBag:

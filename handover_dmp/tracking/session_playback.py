@@ -30,7 +30,7 @@ from handover_dmp.common.arrays import Array
 from handover_dmp.mocap.filtering import interpolate
 from handover_dmp.mocap.segmentation import Segment
 from handover_dmp.mocap.session import RecordedSession
-from handover_dmp.tracking.playback import HandSample, Replay, TrackedHand
+from handover_dmp.tracking.playback import HandSample, TrackedHand
 from handover_dmp.tracking.sensor_model import SensorModel
 from handover_dmp.tracking.waiting_clock import WaitingClock
 import numpy as np
@@ -113,15 +113,10 @@ class SessionPlayback:
         self._last_s = float(motion.times[-1])
         self._patience_s = patience_s
         self._both = interpolate(motion.times, np.hstack([motion.partner, motion.demonstrator]))
-        self._clock = WaitingClock(self._first_s, self._last_s)
-        self._at_exchange = 0
-        self._signalled = 0
-        self._told = False
-        self._asks = False
-        self._partner = Replay(math.inf, path=lambda elapsed_s: self._places(elapsed_s)[:3])
         self._hands = [
-            TrackedHand(self._partner, sensor, tells_lost=tells_lost) for sensor in sensors
+            TrackedHand(self._partner_at, sensor, tells_lost=tells_lost) for sensor in sensors
         ]
+        self._rewind()
 
     @property
     def start_s(self) -> float:
@@ -143,6 +138,9 @@ class SessionPlayback:
         """Start or restart the session at a time, s."""
         for hand in self._hands:
             hand.start(at_s)
+        self._rewind()
+
+    def _rewind(self) -> None:
         self._clock = WaitingClock(self._first_s, self._last_s)
         self._at_exchange = self._signalled = 0
         self._told = self._asks = False
@@ -215,6 +213,9 @@ class SessionPlayback:
             self._signalled += 1
         return due
 
+    def _partner_at(self, elapsed_s: float) -> Array:
+        return self._places(elapsed_s)[:3]
+
     def _places(self, elapsed_s: float) -> Array:
         """Return the positions of P1 and P2, (6,) m, at a time after the start."""
         recorded_s = min(self._clock.recorded(elapsed_s), self._last_s)
@@ -222,31 +223,17 @@ class SessionPlayback:
         return places
 
 
-class PlayedSession:
+class PlayedSession(SessionPlayback):
     """A session with the interface of a `PlayedTrial`, and with the holder of the object."""
 
-    def __init__(self, playback: SessionPlayback) -> None:
-        """
-        Play a session.
-
-        Args:
-            playback: playback of its partner.
-
-        """
-        self._playback = playback
-        self._told: SessionStep | None = None
-        self._signals: list[float] = []
-        self._holder: str | None = None
-
-    @property
-    def start_s(self) -> float:
-        """Start time of the session, s; infinite until it is set."""
-        return self._playback.start_s
+    _present: SessionStep | None = None
+    _signals: Sequence[float] = ()
+    _holder: str | None = None
 
     def start(self, at_s: float) -> None:
         """Start or restart the session at a time, s."""
-        self._playback.start(at_s)
-        self._signals = []
+        super().start(at_s)
+        self._signals = ()
 
     def hear(self, holder: str) -> None:
         """Process the holder of the object, as on `object/holder`."""
@@ -254,21 +241,21 @@ class PlayedSession:
 
     def hands(self, now_s: float) -> list[list[HandSample]]:
         """Advance to a time, s, and return the poses that arrived since the last call."""
-        self._told = self._playback.step(now_s, self._holder)
-        self._signals += [signal.stamp_s for signal in self._told.signals]
-        return self._told.hands
+        self._present = self.step(now_s, self._holder)
+        self._signals = (*self._signals, *(one.stamp_s for one in self._present.signals))
+        return self._present.hands
 
     def truth(self, _now_s: float) -> list[HandSample]:
         """Return the true position of the hand."""
-        return [] if self._told is None else [self._told.truth]
+        return [] if self._present is None else [self._present.truth]
 
     def demonstrator(self, _now_s: float) -> list[HandSample]:
         """Return the position of the recorded demonstrator."""
-        return [] if self._told is None else [self._told.demonstrator]
+        return [] if self._present is None else [self._present.demonstrator]
 
-    def signals(self) -> list[float]:
+    def signals(self) -> Sequence[float]:
         """Return the new start times of handovers, s."""
-        signals, self._signals = self._signals, []
+        signals, self._signals = self._signals, ()
         return signals
 
 

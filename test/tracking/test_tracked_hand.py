@@ -36,7 +36,7 @@ def watch(hand, until_s, step_s=0.005, from_s=0.0):
 
 @pytest.mark.parametrize('rate_hz', [24.0, 60.0, 200.0])
 def test_rest_then_the_recording_then_rest(trial, rate_hz):
-    replay = Replay.from_trial(trial)
+    replay = Replay(trial.times, trial.partner)
     hand = TrackedHand(replay, SensorModel(rate_hz=rate_hz))
     assert hand.start_s == np.inf
     hand.start(0.5)
@@ -44,7 +44,7 @@ def test_rest_then_the_recording_then_rest(trial, rate_hz):
     stamps = np.array([sample.stamp_s for sample in seen])
     np.testing.assert_allclose(np.diff(stamps), 1.0 / rate_hz, atol=1e-9)
     for sample in seen:
-        expected = replay.newest(max(sample.stamp_s - 0.5, 0.0)).position
+        expected = replay(max(sample.stamp_s - 0.5, 0.0))
         np.testing.assert_allclose(sample.position, expected, atol=1e-12)
     np.testing.assert_allclose(seen[0].position, trial.partner[0])
     np.testing.assert_allclose(seen[-1].position, trial.partner[-1])
@@ -54,7 +54,7 @@ def test_faults_are_the_same_however_often_one_looks(trial):
     sensor = SensorModel(100.0, 1e-3, 0.03, dropout=0.2, outliers=0.1, seed=5)
 
     def run(step_s):
-        hand = TrackedHand(Replay.from_trial(trial), sensor)
+        hand = TrackedHand(Replay(trial.times, trial.partner), sensor)
         hand.start(0.0)
         return {sample.stamp_s: sample.position for sample in watch(hand, 20.0, step_s)}
 
@@ -64,20 +64,20 @@ def test_faults_are_the_same_however_often_one_looks(trial):
     for stamp in common:
         np.testing.assert_array_equal(often[stamp], seldom[stamp])
     assert len(often) / 2000 == pytest.approx(0.8, abs=0.03)
-    rest = Replay.from_trial(trial)
-    far = [np.linalg.norm(place - rest.newest(stamp).position) for stamp, place in often.items()]
+    rest = Replay(trial.times, trial.partner)
+    far = [np.linalg.norm(place - rest(stamp)) for stamp, place in often.items()]
     assert np.mean(np.array(far) > 0.5) == pytest.approx(0.1, abs=0.03)
 
 
 def test_a_pose_arrives_after_its_delay(trial):
-    hand = TrackedHand(Replay.from_trial(trial), SensorModel(200.0, delay_s=0.04))
+    hand = TrackedHand(Replay(trial.times, trial.partner), SensorModel(200.0, delay_s=0.04))
     for now in np.arange(0.1, 1.0, 0.005):
         for sample in hand.due(float(now)):
             assert 0.0399 < now - sample.stamp_s < 0.0451
 
 
 def test_a_clock_that_leaps_brings_no_flood(trial):
-    hand = TrackedHand(Replay.from_trial(trial))
+    hand = TrackedHand(Replay(trial.times, trial.partner))
     assert len(watch(hand, 1.0)) == 200
     assert len(hand.due(1000.0)) == 1
     assert len(hand.due(0.5)) == 1
@@ -85,7 +85,7 @@ def test_a_clock_that_leaps_brings_no_flood(trial):
 
 
 def test_between_two_replays_the_hand_is_not_seen_so_it_does_not_jump(trial):
-    hand = TrackedHand(Replay.from_trial(trial))
+    hand = TrackedHand(Replay(trial.times, trial.partner))
     hand.start(0.0)
     end = watch(hand, 5.0)
     hand.start(5.5)
