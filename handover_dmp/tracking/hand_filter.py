@@ -17,9 +17,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 from handover_dmp.common.errors import UsageError
 from handover_dmp.common.settings import check_settings, setting
+
+_setting = partial(setting, 'dmp', read_only=True)
 
 
 @dataclass(frozen=True)
@@ -32,97 +35,75 @@ class HandFilter:
 
     """
 
-    acceleration_noise: float = setting(
-        'dmp',
+    acceleration_noise: float = _setting(
         'hand_filter.acceleration_noise',
         "Square root of the spectral density of the hand's acceleration, m/s²/√Hz. Larger: less "
         "lag, more noise. Its ratio to a tracker's noise_m sets the smoothing",
         1e-06,
         1000.0,
-        read_only=True,
     )
-    outlier_distance_m: float = setting(
-        'dmp',
+    outlier_distance_m: float = _setting(
         'hand_filter.outlier_distance_m',
         'Distance to the expected hand beyond which a pose is rejected as an outlier, m; at '
         'least six standard deviations of the tracker',
         1e-06,
         100.0,
-        read_only=True,
     )
-    hand_acceleration: float = setting(
-        'dmp',
+    hand_acceleration: float = _setting(
         'hand_filter.hand_acceleration',
         'Acceleration a of the hand that widens the outlier gate by a·t²/2 after a time t '
         'without a pose, to three times its width at most, m/s²',
         0.0,
         1000.0,
-        read_only=True,
     )
-    hand_speed: float = setting(
-        'dmp',
+    hand_speed: float = _setting(
         'hand_filter.hand_speed',
         'Speed that bounds how far a lost hand may have moved, m/s; a pose within that distance '
         'is accepted at once',
         0.001,
         1000.0,
-        read_only=True,
     )
-    reacquire_poses: int = setting(
-        'dmp',
+    reacquire_poses: int = _setting(
         'hand_filter.reacquire_poses',
         'Number of consistent poses after which a hand beyond that distance is accepted',
         1,
         1000000,
-        read_only=True,
     )
-    frozen_s: float = setting(
-        'dmp',
+    frozen_s: float = _setting(
         'hand_filter.frozen_s',
         'Time after which a pose that does not change by a single bit counts as frozen, s',
         0.001,
         1000000.0,
-        read_only=True,
     )
-    refuse_frozen: bool = setting(
-        'dmp',
+    refuse_frozen: bool = _setting(
         'hand_filter.refuse_frozen',
         'Whether frozen poses are rejected; a live tracker always has noise, a replay at rest '
         'may have none',
-        read_only=True,
     )
-    max_deviation_m: float = setting(
-        'dmp',
+    max_deviation_m: float = _setting(
         'hand_filter.max_deviation_m',
         'Standard deviation, by the covariance of the message, beyond which a pose is rejected, m',
         1e-06,
         1000.0,
-        read_only=True,
     )
-    lost_s: float = setting(
-        'dmp',
+    lost_s: float = _setting(
         'hand_filter.lost_s',
         'Time without a pose after which the hand counts as lost, s',
         0.001,
         60.0,
-        read_only=True,
     )
-    late_limit_s: float = setting(
-        'dmp',
+    late_limit_s: float = _setting(
         'hand_filter.late_limit_s',
         'Maximum age of a late pose relative to the newest one at which it is still used, s',
         0.0,
         10.0,
-        read_only=True,
     )
-    prediction_limit_s: float = setting(
-        'dmp',
+    prediction_limit_s: float = _setting(
         'hand_filter.prediction_limit_s',
         'Maximum time for which the hand is predicted at its last speed, s; the speed then falls '
         'to zero within the same time',
         0.0,
         10.0,
-        read_only=True,
     )
 
     def __post_init__(self) -> None:

@@ -19,56 +19,45 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.settings import setting
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-NODE = 'calibration_motion'
+_setting = partial(setting, 'calibration_motion', read_only=True)
 
 
 @dataclass(frozen=True)
 class TrackerPlace:
     """Frame, delay and noise of the tracker, which the calibration has to find."""
 
-    position: Sequence[float] = setting(
-        NODE,
+    position: Sequence[float] = _setting(
         'simulated_tracker.position',
         'Position of the origin of its frame in the room, (3,), m',
-        read_only=True,
     )
-    quaternion: Sequence[float] = setting(
-        NODE,
+    quaternion: Sequence[float] = _setting(
         'simulated_tracker.quaternion',
         'Rotation from the axes of its frame to those of the room, as x, y, z, w',
-        read_only=True,
     )
-    delay_s: float = setting(
-        NODE,
+    delay_s: float = _setting(
         'simulated_tracker.delay_s',
         'Delay of the stamps of its poses, s',
         0.0,
         10.0,
-        read_only=True,
     )
-    noise_m: float = setting(
-        NODE,
+    noise_m: float = _setting(
         'simulated_tracker.noise_m',
         'Standard deviation of the noise on each axis, m',
         0.0,
         1.0,
-        read_only=True,
     )
-    marker: Sequence[float] = setting(
-        NODE,
+    marker: Sequence[float] = _setting(
         'simulated_tracker.marker',
         'Position of the marker in the axes of the body, (3,), m',
-        read_only=True,
     )
-    seed: int = setting(
-        NODE, 'simulated_tracker.seed', 'Seed of the noise', 0, 2147483647, read_only=True
-    )
+    seed: int = _setting('simulated_tracker.seed', 'Seed of the noise', 0, 2147483647)
 
 
 class SimulatedTracker:

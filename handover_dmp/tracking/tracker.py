@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 import math
 
 from handover_dmp.common.errors import UsageError
@@ -24,6 +25,8 @@ from handover_dmp.common.settings import check_settings, setting
 
 PATIENCE_PERIODS = 2.2
 """Time-out of a tracker in periods: one lost pose does not stop the arm."""
+
+_setting = partial(setting, 'dmp', read_only=True)
 
 
 @dataclass(frozen=True)
@@ -40,70 +43,54 @@ class Tracker:
     """
 
     name: str = 'tracker'
-    noise_m: float = setting(
-        'dmp',
+    noise_m: float = _setting(
         'tracker.noise_m',
         'Standard deviation of a pose on each axis, m',
         1e-09,
         1.0,
-        read_only=True,
     )
-    weight: float = setting(
-        'dmp',
+    weight: float = _setting(
         'tracker.weight',
         'Weight of a pose in addition to its noise; 2: as much as two poses',
         1e-06,
         1000000.0,
-        read_only=True,
     )
-    use_covariance: bool = setting(
-        'dmp',
+    use_covariance: bool = _setting(
         'tracker.use_covariance',
         'Whether the covariance of a message, if it has one, replaces noise_m',
-        read_only=True,
     )
-    delay_s: float = setting(
-        'dmp',
+    delay_s: float = _setting(
         'tracker.delay_s',
         'Delay of the stamps of the poses, s; negative: the stamps are early',
         -10.0,
         10.0,
-        read_only=True,
     )
-    bias: str = setting(
-        'dmp',
+    bias: str = _setting(
         'tracker.bias',
         'Constant offset of the poses: none, fixed (bias_m) or learnt (estimated from bias_m on, '
         'while another tracker sees the hand)',
         choices=('none', 'fixed', 'learnt'),
-        read_only=True,
     )
-    bias_m: tuple[float, ...] = setting(
-        'dmp', 'tracker.bias_m', 'Offset of the poses from the truth, (3,), m', read_only=True
+    bias_m: tuple[float, ...] = _setting(
+        'tracker.bias_m', 'Offset of the poses from the truth, (3,), m'
     )
-    bias_deviation_m: float = setting(
-        'dmp',
+    bias_deviation_m: float = _setting(
         'tracker.bias_deviation_m',
         'Standard deviation of a learnt bias about bias_m, m',
         1e-06,
         10.0,
-        read_only=True,
     )
-    bias_drift: float = setting(
-        'dmp',
+    bias_drift: float = _setting(
         'tracker.bias_drift',
         'Rate at which a learnt bias may change, m/√s',
         0.0,
         1.0,
-        read_only=True,
     )
-    rate_hz: float = setting(
-        'dmp',
+    rate_hz: float = _setting(
         'tracker.rate_hz',
         'Rate of the poses, Hz, from which a missing pose is noticed',
         0.1,
         10000.0,
-        read_only=True,
     )
 
     def __post_init__(self) -> None:
