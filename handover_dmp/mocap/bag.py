@@ -18,11 +18,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 import json
 from pathlib import Path
 import re
-from typing import Any
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
@@ -94,9 +93,7 @@ def read_bag_wrists(
 
         space = recorded_namespace(path, (HAND_POSE, DEMONSTRATOR_POSE))
         partner, demonstrator = HAND_POSE.within(space), DEMONSTRATOR_POSE.within(space)
-    streams = [_Stream(path, partner), _Stream(path, demonstrator)]
-    _fill(path, streams)
-    chosen = [stream.poses(clock) for stream in streams]
+    chosen = _read(path, (partner, demonstrator), clock)
     if chosen[0].label == chosen[1].label:
         raise DataError(f'{path}: P1 and P2 are both {chosen[0].label}; choose two bodies')
     if chosen[0].frame != chosen[1].frame:
@@ -106,8 +103,7 @@ def read_bag_wrists(
             f'{second.label} in {second.frame!r}'
         )
     chosen = _part(path, chosen, part)
-    if clock == 'stamp':
-        _check_clocks(path, chosen)
+    _check_clocks(path, chosen)
     found, axis = Known('m', BY_REP_103), Known('z', BY_REP_103)
     if unit is not None:
         found = Known(known_unit(unit, path.name), AS_TOLD)
@@ -115,15 +111,15 @@ def read_bag_wrists(
         axis = Known(up, AS_TOLD)
     scale = METRES[found.value]
     zero_ns = int(min(poses.times_ns.min() for poses in chosen))
-    series = [_series(poses, zero_ns) for poses in chosen]
+    ordered = [_by_time(poses, zero_ns) for poses in chosen]
     (partner_times, first), (other_times, second) = (
-        (times[seen], scale * places[seen]) for times, places, seen in series
+        (poses.seconds(zero_ns)[poses.seen], scale * poses.positions[poses.seen])
+        for poses in ordered
     )
-    if min(len(partner_times), len(other_times)) < _MIN_POSES:
+    fewest = min(len(partner_times), len(other_times))
+    if fewest < _MIN_POSES:
         short = chosen[0] if len(partner_times) < _MIN_POSES else chosen[1]
-        raise DataError(
-            f'{path}: {min(len(partner_times), len(other_times))} poses on {short.label}'
-        )
+        raise DataError(f'{path}: {fewest} poses on {short.label}')
     inside = (partner_times >= other_times[0]) & (partner_times <= other_times[-1])
     # P2 is unknown between two poses that are far apart in time.
     after = np.clip(np.searchsorted(other_times, partner_times), 1, len(other_times) - 1)
@@ -134,12 +130,15 @@ def read_bag_wrists(
             f'{path}: {chosen[0].label} and {chosen[1].label} do not overlap in time; '
             'if two clocks stamped them, --clock log uses the times of recording'
         )
-    turns = [turn_orientation_up(_turns(poses, zero_ns, times), axis.value) for poses in chosen]
+    turns = [
+        orientation_at(poses.seconds(zero_ns), poses.quaternions, times, MAX_HIDDEN_S)
+        for poses in ordered
+    ]
     start = float(partner_times[0])
     gaps = [
-        gap._replace(start_s=gap.start_s - start, end_s=gap.end_s - start)
-        for who, (all_times, _, seen) in zip(('P1', 'P2'), series, strict=True)
-        for gap in find_gaps(all_times, seen, who)
+        gap.since(start)
+        for who, poses in zip(('P1', 'P2'), ordered, strict=True)
+        for gap in find_gaps(poses.seconds(zero_ns), poses.seen, who)
     ]
     return WristMotion(
         times - start,
@@ -149,9 +148,9 @@ def read_bag_wrists(
         unit=found,
         up=axis,
         gaps=tuple(gaps),
-        remarks=(*_remarks(chosen, clock), *(() if up else doubts((first, second), axis.value))),
-        partner_orientation=turns[0],
-        demonstrator_orientation=turns[1],
+        remarks=(*_clock_remarks(chosen), *(() if up else doubts((first, second), axis.value))),
+        partner_orientation=turn_orientation_up(turns[0], axis.value),
+        demonstrator_orientation=turn_orientation_up(turns[1], axis.value),
     ).checked()
 
 
@@ -176,20 +175,16 @@ def read_body_paths(
 
     """
     path = Path(path)
-    streams = [_Stream(path, topic) for topic in asked]
-    _fill(path, streams)
-    chosen = _part(path, [stream.poses(clock) for stream in streams], part)
+    chosen = _part(path, _read(path, asked, clock), part)
     zero_ns = int(min(poses.times_ns.min() for poses in chosen))
     return [
         make_body_path(
             poses.label,
             poses.frame,
-            np.asarray((poses.times_ns - zero_ns) * 1e-9, dtype=np.float64),
+            poses.seconds(zero_ns),
             poses.positions,
             poses.quaternions,
-            float(np.median(poses.delays_ns)) * 1e-9
-            if len(poses.delays_ns) and clock == 'stamp'
-            else 0.0,
+            poses.delay_s,
         )
         for poses in chosen
     ]
@@ -245,28 +240,47 @@ class _Poses:
         label: topic and body, for messages.
         frame: frame of the poses.
         times_ns: (n,) by the chosen clock.
-        delays_ns: (n,) from stamp to recording; empty without stamps.
         logs_ns: (n,) times of recording.
         positions: (n, 3) m, NaN if the body was not seen.
         quaternions: (n, 4) x, y, z, w, NaN if there are none.
-        unstamped: number of further poses without a stamp, if others have one.
+        stamped: whether the times are stamps.
+        unstamped: number of further poses without a stamp, if the times are stamps.
 
     """
 
     label: str
     frame: str
     times_ns: NDArray[np.int64]
-    delays_ns: NDArray[np.int64]
     logs_ns: NDArray[np.int64]
     positions: Array
     quaternions: Array
+    stamped: bool
     unstamped: int
 
-    def cut(self, part: slice) -> _Poses:
-        return _Poses(
-            self.label, self.frame, self.times_ns[part], self.delays_ns[part],
-            self.logs_ns[part], self.positions[part], self.quaternions[part], self.unstamped,
-        )  # fmt: skip
+    @property
+    def delays_ns(self) -> NDArray[np.int64]:
+        """From stamp to recording, (n,) ns; 0 without stamps."""
+        return self.logs_ns - self.times_ns
+
+    @property
+    def delay_s(self) -> float:
+        """The median of the delays, s."""
+        return float(np.median(self.delays_ns)) * 1e-9
+
+    @property
+    def seen(self) -> NDArray[np.bool_]:
+        """Whether the body was seen, (n,)."""
+        return np.asarray(np.isfinite(self.positions).all(axis=1))
+
+    def seconds(self, zero_ns: int) -> Array:
+        """Return the times since another one, (n,) s."""
+        # With seconds since 1970 a double would resolve only some tenths of a microsecond.
+        return np.asarray((self.times_ns - zero_ns) * 1e-9, dtype=np.float64)
+
+    def cut(self, part: slice | NDArray[np.intp]) -> _Poses:
+        """Return some of the poses."""
+        arrays = ('times_ns', 'logs_ns', 'positions', 'quaternions')
+        return replace(self, **{name: getattr(self, name)[part] for name in arrays})
 
 
 @dataclass(eq=False)
@@ -309,22 +323,19 @@ class _Stream:
             raise DataError(
                 f'{self.path}: {label} changes from frame {frames[0]!r} to {frames[1]!r}'
             )
-        stamped = any(body.stamp_ns for _, body in rows)
-        unstamped = sum(not body.stamp_ns for _, body in rows) if stamped else 0
-        if unstamped and clock == 'stamp':
-            # A stamp of zero, as before the first time on a simulated clock.
-            rows = [(log_ns, body) for log_ns, body in rows if body.stamp_ns]
-        logs = np.array([log_ns for log_ns, _ in rows], dtype=np.int64)
-        stamps = np.array([body.stamp_ns for _, body in rows], dtype=np.int64)
+        stamped = clock == 'stamp' and any(body.stamp_ns for _, body in rows)
+        # A stamp may be zero, as before the first time on a simulated clock.
+        used = [(log_ns, body) for log_ns, body in rows if body.stamp_ns or not stamped]
+        times_ns = [body.stamp_ns if stamped else log_ns for log_ns, body in used]
         return _Poses(
             label,
             frames[0],
-            stamps if stamped and clock == 'stamp' else logs,
-            logs - stamps if stamped else np.zeros(0, dtype=np.int64),
-            logs,
-            np.array([body.seen_position for _, body in rows]),
-            np.array([body.orientation or (float('nan'),) * 4 for _, body in rows]),
-            unstamped,
+            np.array(times_ns, dtype=np.int64),
+            np.array([log_ns for log_ns, _ in used], dtype=np.int64),
+            np.array([body.seen_position for _, body in used]),
+            np.array([body.orientation or (float('nan'),) * 4 for _, body in used]),
+            stamped,
+            len(rows) - len(used),
         )
 
     def _body(self) -> str:
@@ -332,10 +343,10 @@ class _Stream:
             raise DataError(f'{self.path}: 0 poses on {self.topic}')
         _, chosen, wanted = self.asked.partition(':')
         names = list(self.found)
+        known = name_list([name.lstrip('#') for name in names])
         if not chosen:
             if len(names) == 1:
                 return names[0]
-            known = name_list([name.lstrip('#') for name in names])
             raise DataError(
                 f'{self.path}: {self.topic} holds several bodies; '
                 f'choose {self.topic}:NAME, of {known}'
@@ -348,14 +359,15 @@ class _Stream:
                         f'{max(self.counts)} poses without names: the bodies cannot be told apart'
                     )
                 return name
-        known = name_list([name.lstrip('#') for name in names])
         raise DataError(f'{self.path}: no {wanted!r} on {self.topic}; there are {known}')
 
 
-def _fill(path: Path, streams: Sequence[_Stream]) -> None:
+def _read(path: Path, asked: Sequence[str], clock: str) -> list[_Poses]:
+    """Return the poses of the requested bodies."""
     # Not at the top: mocap files are read without the libraries that bags need.
     from handover_dmp.recording import read_bag
 
+    streams = [_Stream(path, topic) for topic in asked]
     topics = {stream.topic for stream in streams}
     for topic, message, log_ns in read_bag(path, topics):
         found = bodies(message)
@@ -364,6 +376,7 @@ def _fill(path: Path, streams: Sequence[_Stream]) -> None:
         for stream in streams:
             if stream.topic == topic:
                 stream.take(found, log_ns)
+    return [stream.poses(clock) for stream in streams]
 
 
 def _part(path: Path, chosen: list[_Poses], part: int | None) -> list[_Poses]:
@@ -395,7 +408,7 @@ def _check_clocks(path: Path, chosen: Sequence[_Poses]) -> None:
     steps = [clock_step(poses.delays_ns) for poses in chosen]
     poses, step = max(zip(chosen, steps, strict=True), key=lambda pair: abs(pair[1]))
     # A simulation that stands still does so for both wrists and skips nothing.
-    together = all(len(each.delays_ns) for each in chosen) and abs(steps[0] - steps[1]) < STEP_NS
+    together = all(each.stamped for each in chosen) and abs(steps[0] - steps[1]) < STEP_NS
     if step and not (together and -int(np.diff(poses.delays_ns).min()) < STEP_NS):
         raise DataError(
             f'{path}: the clock of {poses.label} was set by {step * 1e-9:+.3f} s while it was '
@@ -403,39 +416,23 @@ def _check_clocks(path: Path, chosen: Sequence[_Poses]) -> None:
         )
 
 
-def _series(poses: _Poses, zero_ns: int) -> tuple[Array, Array, NDArray[Any]]:
-    """Return sorted unique times in s, positions, and when the body was seen."""
-    order = np.argsort(poses.times_ns, kind='stable')
-    times_ns, positions = poses.times_ns[order], poses.positions[order]
-    # With seconds since 1970 a double would resolve only some tenths of a microsecond.
-    times = np.asarray((times_ns - zero_ns) * 1e-9, dtype=np.float64)
-    again = np.flatnonzero(np.diff(times_ns) == 0) + 1
-    apart = np.linalg.norm(positions[again] - positions[again - 1], axis=1)
+def _by_time(poses: _Poses, zero_ns: int) -> _Poses:
+    """Sort poses by time; of several with one stamp, the first counts."""
+    poses = poses.cut(np.argsort(poses.times_ns, kind='stable'))
+    again = np.flatnonzero(np.diff(poses.times_ns) == 0) + 1
+    apart = np.linalg.norm(poses.positions[again] - poses.positions[again - 1], axis=1)
     if (apart > _SAME_PLACE_M).any():
-        at = times[again[np.flatnonzero(apart > _SAME_PLACE_M)[0]]]
+        at = poses.seconds(zero_ns)[again[np.argmax(apart > _SAME_PLACE_M)]]
         raise DataError(
             f'{poses.label}: at {at:.3f} s two poses with one stamp are '
             f'{np.nanmax(apart):.2g} m apart; do they belong to two bodies?'
         )
-    once = np.delete(np.arange(len(times)), again)
-    seen = np.asarray(np.isfinite(positions[once]).all(axis=1))
-    return times[once], positions[once], seen
-
-
-def _turns(poses: _Poses, zero_ns: int, at: Array) -> Array | None:
-    """Return the orientations of a body at some times, s; None if there are none."""
-    times_ns, once = np.unique(poses.times_ns, return_index=True)
-    times = np.asarray((times_ns - zero_ns) * 1e-9, dtype=np.float64)
-    return orientation_at(times, poses.quaternions[once], at, MAX_HIDDEN_S)
-
-
-def _remarks(chosen: Sequence[_Poses], clock: str) -> tuple[str, ...]:
-    return tuple(_clock_remarks(chosen)) if clock == 'stamp' else ()
+    return poses.cut(np.delete(np.arange(len(poses.times_ns)), again))
 
 
 def _clock_remarks(chosen: Sequence[_Poses]) -> Iterator[str]:
-    stamped = [poses for poses in chosen if len(poses.delays_ns)]
-    delays_s = [float(np.median(poses.delays_ns)) * 1e-9 for poses in stamped]
+    stamped = [poses for poses in chosen if poses.stamped]
+    delays_s = [poses.delay_s for poses in stamped]
     for poses in stamped:
         if poses.unstamped:
             yield f'{poses.label}: {poses.unstamped} poses without a stamp are left out'

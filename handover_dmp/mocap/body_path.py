@@ -41,7 +41,6 @@ class BodyPath:
         times: (n,) s, strictly increasing.
         positions: (n, 3) m.
         quaternions: (n, 4) x, y, z, w, of norm 1; None if there are none.
-        lost: number of invalid poses.
         delay_s: median time from the stamp to the recording, s; 0 if unknown.
 
     """
@@ -51,26 +50,7 @@ class BodyPath:
     times: Array
     positions: Array
     quaternions: Array | None = None
-    lost: int = 0
     delay_s: float = 0.0
-
-    def checked(self) -> BodyPath:
-        """
-        Check that there are enough poses.
-
-        Returns:
-            The same path.
-
-        Raises:
-            DataError: too few poses.
-
-        """
-        if len(self.times) < MIN_POSES:
-            lost = f' and {self.lost} invalid ones' if self.lost else ''
-            raise DataError(
-                f'{self.label}: {len(self.times)} poses{lost}; at least {MIN_POSES} are needed'
-            )
-        return self
 
 
 def make_body_path(
@@ -102,18 +82,21 @@ def make_body_path(
     order = np.argsort(times, kind='stable')
     once = order[np.concatenate([[True], np.diff(times[order]) > 0.0])] if len(order) else order
     seen = once[np.isfinite(positions[once]).all(axis=1)]
+    if len(seen) < MIN_POSES:
+        invalid = len(once) - len(seen)
+        lost = f' and {invalid} invalid ones' if invalid else ''
+        raise DataError(f'{label}: {len(seen)} poses{lost}; at least {MIN_POSES} are needed')
     turns = quaternions[seen]
     norms = np.linalg.norm(turns, axis=1, keepdims=True)
-    turned = bool(len(seen)) and bool(np.isfinite(norms).all()) and bool((norms > 0.0).all())
+    turned = bool(np.isfinite(norms).all()) and bool((norms > 0.0).all())
     return BodyPath(
         label,
         frame,
         times[seen],
         positions[seen],
         turns / norms if turned else None,
-        len(once) - len(seen),
         delay_s,
-    ).checked()
+    )
 
 
 def read_body_csv(path: str | Path) -> BodyPath:

@@ -30,8 +30,6 @@ from handover_dmp.mocap.up_axis import turn_up
 import numpy as np
 from numpy.typing import ArrayLike
 
-Array = Array
-
 AXES_OF_TURN = ('qx', 'qy', 'qz', 'qw')
 NORM_TOLERANCE = 0.01
 """Tolerance of the norm, for numbers with few digits."""

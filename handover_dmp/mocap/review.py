@@ -77,7 +77,7 @@ def review(trial: HandoverTrial, motion: WristMotion, start_s: float) -> Review:
     peaks = (float(speeds[0].max()), float(speeds[1].max()))
     nearest_m = float(np.linalg.norm(trial.partner - trial.demonstrator, axis=1).min())
     gaps = tuple(
-        gap._replace(start_s=gap.start_s - start_s, end_s=gap.end_s - start_s)
+        gap.since(start_s)
         for gap in motion.gaps
         if gap.end_s > start_s and gap.start_s < start_s + trial.duration_s
     )

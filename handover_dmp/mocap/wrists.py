@@ -59,6 +59,10 @@ class Gap(NamedTuple):
     start_s: float
     end_s: float
 
+    def since(self, zero_s: float) -> Gap:
+        """Return the gap on a clock that starts at a time, s."""
+        return self._replace(start_s=self.start_s - zero_s, end_s=self.end_s - zero_s)
+
 
 class Known(NamedTuple):
     """
