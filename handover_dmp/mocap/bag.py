@@ -94,13 +94,12 @@ def read_bag_wrists(
         space = recorded_namespace(path, (HAND_POSE, DEMONSTRATOR_POSE))
         partner, demonstrator = HAND_POSE.within(space), DEMONSTRATOR_POSE.within(space)
     chosen = _read(path, (partner, demonstrator), clock)
-    if chosen[0].label == chosen[1].label:
-        raise DataError(f'{path}: P1 and P2 are both {chosen[0].label}; choose two bodies')
-    if chosen[0].frame != chosen[1].frame:
-        first, second = chosen
+    one, other = chosen
+    if one.label == other.label:
+        raise DataError(f'{path}: P1 and P2 are both {one.label}; choose two bodies')
+    if one.frame != other.frame:
         raise DataError(
-            f'{path}: {first.label} is in frame {first.frame!r}, '
-            f'{second.label} in {second.frame!r}'
+            f'{path}: {one.label} is in frame {one.frame!r}, {other.label} in {other.frame!r}'
         )
     chosen = _part(path, chosen, part)
     _check_clocks(path, chosen)

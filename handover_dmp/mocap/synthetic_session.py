@@ -34,14 +34,13 @@ from dataclasses import dataclass, field, replace
 import math
 
 from handover_dmp.common.arrays import Array
-from handover_dmp.mocap.garage import CONFIGURATIONS, GarageScene, SCENES
+from handover_dmp.mocap.garage import CONFIGURATIONS, SCENES
 from handover_dmp.mocap.segmentation import Segment
 from handover_dmp.mocap.session import RecordedSession
 from handover_dmp.mocap.synthetic import (
     check_request,
     NOISE_M,
     plan_handover,
-    PlannedHandover,
     RATE_HZ,
     REST_SPREAD_M,
     TRIALS,
@@ -172,7 +171,12 @@ def _make_session(
     demonstrator = _Way(np.array(scene.assistant_at_rest) + spread(random, REST_SPREAD_M))
     partner = _Way(give.work)
 
-    _pick_up(random, scene, pace_s, demonstrator, give)
+    # P2 picks up the tool and brings it to the start of the give
+    tool = np.array(scene.tool) + spread(random, REST_SPREAD_M)
+    demonstrator.go(random, random.uniform(0.30, 0.60), _PICK_UP_SHARE * pace_s, tool)
+    grasped_s = demonstrator.free_s + random.uniform(0.25, 0.45)
+    demonstrator.go(random, grasped_s, _PICK_UP_SHARE * pace_s, give.demonstrator.start)
+
     give_s = _sample_after(demonstrator.free_s + random.uniform(0.80, 1.20), rate_hz)
     busy_until_s = give_s - 0.4
     if give.partner is None:
@@ -259,29 +263,11 @@ def _turned(
     return path
 
 
-def _pick_up(
-    random: RandomState,
-    scene: GarageScene,
-    pace_s: float,
-    demonstrator: _Way,
-    give: PlannedHandover,
-) -> None:
-    """Let P2 pick up the tool and bring it to the start of the give."""
-    tool = np.array(scene.tool) + spread(random, REST_SPREAD_M)
-    demonstrator.go(random, random.uniform(0.30, 0.60), _PICK_UP_SHARE * pace_s, tool)
-    grasped_s = demonstrator.free_s + random.uniform(0.25, 0.45)
-    demonstrator.go(random, grasped_s, _PICK_UP_SHARE * pace_s, give.demonstrator.start)
-
-
 def _later(reach: CorrectedReach, by_s: float) -> CorrectedReach:
-    return CorrectedReach(
-        reach.onset_s + by_s,
-        reach.duration_s,
-        reach.start,
-        reach.goal,
-        reach.aim,
-        reach.correction_onset_s + by_s,
-        reach.curve,
+    return replace(
+        reach,
+        onset_s=reach.onset_s + by_s,
+        correction_onset_s=reach.correction_onset_s + by_s,
     )
 
 

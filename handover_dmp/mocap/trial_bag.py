@@ -38,6 +38,7 @@ START_NS = 10**9
 REST_BEFORE_S = 0.5
 REST_AFTER_S = 5.0
 """Longest duration of a handover after the end of its recording, s."""
+_Pose = tuple[Sequence[float], Sequence[float]]
 _Row = tuple[int, str, Message]
 
 
@@ -84,13 +85,8 @@ def _rows(trial: HandoverTrial) -> Iterator[_Row]:
     step_ns = round(float(np.median(np.diff(trial.times))) * 1e9)
     before = range(-round(REST_BEFORE_S * 1e9 / step_ns), 0)
     after = range(1, round(REST_AFTER_S * 1e9 / step_ns) + 1)
-    partner, demonstrator = (
-        list(zip(places.tolist(), _turns(turns, len(places)), strict=True))
-        for places, turns in (
-            (trial.partner, trial.partner_orientation),
-            (trial.demonstrator, trial.demonstrator_orientation),
-        )
-    )
+    partner = _poses(trial.partner, trial.partner_orientation)
+    demonstrator = _poses(trial.demonstrator, trial.demonstrator_orientation)
     for count in before:
         yield _pose(HAND_POSE, times_ns[0] + count * step_ns, partner[0])
     yield START_NS, SIGNAL.name, header(START_NS, FRAME)
@@ -101,14 +97,12 @@ def _rows(trial: HandoverTrial) -> Iterator[_Row]:
         yield _pose(HAND_POSE, times_ns[-1] + count * step_ns, partner[-1])
 
 
-def _turns(quaternions: Array | None, count: int) -> Sequence[Sequence[float]]:
-    if quaternions is None:
-        return [IDENTITY] * count
-    turns: Sequence[Sequence[float]] = quaternions.tolist()
-    return turns
+def _poses(places: Array, quaternions: Array | None) -> list[_Pose]:
+    turns = [IDENTITY] * len(places) if quaternions is None else quaternions.tolist()
+    return list(zip(places.tolist(), turns, strict=True))
 
 
-def _pose(topic: Topic, time_ns: int, pose: tuple[Sequence[float], Sequence[float]]) -> _Row:
+def _pose(topic: Topic, time_ns: int, pose: _Pose) -> _Row:
     position, orientation = pose
     return time_ns, topic.name, pose_stamped(time_ns, position, orientation, frame=FRAME)
 
