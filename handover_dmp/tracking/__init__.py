@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from handover_dmp.tracking.goal_estimator import GoalEstimator, HandEstimate
     from handover_dmp.tracking.hand_filter import HandFilter
     from handover_dmp.tracking.playback import HandSample, Replay
-    from handover_dmp.tracking.sensor_model import Observation, SensorModel
+    from handover_dmp.tracking.sensor_model import SensorModel
     from handover_dmp.tracking.tracker import Tracker
     from handover_dmp.tracking.tracker_watch import TrackerReport
 
@@ -38,7 +38,6 @@ _HOMES = {
     'HandEstimate': 'goal_estimator',
     'HandFilter': 'hand_filter',
     'HandSample': 'playback',
-    'Observation': 'sensor_model',
     'Replay': 'playback',
     'SensorModel': 'sensor_model',
     'Tracker': 'tracker',
@@ -50,7 +49,6 @@ __all__ = [
     'HandEstimate',
     'HandFilter',
     'HandSample',
-    'Observation',
     'Replay',
     'SensorModel',
     'Tracker',

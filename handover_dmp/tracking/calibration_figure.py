@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import UsageError
 from handover_dmp.common.files import replacing
 from handover_dmp.common.plot_style import PLOT_STYLE
@@ -117,7 +116,7 @@ def _draw_plan(found: Calibration, axes: Axes) -> None:
     counted = found.counted
     axes.plot(found.seen[counted, 0], found.seen[counted, 1], '.', color=SEEN, ms=3)
     axes.plot(found.expected[:, 0], found.expected[:, 1], color=EXPECTED, lw=0.8)
-    place, turn = found.position, _matrix(found)
+    place, turn = found.position, Rotation.from_quat(found.quaternion).as_matrix()
     size = 0.12 * max(float(np.ptp(found.expected[:, :2])), float(np.abs(place[:2]).max()), 0.5)
     for axis, colour in enumerate(('#d62728', '#2ca02c', '#1f77b4')):
         tip = place + size * turn[:, axis]
@@ -132,7 +131,3 @@ def _draw_plan(found: Calibration, axes: Axes) -> None:
     axes.set_xlabel('X / m')
     axes.set_ylabel('Y / m')
     axes.set_title('from above')
-
-
-def _matrix(found: Calibration) -> Array:
-    return np.asarray(Rotation.from_quat(found.quaternion).as_matrix())

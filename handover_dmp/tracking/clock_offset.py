@@ -19,8 +19,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from handover_dmp.common.arrays import Array
 import numpy as np
+
+StampedPath = Sequence[tuple[float, tuple[float, float, float]]]
 
 MAX_OFFSET_S = 0.6
 STEP_S = 0.02
@@ -44,20 +45,22 @@ class ClockOffset(NamedTuple):
     deviation_s: float
 
 
-def clock_offset(times: Array, path: Array, of_times: Array, of_path: Array) -> ClockOffset | None:
+def clock_offset(poses: StampedPath, other: StampedPath) -> ClockOffset | None:
     """
     Find the time shift for which two paths fit best, up to a constant offset in space.
 
     Args:
-        times: (n,) s, increasing, stamps of the tracker in question.
-        path: (n, 3) m, its positions.
-        of_times: (m,) s, increasing, stamps of the other tracker.
-        of_path: (m, 3) m, its positions.
+        poses: stamp (s) and position (m) of each pose of the tracker in question, in order of
+            their stamps.
+        other: the same of the other tracker.
 
     Returns:
         The delay of the first one's stamps; None if the motion does not determine it.
 
     """
+    times, path, of_times, of_path = (
+        np.array([pose[part] for pose in each]) for each in (poses, other) for part in (0, 1)
+    )
     if len(times) < MIN_SAMPLES or len(of_times) < MIN_SAMPLES:
         return None
     inside = (times > of_times[0] + MAX_OFFSET_S) & (times < of_times[-1] - MAX_OFFSET_S)
@@ -86,24 +89,3 @@ def clock_offset(times: Array, path: Array, of_times: Array, of_path: Array) -> 
     variance = least / (3.0 * count)
     deviation = float(np.sqrt(2.0 * variance / curvature)) * _CORRELATION
     return ClockOffset(float(offsets[best] + shift), deviation)
-
-
-def compare_paths(
-    path: Sequence[tuple[float, tuple[float, float, float]]],
-    other: Sequence[tuple[float, tuple[float, float, float]]],
-) -> ClockOffset | None:
-    """
-    Find the same from stamped positions.
-
-    Args:
-        path: stamp (s) and position (m) of each pose of the tracker in question.
-        other: the same of the other tracker.
-
-    Returns:
-        As `clock_offset`.
-
-    """
-    times, places, of_times, of_places = (
-        np.array([pose[part] for pose in poses]) for poses in (path, other) for part in (0, 1)
-    )
-    return clock_offset(times, places, of_times, of_places)

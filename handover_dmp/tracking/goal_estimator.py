@@ -306,7 +306,7 @@ class GoalEstimator:
         """List the other trackers that currently see the hand."""
         if len(self._watches) == 1:
             return []
-        since_s = self._now_s - self.parameters.lost_s
+        since_s = self._since_s()
         return [
             watch
             for other, watch in enumerate(self._watches)
@@ -389,14 +389,14 @@ class GoalEstimator:
     def _compare_clocks(self) -> None:
         """Find a tracker whose clock differs, while the hand moves enough to determine it."""
         # imported here: one tracker alone needs no NumPy
-        from handover_dmp.tracking.clock_offset import compare_paths
+        from handover_dmp.tracking.clock_offset import clock_offset
 
         known = [watch for watch in self._watches if watch.path]
         if len(known) < 2:
             return
         best = min(known, key=lambda watch: watch.tracker.variance)
         for watch in known:
-            found = None if watch is best else compare_paths(watch.path, best.path)
+            found = None if watch is best else clock_offset(watch.path, best.path)
             if found is None:
                 continue
             offset = found.offset_s

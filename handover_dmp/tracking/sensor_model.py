@@ -28,7 +28,6 @@ from typing import NamedTuple
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import UsageError
 from handover_dmp.mocap.filtering import interpolate
-from handover_dmp.mocap.trial import HandoverTrial
 import numpy as np
 from numpy.random import RandomState
 
@@ -135,19 +134,6 @@ class SensorModel:
             share = min(max((elapsed_s - self.fault_at_s) / DRIFT_S, 0.0), 1.0)
             off += share * np.array(self.fault_m)
         return off
-
-    def observe(self, trial: HandoverTrial) -> list[Observation]:
-        """
-        Observe the hand of P1.
-
-        Args:
-            trial: the handover; its P1 is the truth.
-
-        Returns:
-            The poses in the order of arrival, on the clock of the trial.
-
-        """
-        return self.observe_motion(trial.times, trial.partner)
 
     def observe_motion(self, times: Array, positions: Array) -> list[Observation]:
         """

@@ -116,14 +116,10 @@ def _read(name: str) -> list[TrackerPreset]:
 
 
 def _tracker(path: Path, name: str, values: Mapping[str, Any]) -> TrackerPreset:
-    own = {
-        key.removeprefix(f'{name}.'): value
-        for key, value in values.items()
-        if key.startswith(f'{name}.')
-    }
+    own = _within(f'{name}.', values)
     known = {
-        *(key.removeprefix('tracker.') for key in defaults('dmp') if key.startswith('tracker.')),
-        *(key for key in defaults('hand_tracker') if key.startswith(SENSOR)),
+        *_within('tracker.', defaults('dmp')),
+        *(SENSOR + key for key in _within(SENSOR, defaults('hand_tracker'))),
     }
     unknown = sorted(set(own) - known)
     if unknown:
@@ -132,18 +128,19 @@ def _tracker(path: Path, name: str, values: Mapping[str, Any]) -> TrackerPreset:
     try:
         return TrackerPreset(
             Tracker(name, **{key: _plain(one) for key, one in own.items() if key in told}),
-            SensorModel(
-                **{
-                    key.removeprefix(SENSOR): _plain(one)
-                    for key, one in own.items()
-                    if key.startswith(SENSOR)
-                }
-            ),
+            SensorModel(**{key: _plain(one) for key, one in _within(SENSOR, own).items()}),
             str(own.get('topic', defaults('dmp')['tracker.topic'])),
             own,
         )
     except (UsageError, TypeError, ValueError) as error:
         raise UsageError(f'{path}: {error}') from error
+
+
+def _within(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values whose names have a prefix, by their names without it."""
+    return {
+        key.removeprefix(prefix): value for key, value in values.items() if key.startswith(prefix)
+    }
 
 
 def _plain(value: Any) -> Any:

@@ -117,7 +117,9 @@ def test_delay_is_made_up_for_as_documented(rate_hz, error_mm, newest_mm):
     takes = [condition(trial) for trial in synthesize() if trial.direction == 'take']
     for seed, trial in enumerate(takes):
         truth = interpolate(trial.times, trial.partner)
-        waiting = SensorModel(rate_hz, noise_m=5e-4, delay_s=0.03, seed=seed).observe(trial)
+        waiting = SensorModel(rate_hz, noise_m=5e-4, delay_s=0.03, seed=seed).observe_motion(
+            trial.times, trial.partner
+        )
         estimator = GoalEstimator()
         newest = None
         for now in np.arange(0.1, trial.times[-1], 0.005):

@@ -36,7 +36,7 @@ def long_motion():
 
 def test_a_perfect_tracker(trial):
     truth = interpolate(trial.times, trial.partner)
-    seen = SensorModel(rate_hz=60.0).observe(trial)
+    seen = SensorModel(rate_hz=60.0).observe_motion(trial.times, trial.partner)
     assert len(seen) == int(trial.duration_s * 60.0 + 1e-6) + 1
     for arrival, stamp, position in seen:
         assert arrival == stamp
@@ -111,7 +111,7 @@ def test_an_offset_and_a_wrong_clock():
 
 def test_a_seed_sees_the_same(trial):
     def positions(seed):
-        seen = SensorModel(noise_m=1e-3, seed=seed).observe(trial)
+        seen = SensorModel(noise_m=1e-3, seed=seed).observe_motion(trial.times, trial.partner)
         return np.array([observation.position for observation in seen])
 
     np.testing.assert_array_equal(positions(4), positions(4))
@@ -119,7 +119,7 @@ def test_a_seed_sees_the_same(trial):
 
 
 def test_everything_lost(trial):
-    assert SensorModel(dropout=1.0).observe(trial) == []
+    assert SensorModel(dropout=1.0).observe_motion(trial.times, trial.partner) == []
 
 
 @pytest.mark.parametrize(

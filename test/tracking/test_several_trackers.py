@@ -137,22 +137,28 @@ def test_who_disagrees_is_named(name, who):
     assert all('left out' in words for words in said)
 
 
+def stamped(times, path):
+    return list(zip(times.tolist(), map(tuple, path.tolist()), strict=True))
+
+
 def test_the_offset_of_a_clock_is_told_with_its_uncertainty():
     times = np.arange(0.0, 4.0, 0.03)
     path = np.column_stack([0.4 * np.tanh(3.0 * (times - 2.0)), np.sin(times), 0.0 * times])
     random = np.random.default_rng(0)
     found = [
         clock_offset(
-            times + 0.12, path + 0.02 + 0.004 * random.standard_normal(path.shape), times, path
+            stamped(times + 0.12, path + 0.02 + 0.004 * random.standard_normal(path.shape)),
+            stamped(times, path),
         )
         for _ in range(20)
     ]
     errors = np.array([one.offset_s - 0.12 for one in found])
     assert np.abs(errors).max() < 4.0 * np.mean([one.deviation_s for one in found]) < 0.02
     still = np.full_like(path, 0.3) + 0.004 * random.standard_normal(path.shape)
-    assert clock_offset(times, still, times, still) is None
+    assert clock_offset(stamped(times, still), stamped(times, still)) is None
     line = np.column_stack([0.3 * times, 0.0 * times, 0.0 * times])
-    even = clock_offset(times, line + 0.004 * random.standard_normal(path.shape), times, line)
+    noisy = line + 0.004 * random.standard_normal(path.shape)
+    even = clock_offset(stamped(times, noisy), stamped(times, line))
     assert even is None or even.deviation_s > 0.05, 'at constant speed it is a mere distance'
 
 
