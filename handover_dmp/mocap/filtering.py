@@ -179,8 +179,7 @@ def velocities(times: ArrayLike, positions: ArrayLike) -> Array:
         (n, d) m/s, the derivative of the interpolating cubic spline.
 
     """
-    derivative: Array = interpolate(times, positions).derivative()(times)
-    return derivative
+    return np.asarray(interpolate(times, positions).derivative()(times))
 
 
 def _fit(elapsed: Array, samples: Array, period: float, cutoff_hz: float) -> BSpline:

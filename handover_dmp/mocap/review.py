@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 from handover_dmp.mocap.filtering import smooth
 from handover_dmp.mocap.trial import HandoverTrial
-from handover_dmp.mocap.wrists import extent, Gap, WristMotion
+from handover_dmp.mocap.wrists import extent, Gap, STAMP_ROUNDING_S, WristMotion
 import numpy as np
 
 MAX_USUAL_SPEED = 3.0
@@ -110,16 +110,13 @@ def review(trial: HandoverTrial, motion: WristMotion, start_s: float) -> Review:
 
 def _fewest_between(times: np.ndarray, gaps: tuple[Gap, ...]) -> int:
     """Return the number of samples of the shortest stretch in which both wrists were seen."""
-    tolerance = 1e-6
-    unseen = np.zeros(len(times), dtype=bool)
+    seen = np.ones(len(times), dtype=bool)
     edges = set()
     for gap in gaps:
-        unseen |= (times > gap.start_s + tolerance) & (times < gap.end_s - tolerance)
-        edges.add(int(np.searchsorted(times, gap.end_s - tolerance)))
-    stretches = [part[~gone] for part, gone in zip(
-        np.split(times, sorted(edges)), np.split(unseen, sorted(edges)), strict=True,
-    )]  # fmt: skip
-    return min((len(part) for part in stretches if len(part)), default=0)
+        seen &= ~gap.hides(times)
+        edges.add(int(np.searchsorted(times, gap.end_s - STAMP_ROUNDING_S)))
+    counts = [int(part.sum()) for part in np.split(seen, sorted(edges))]
+    return min((count for count in counts if count), default=0)
 
 
 def _speeds(trial: HandoverTrial, wrist: np.ndarray) -> np.ndarray:

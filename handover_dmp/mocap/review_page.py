@@ -23,6 +23,7 @@ from typing import Any
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.mocap.review import Review
+from handover_dmp.mocap.wrists import STAMP_ROUNDING_S
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 import numpy as np
@@ -118,8 +119,7 @@ def _broken(one: Review, who: str) -> Array:
     trial = one.trial
     line = np.column_stack([trial.times, trial.partner if who == 'P1' else trial.demonstrator])
     for gap in one.gaps:
-        inside = (trial.times > gap.start_s + 1e-6) & (trial.times < gap.end_s - 1e-6)
         if gap.who == who:
-            line[inside, 1:] = np.nan
-    ends = np.searchsorted(trial.times, [gap.end_s - 1e-6 for gap in one.gaps])
+            line[gap.hides(trial.times), 1:] = np.nan
+    ends = np.searchsorted(trial.times, [gap.end_s - STAMP_ROUNDING_S for gap in one.gaps])
     return np.insert(line, ends[(ends > 0) & (ends < len(line))], np.nan, axis=0)

@@ -214,7 +214,7 @@ def segment(motion: WristMotion, thresholds: Segmentation | None = None) -> Segm
         times = motion.times[first:end]
         if len(times) < 4 or times[-1] - times[0] < thresholds.min_duration_s:
             continue
-        section = _Section.of(motion, first, end)
+        section = SmoothedStretch.of(motion, first, end)
         free_from = 0
         meetings = section.meetings(thresholds)
         nexts = [near for near, _ in meetings[1:]] + [len(section.times) - 1]
@@ -234,7 +234,7 @@ def segment(motion: WristMotion, thresholds: Segmentation | None = None) -> Segm
 
 
 @dataclass(frozen=True, eq=False)
-class _Section:
+class SmoothedStretch:
     """
     A stretch of the recording without gaps, smoothed, at an even rate.
 
@@ -254,7 +254,19 @@ class _Section:
     closing: Array
 
     @classmethod
-    def of(cls, motion: WristMotion, first: int, end: int) -> _Section:
+    def of(cls, motion: WristMotion, first: int, end: int) -> SmoothedStretch:
+        """
+        Smooth a stretch of a recording.
+
+        Args:
+            motion: the recording.
+            first: index of the first sample.
+            end: index after the last sample, at least 4 later.
+
+        Returns:
+            The stretch.
+
+        """
         both = np.hstack([motion.partner[first:end], motion.demonstrator[first:end]])
         times, positions, velocities = smooth(motion.times[first:end], both, RATE_HZ)
         return cls(
@@ -352,18 +364,19 @@ def _onset(speed: Array, free_from: int, meeting: int, thresholds: Segmentation)
     fast = np.flatnonzero(speed[free_from: meeting + 1] > thresholds.reach_speed)  # fmt: skip
     if len(fast) == 0:
         return None
-    last_fast = free_from + int(fast[-1])
-    rests = np.flatnonzero(speed[free_from:last_fast] < thresholds.moving_speed)
-    return free_from + int(rests[-1]) if len(rests) else free_from
+    return _last_rest(speed, free_from, free_from + int(fast[-1]), thresholds)
 
 
 def _leaves(speed: Array, meeting: int, following: int, thresholds: Segmentation) -> int | None:
     """Return the index at which the first motion after the exchange left its rest."""
     fast = _first(speed[meeting: following + 1] > thresholds.reach_speed)  # fmt: skip
-    if fast is None:
-        return None
-    rests = np.flatnonzero(speed[meeting: meeting + fast] < thresholds.moving_speed)  # fmt: skip
-    return meeting + int(rests[-1]) if len(rests) else meeting
+    return None if fast is None else _last_rest(speed, meeting, meeting + fast, thresholds)
+
+
+def _last_rest(speed: Array, first: int, end: int, thresholds: Segmentation) -> int:
+    """Return the last index before `end` at which a hand rests; `first` if it never does."""
+    rests = np.flatnonzero(speed[first:end] < thresholds.moving_speed)
+    return first + int(rests[-1]) if len(rests) else first
 
 
 def _started(speed: Array, onset: int, meeting: int) -> int:

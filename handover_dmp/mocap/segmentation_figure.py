@@ -21,8 +21,7 @@ from pathlib import Path
 from handover_dmp.common.errors import UsageError
 from handover_dmp.common.files import replacing
 from handover_dmp.common.plot_style import PLOT_STYLE
-from handover_dmp.mocap.filtering import smooth
-from handover_dmp.mocap.segmentation import SegmentedMotion
+from handover_dmp.mocap.segmentation import SegmentedMotion, SmoothedStretch
 from handover_dmp.mocap.session_figure import (
     DEMONSTRATOR_LINE,
     motion_curves,
@@ -60,7 +59,8 @@ def draw_segmentation(segmented: SegmentedMotion, path: str | Path) -> None:
     with rc_context(PLOT_STYLE):
         width = session_width(float(motion.times[-1] - motion.times[0]))
         figure = Figure(figsize=(width, _HEIGHT_IN), layout='constrained')
-        check_picture(figure, path)
+        if path.suffix.lstrip('.').lower() not in figure.canvas.get_supported_filetypes():
+            raise UsageError(f'{path}: unknown image format; use .png or .svg')
         shaded, curves = shaded_segments(segmented.segments), motion_curves(motion)
         heights = np.array(panel_heights(curves))
         every = figure.subplots(
@@ -71,12 +71,10 @@ def draw_segmentation(segmented: SegmentedMotion, path: str | Path) -> None:
         for first, end in motion.spans():
             if end - first < 4:
                 continue
-            both = np.hstack([motion.partner[first:end], motion.demonstrator[first:end]])
-            times, positions, velocities = smooth(motion.times[first:end], both)
-            distance = np.linalg.norm(positions[:, 3:] - positions[:, :3], axis=1)
-            distances.plot(times, distance, color='#111111', lw=1.4)
-            for velocity, colour in zip(np.split(velocities, 2, axis=1), _COLOURS, strict=True):
-                speeds.plot(times, np.linalg.norm(velocity, axis=1), color=colour, lw=1.2)
+            stretch = SmoothedStretch.of(motion, first, end)
+            distances.plot(stretch.times, stretch.distance, color='#111111', lw=1.4)
+            for speed, colour in zip(stretch.speeds, _COLOURS, strict=True):
+                speeds.plot(stretch.times, speed, color=colour, lw=1.2)
         for axes in (distances, speeds):
             shade_exchanges(axes, shaded, named=False)
             axes.set_ylim(bottom=0.0)
@@ -101,22 +99,6 @@ def draw_segmentation(segmented: SegmentedMotion, path: str | Path) -> None:
         )
         with replacing(path) as temporary:
             figure.savefig(temporary, dpi=110)
-
-
-def check_picture(figure: Figure, path: Path) -> None:
-    """
-    Make sure that a figure can be saved as a file of this suffix.
-
-    Args:
-        figure: the figure.
-        path: image file.
-
-    Raises:
-        UsageError: matplotlib does not know the suffix.
-
-    """
-    if path.suffix.lstrip('.').lower() not in figure.canvas.get_supported_filetypes():
-        raise UsageError(f'{path}: unknown image format; use .png or .svg')
 
 
 def _mark_passages(segmented: SegmentedMotion, axes: Axes) -> None:

@@ -88,8 +88,7 @@ class RecordedSession:
         for begin, end in reversed(stands.reshape(-1, 2).tolist()):
             # before the start of a recording nothing is known
             if begin > 0 and times[end - 1] - times[begin] >= STILL_S:
-                place: Array = wrist[begin:end].mean(axis=0)
-                return place
+                return np.asarray(wrist[begin:end].mean(axis=0))
         return None
 
     def low_passed(self, cutoff_hz: float) -> RecordedSession:

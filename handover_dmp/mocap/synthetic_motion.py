@@ -94,10 +94,7 @@ class CorrectedReach:
         first = rise((times - self.onset_s) / (0.95 * self.duration_s))[:, None]
         second = rise((times - self.correction_onset_s) / correction_duration)[:, None]
         straight = self.start + first * (self.aim - self.start) + second * (self.goal - self.aim)
-        curved: Array = straight + bump((times - self.onset_s) / self.duration_s)[:, None] * (
-            self.curve
-        )
-        return curved
+        return straight + bump((times - self.onset_s) / self.duration_s)[:, None] * self.curve
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,15 +146,13 @@ class HandSway:
         position = np.clip(times / _SWAY_PERIOD_S + self.ahead, -1.0, len(self.places)) + 1.0
         here = position.astype(int)
         share = rise(position - here)[:, None]
-        wandering: Array = places[here] + share * (places[here + 1] - places[here])
-        return wandering
+        return np.asarray(places[here] + share * (places[here + 1] - places[here]))
 
 
 def rise(u: Array) -> Array:
     """Rise from 0 to 1 for u from 0 to 1, at rest at both ends (Flash and Hogan 1985)."""
     u = np.clip(u, 0.0, 1.0)
-    share: Array = u * u * u * (10.0 + u * (6.0 * u - 15.0))
-    return share
+    return u * u * u * (10.0 + u * (6.0 * u - 15.0))
 
 
 def bump(u: Array) -> Array:
@@ -184,5 +179,4 @@ def drawn_about(random: RandomState, mean: float, deviation: float) -> float:
 
 def clipped_normal(random: RandomState, shape: int | tuple[int, int]) -> Array:
     """Draw normal numbers, clipped to 2 standard deviations."""
-    drawn: Array = np.clip(random.standard_normal(shape), -2.0, 2.0)
-    return drawn
+    return np.clip(random.standard_normal(shape), -2.0, 2.0)

@@ -79,8 +79,7 @@ class WristTurn:
     def at(self, share: Array) -> Array:
         """Return the orientations at shares (n,) of the reach; (n, 4), not yet normalised."""
         arch = (4.0 * share * (1.0 - share))[:, None]
-        path: Array = self.first + share[:, None] * (self.last - self.first) + arch * self.wobble
-        return path
+        return self.first + share[:, None] * (self.last - self.first) + arch * self.wobble
 
 
 def draw_turns(
@@ -128,5 +127,4 @@ def _draw(random: RandomState, pair: Pair) -> WristTurn:
 
 def _near(random: RandomState, turn: Array) -> Array:
     other = turn + _SPREAD * np.clip(random.standard_normal(4), -2.0, 2.0)
-    near: Array = other / np.sqrt((other * other).sum())
-    return near
+    return np.asarray(other / np.sqrt((other * other).sum()))

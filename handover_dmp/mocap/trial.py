@@ -141,8 +141,7 @@ class HandoverTrial:
         return float(1.0 / np.median(np.diff(self.times)))
 
 
-@dataclass(frozen=True)
-class Fault:
+class Fault(NamedTuple):
     """
     A fault in a set of samples.
 
@@ -233,22 +232,15 @@ def read_trial(
         number = known[2] if number is None else number
     if direction not in DIRECTIONS:
         raise DataError(f"{path}: exchange {direction!r} instead of 'give' or 'take'")
+    about: dict[str, Any] = {
+        'configuration': configuration,
+        'direction': direction,
+        'number': number,
+    }
     way_back = None
     if path.parent.name != WAY_BACK_FOLDER and way_back_file(path).exists():
-        way_back = read_trial(
-            way_back_file(path),
-            configuration=str(configuration),
-            direction=direction,
-            number=int(number or 0),
-        )
-    return HandoverTrial(
-        **columns._asdict(),
-        configuration=str(configuration),
-        direction=direction,
-        number=int(number or 0),
-        source=path.name,
-        way_back=way_back,
-    )
+        way_back = read_trial(way_back_file(path), **about)
+    return HandoverTrial(**columns._asdict(), **about, source=path.name, way_back=way_back)
 
 
 class WristColumns(NamedTuple):
@@ -283,6 +275,10 @@ class WristColumns(NamedTuple):
 
         """
         return cls(*(getattr(recorded, name) for name in cls._fields))
+
+    def cut(self, part: slice) -> WristColumns:
+        """Return some of the samples."""
+        return self._make(None if column is None else column[part] for column in self)
 
 
 def read_columns(path: Path) -> WristColumns:

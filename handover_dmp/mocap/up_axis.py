@@ -59,8 +59,7 @@ def turn_up(positions: Array, up: str) -> Array:
         (n, 3) in the same unit.
 
     """
-    turned: Array = positions @ np.array(_TURNS[up], dtype=np.float64).T
-    return turned
+    return np.asarray(positions @ np.array(_TURNS[up], dtype=np.float64).T)
 
 
 def resting_axes(wrists: tuple[Array, ...]) -> list[str]:
@@ -149,5 +148,4 @@ def _at_rest(wrist: Array) -> Array:
     if len(wrist) < 3:
         return wrist
     speed = np.linalg.norm(np.gradient(wrist, axis=0), axis=1)
-    rest: Array = wrist[speed <= np.quantile(speed, _REST_SHARE)]
-    return rest
+    return np.asarray(wrist[speed <= np.quantile(speed, _REST_SHARE)])

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
-from handover_dmp.mocap.trial import find_fault, HandoverTrial
+from handover_dmp.mocap.trial import find_fault, HandoverTrial, WristColumns
 import numpy as np
 from numpy.typing import NDArray
 
@@ -38,6 +38,8 @@ SURE_REACH_M = 0.1
 _MISSED_PERIODS = 1.8
 # Numbers that programs write for unseen markers; 9999999 is from Cortex.
 _EMPTY = 9_999_999.0
+# Stamps of one moment differ by less, s.
+STAMP_ROUNDING_S = 1e-6
 # Sources of knowledge about a recording.
 ASSUMED = 'assumed'
 AS_TOLD = 'as told'
@@ -62,6 +64,11 @@ class Gap(NamedTuple):
     def since(self, zero_s: float) -> Gap:
         """Return the gap on a clock that starts at a time, s."""
         return self._replace(start_s=self.start_s - zero_s, end_s=self.end_s - zero_s)
+
+    def hides(self, times: Array) -> NDArray[np.bool_]:
+        """Return which times, (n,) s, are within the gap."""
+        begin_s, end_s = self.start_s + STAMP_ROUNDING_S, self.end_s - STAMP_ROUNDING_S
+        return np.asarray((times > begin_s) & (times < end_s))
 
 
 class Known(NamedTuple):
@@ -169,16 +176,13 @@ class WristMotion:
         if len(gaps) and gaps.max() > MAX_HIDDEN_S:
             at = f'{times[int(np.argmax(gaps))]:.3f} s'
             raise DataError(f'{self.source}: {at}: a wrist is out of sight for {gaps.max():.2g} s')
+        columns = WristColumns.of(self).cut(slice(first, end))
         return HandoverTrial(
-            times=np.round(times - float(times[0]), 6),
-            partner=self.partner[first:end],
-            demonstrator=self.demonstrator[first:end],
+            **columns._replace(times=np.round(times - float(times[0]), 6))._asdict(),
             configuration=configuration,
             direction=direction,
             number=number,
             source=self.source,
-            partner_orientation=_part(self.partner_orientation, first, end),
-            demonstrator_orientation=_part(self.demonstrator_orientation, first, end),
         )
 
     def _check_size(self) -> None:
@@ -190,10 +194,6 @@ class WristMotion:
         room = extent(np.vstack([self.partner, self.demonstrator]))
         if room < MIN_WORKSPACE_M:
             raise DataError(f'{self.source}: both wrists stay within {1e3 * room:.2g} mm, {unit}')
-
-
-def _part(quaternions: Array | None, first: int, end: int) -> Array | None:
-    return None if quaternions is None else quaternions[first:end]
 
 
 def extent(positions: Array) -> float:
@@ -253,8 +253,7 @@ def middle(markers: list[Array], names: str) -> Array:
         away = np.column_stack([np.interp(every, whole, column) for column in offset.T])
         total[place] += marker[place] - away[place]
     count = seen.sum(axis=0)[:, None]
-    wrist: Array = np.where(count > 0, total / np.maximum(count, 1), np.nan)
-    return wrist
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
 def find_gaps(times: Array, seen: NDArray[Any], who: str) -> list[Gap]:

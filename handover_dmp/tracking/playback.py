@@ -109,8 +109,7 @@ class Replay:
             return self._first
         if elapsed_s >= self._duration_s:
             return self._last
-        place: Array = self._spline(self._start_s + elapsed_s)
-        return place
+        return np.asarray(self._spline(self._start_s + elapsed_s))
 
 
 class TrackedHand:

@@ -91,8 +91,7 @@ class ReferencePath:
             (n, 3) m.
 
         """
-        found: Array = self._position(np.clip(times, self.times[0], self._end_s))
-        return found
+        return np.asarray(self._position(np.clip(times, self.times[0], self._end_s)))
 
     def velocities(self, times: Array) -> Array:
         """
@@ -105,8 +104,7 @@ class ReferencePath:
             (n, 3) m/s.
 
         """
-        found: Array = self._position(np.clip(times, self.times[0], self._end_s), 1)
-        return found
+        return np.asarray(self._position(np.clip(times, self.times[0], self._end_s), 1))
 
     def rotations(self, times: Array) -> Array:
         """
@@ -122,8 +120,7 @@ class ReferencePath:
         if not self.turns:
             return np.broadcast_to(np.eye(3), (len(times), 3, 3))
         clipped = np.clip(times, self.times[0], self._end_s)
-        found: Array = Rotation.from_quat(self._quaternion(clipped)).as_matrix()
-        return found
+        return np.asarray(Rotation.from_quat(self._quaternion(clipped)).as_matrix())
 
 
 def _continuous(quaternions: Array) -> Array:

@@ -219,8 +219,7 @@ class SessionPlayback:
     def _places(self, elapsed_s: float) -> Array:
         """Return the positions of P1 and P2, (6,) m, at a time after the start."""
         recorded_s = min(self._clock.recorded(elapsed_s), self._last_s)
-        places: Array = self._both(recorded_s)
-        return places
+        return np.asarray(self._both(recorded_s))
 
 
 class PlayedSession(SessionPlayback):
