@@ -278,7 +278,8 @@ class WristColumns(NamedTuple):
 
     def cut(self, part: slice) -> WristColumns:
         """Return some of the samples."""
-        return self._make(None if column is None else column[part] for column in self)
+        columns: list[Any] = [None if column is None else column[part] for column in self]
+        return WristColumns(*columns)
 
 
 def read_columns(path: Path) -> WristColumns:
