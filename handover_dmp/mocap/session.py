@@ -30,7 +30,7 @@ import re
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.filtering import RATE_HZ, smooth_columns
-from handover_dmp.mocap.segmentation import ORDERS, Segment, segment, Segmentation
+from handover_dmp.mocap.segmentation import ORDERS, Segment, segment
 from handover_dmp.mocap.tables import quote, read_records, save
 from handover_dmp.mocap.trial import DIRECTIONS, read_columns, WristColumns, write_columns
 from handover_dmp.mocap.wrists import WristMotion
@@ -127,14 +127,13 @@ def read_csv_wrists(path: str | Path) -> WristMotion:
     return WristMotion(**read_columns(path)._asdict(), source=path.name).checked()
 
 
-def read_session(path: str | Path, thresholds: Segmentation | None = None) -> RecordedSession:
+def read_session(path: str | Path) -> RecordedSession:
     """
     Read a recorded session.
 
     Args:
         path: CSV file, or bag with both wrists. The index beside a CSV file has the times of the
             exchanges; without one they are found by distance and speed.
-        thresholds: thresholds to find the exchanges.
 
     Returns:
         The session.
@@ -152,7 +151,7 @@ def read_session(path: str | Path, thresholds: Segmentation | None = None) -> Re
         motion = read_bag_wrists(path)
     index = path.parent / SESSIONS_NAME
     told = [_told(row, f'{index}: line {line}') for line, row in _lines_of(path)]
-    exchanges = told or segment(motion, thresholds).segments
+    exchanges = told or segment(motion).segments
     if not exchanges:
         raise DataError(f'{path}: contains no exchange')
     configuration, number = describe_session(path) or (path.stem, 1)

@@ -72,13 +72,12 @@ def read_bytes(path: Path, largest: int = LARGEST_TEXT_BYTES) -> bytes:
     return content
 
 
-def read_lines(path: Path, largest: int = LARGEST_TEXT_BYTES) -> list[str]:
+def read_lines(path: Path) -> list[str]:
     """
     Read the lines of a UTF-8 text, without empty ones at its end.
 
     Args:
         path: the file.
-        largest: size limit, bytes.
 
     Returns:
         At least one line, without line ends.
@@ -87,7 +86,7 @@ def read_lines(path: Path, largest: int = LARGEST_TEXT_BYTES) -> list[str]:
         DataError: as in `read_bytes`, or the file is no text.
 
     """
-    content = read_bytes(path, largest)
+    content = read_bytes(path)
     try:
         text = content.decode('utf-8-sig')
     except UnicodeDecodeError as error:

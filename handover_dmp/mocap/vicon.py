@@ -47,24 +47,20 @@ _DELIMITERS = (',', '\t', ';')
 _Lines = Iterator[tuple[int, str]]
 
 
-class _Columns(NamedTuple):
+class _Place(NamedTuple):
     """
-    The columns of a section.
+    The columns of a marker or object.
 
     Attributes:
-        names: names of its markers or objects.
-        firsts: column of the x of each.
-        turns: number of columns with its rotation before that, possibly 0.
-        width: number of columns.
-        delimiter: delimiter of the columns.
+        name: its name.
+        first: column of its x.
+        turn: columns with its rotation; none if it has no readable one.
 
     """
 
-    names: list[str]
-    firsts: list[int]
-    turns: list[int]
-    width: int
-    delimiter: str
+    name: str
+    first: int
+    turn: range
 
 
 def read_vicon(path: str | Path, markers: Sequence[str] | None = None) -> MarkerRecording:
@@ -102,22 +98,23 @@ def _read_section(
     period_s = period_of_rate(rate.strip(' ,;\t"'), 'the rate', where)
     _, labels = _next(path, lines)
     where, titles = _next(path, lines)
-    columns = _columns(labels, titles, where)
-    places = choose(columns.names, markers)
-    chosen = {name: columns.firsts[k] for name, k in places.items()}
-    turns = {
-        name: range(columns.firsts[k] - columns.turns[k], columns.firsts[k])
-        for name, k in places.items()
-        if columns.turns[k]
-    }
-    table = WideTable(chosen, columns.width, None, 0, period_s, turns=turns)
+    delimiter = next((mark for mark in _DELIMITERS if mark in titles), ',')
+    axes = [cell.strip() for cell in _split(titles, delimiter)]
+    while axes and not axes[-1]:
+        axes.pop()
+    places = _places(axes, [cell.strip() for cell in _split(labels, delimiter)], where)
+    names = [place.name for place in places]
+    chosen = {name: places[k] for name, k in choose(names, markers).items()}
+    columns = {name: place.first for name, place in chosen.items()}
+    turns = {name: place.turn for name, place in chosen.items() if place.turn}
+    table = WideTable(columns, len(axes), None, 0, period_s, turns=turns)
     unit = ''
     unit_of: dict[int, str] = {}
     for number, line in lines:
-        cells = _split(line, columns.delimiter)
+        cells = _split(line, delimiter)
         where = f'{path}: line {number}'
         if not len(table) and not ''.join(cells[:1]).strip():
-            unit = unit or _unit(cells, columns.firsts, where)
+            unit = unit or _unit(cells, places, where)
             unit_of = unit_of or dict(enumerate(map(str.strip, cells)))
         elif not cells or not is_number(cells[0]):
             break
@@ -130,7 +127,7 @@ def _read_section(
         for name, values in table.turned().items()
     }
     return MarkerRecording(
-        table.times(), columns.names, table.positions(), unit, '', path.name,
+        table.times(), names, table.positions(), unit, '', path.name,
         orientations=orientations,
     )  # fmt: skip
 
@@ -150,39 +147,36 @@ def _next(path: Path, lines: _Lines) -> tuple[str, str]:
     raise DataError(f'{path}: ends within the header of a section')
 
 
-def _columns(labels: str, titles: str, where: str) -> _Columns:
-    delimiter = next((mark for mark in _DELIMITERS if mark in titles), ',')
-    axes = [cell.strip() for cell in _split(titles, delimiter)]
-    named = [cell.strip() for cell in _split(labels, delimiter)]
-    while axes and not axes[-1]:
-        axes.pop()
+def _places(axes: Sequence[str], named: Sequence[str], where: str) -> list[_Place]:
     if axes[:2] != ['Frame', 'Sub Frame']:
         raise DataError(f'{where}: a line that begins with Frame and Sub Frame is expected')
-    names: list[str] = []
-    firsts: list[int] = []
-    turns: list[int] = []
-    for column in range(2, len(axes) - 2):
-        if tuple(axes[column:][:3]) in _TRIPLETS:
-            names.append(next((name for name in named[column::-1] if name), ''))
-            firsts.append(column)
-            turns.append(_turn_before(axes, named, column))
-    if not names:
+    places = [
+        _Place(
+            next((name for name in named[column::-1] if name), ''),
+            column,
+            _turn_before(axes, named, column),
+        )
+        for column in range(2, len(axes) - 2)
+        if tuple(axes[column:][:3]) in _TRIPLETS
+    ]
+    if not places:
         raise DataError(f'{where}: no columns X, Y, Z')
-    return _Columns(names, firsts, turns, len(axes), delimiter)
+    return places
 
 
-def _turn_before(axes: Sequence[str], named: Sequence[str], column: int) -> int:
-    """Return the number of columns with a readable rotation before a position."""
+def _turn_before(axes: Sequence[str], named: Sequence[str], column: int) -> range:
+    """Return the columns with a readable rotation before a position."""
     for turn in _TURNS:
         first = column - len(turn)
         if first >= 0 and list(axes[first:column]) == turn:
             label = named[first].lower() if first < len(named) else ''
-            return len(turn) if len(turn) == 4 or 'helical' in label else 0
-    return 0
+            if len(turn) == 4 or 'helical' in label:
+                return range(first, column)
+    return range(0)
 
 
-def _unit(cells: Sequence[str], firsts: Sequence[int], where: str) -> str:
-    units = {cells[first].strip() for first in firsts if first < len(cells)}
+def _unit(cells: Sequence[str], places: Sequence[_Place], where: str) -> str:
+    units = {cells[place.first].strip() for place in places if place.first < len(cells)}
     if len(units) > 1:
         raise DataError(f'{where}: positions in more than one unit')
     return ''.join(units)

@@ -261,11 +261,8 @@ class _Fit:
         turns = self._known.rotations(at)
         swing = self._known.rotations(at - step_s) - self._known.rotations(at + step_s)
         turn = Rotation.from_rotvec(change[:3]) * self.turn
-        x, y, z = turn.apply(self._tracker.positions[rows] - self._middle).T
         jacobian = np.zeros((len(at), 3, self._size))
-        jacobian[:, 0, 1], jacobian[:, 0, 2] = -z, y
-        jacobian[:, 1, 0], jacobian[:, 1, 2] = z, -x
-        jacobian[:, 2, 0], jacobian[:, 2, 1] = -y, x
+        jacobian[:, :, :3] = _levers(turn.apply(self._tracker.positions[rows] - self._middle))
         jacobian[:, range(3), range(3, 6)] = -1.0
         jacobian[:, :, 6] = -self._known.velocities(at) + swing @ marker / (2.0 * step_s)
         jacobian[:, :, 7:] = turns @ self._axes
@@ -293,9 +290,7 @@ class _Fit:
         covariance, factor = self._covariance(off)
         rotated_middle = self.turn.apply(self._middle)
         # x = shift - R·middle, so a change of the rotation moves it by middle × turn
-        x, y, z = rotated_middle
-        lever = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        to_origin = np.hstack([lever, np.eye(3)])
+        to_origin = np.hstack([_levers(rotated_middle), np.eye(3)])
         origin = to_origin @ covariance[:6, :6] @ to_origin.T
         axes = self._axes
         expected = self._known.positions(times) + self._known.rotations(times) @ self.marker
@@ -448,6 +443,11 @@ class _Fit:
                 'the body farther, about two axes'
             )
         return warnings
+
+
+def _levers(places: Array) -> Array:
+    """Return the matrices (..., 3, 3) of the cross products with vectors (..., 3)."""
+    return np.cross(np.eye(3), places[..., None, :])
 
 
 def _turned_axes(known: ReferencePath, times: Array) -> Array:

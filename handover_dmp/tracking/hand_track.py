@@ -137,7 +137,6 @@ class HandTrack:
         self.count = 0
         self.seen: dict[int, float] = {}
         self.is_plausible = False
-        self._trackers = trackers
         self._density = parameters.acceleration_noise**2
         # a reference tracker has no bias; without one, the first tracker is the reference
         learnt = [number for number, one in enumerate(trackers) if one.bias == 'learnt']

@@ -68,7 +68,7 @@ class LagSearch:
 
 
 def search_lag(
-    reference: ReferencePath, tracker: BodyPath, centre_s: float, reach_s: float, seed: int = 0
+    reference: ReferencePath, tracker: BodyPath, centre_s: float, reach_s: float
 ) -> LagSearch:
     """
     Find the lag of a tracker.
@@ -78,7 +78,6 @@ def search_lag(
         tracker: the path of the same body with unknown delay and frame.
         centre_s: centre of the search, s; positive: stamped too late.
         reach_s: range to either side, s.
-        seed: seed of the random samples.
 
     Returns:
         The lag, and the fit at that lag.
@@ -91,7 +90,7 @@ def search_lag(
     lags = centre_s + np.linspace(-reach_s, reach_s, count)
     chosen = np.unique(np.linspace(0, len(tracker.times) - 1, MAX_SAMPLES).round().astype(np.intp))
     times, seen = tracker.times[chosen], tracker.positions[chosen]
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(0)
     handfuls = random.random((HANDFULS, len(chosen)))
     masks = [reference.known(times - lag) for lag in lags]
     most = max(int(mask.sum()) for mask in masks)

@@ -234,11 +234,6 @@ class PartnerModel:
         reach = self.options.reach_deviation_m / max(length, MIN_LENGTH_M)
         self._amplitude_variance = reach**2
 
-    @property
-    def amplitude(self) -> float:
-        """Return a, the estimated relative excess of the hand's distance."""
-        return self._amplitude
-
     def wait(self, dt: float) -> None:
         """
         Advance without a hand: it is assumed to move on unseen, while the phase stands still.

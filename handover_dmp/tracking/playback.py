@@ -219,7 +219,18 @@ class TrackedHand:
         return position
 
 
-class PlayedTrial:
+class StartSignals:
+    """The partner's signals of a recording that is played back."""
+
+    _signals: Sequence[float] = ()
+
+    def signals(self) -> list[float]:
+        """Return the new start times of handovers, s."""
+        signals, self._signals = self._signals, ()
+        return list(signals)
+
+
+class PlayedTrial(StartSignals):
     """A trial seen by trackers: at rest before, in motion, at rest after."""
 
     def __init__(
@@ -243,7 +254,6 @@ class PlayedTrial:
         self._hands = [
             TrackedHand(self._truth, sensor, tells_lost=tells_lost) for sensor in sensors
         ]
-        self._signals: list[float] = []
 
     @property
     def start_s(self) -> float:
@@ -254,12 +264,7 @@ class PlayedTrial:
         """Start the trial at a time, s."""
         for hand in self._hands:
             hand.start(at_s)
-        self._signals = [at_s]
-
-    def signals(self) -> list[float]:
-        """Return the new start times of handovers, s."""
-        signals, self._signals = self._signals, []
-        return signals
+        self._signals = (at_s,)
 
     def hands(self, now_s: float) -> list[list[HandSample]]:
         """Return for each tracker the poses that arrived since the last call, at a time, s."""
@@ -274,11 +279,12 @@ class PlayedTrial:
         return [HandSample(now_s, self._demonstrator(now_s - self.start_s))]
 
 
-class PlayedBag:
+class PlayedBag(StartSignals):
     """
     The poses of a bag, stamped with the times at which they are due, without interpolation.
 
-    Before the first pose the hand rests there, so that subscribers know it.
+    Before the first pose the hand rests there, so that subscribers know it. The handover starts at
+    the first signal of the bag or, without one, at its first pose.
     """
 
     def __init__(self, path: Path | str) -> None:
@@ -300,21 +306,11 @@ class PlayedBag:
         self._hand, self._demonstrator = (_PlayedPoses(poses, zero_s) for poses in seen.values())
         self._signal_s = signals[0] - zero_s if signals else 0.0
         self.start_s = math.inf
-        self._signals: list[float] = []
 
     def start(self, at_s: float) -> None:
         """Start the bag with its first pose of the hand at a time, s."""
         self.start_s = at_s
-        self._signals = [at_s + self._signal_s]
-
-    def signals(self) -> list[float]:
-        """
-        Return the new start times of handovers, s.
-
-        That is at the first signal of the bag or, without one, at its first pose.
-        """
-        signals, self._signals = self._signals, []
-        return signals
+        self._signals = (at_s + self._signal_s,)
 
     def hands(self, now_s: float) -> list[list[HandSample]]:
         """Return the poses of one tracker that became due since the last call, at a time, s."""

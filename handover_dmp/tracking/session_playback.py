@@ -30,7 +30,7 @@ from handover_dmp.common.arrays import Array
 from handover_dmp.mocap.filtering import interpolate
 from handover_dmp.mocap.segmentation import Segment
 from handover_dmp.mocap.session import RecordedSession
-from handover_dmp.tracking.playback import HandSample, TrackedHand
+from handover_dmp.tracking.playback import HandSample, StartSignals, TrackedHand
 from handover_dmp.tracking.sensor_model import SensorModel
 from handover_dmp.tracking.waiting_clock import WaitingClock
 import numpy as np
@@ -129,11 +129,6 @@ class SessionPlayback:
         over = self._at_exchange == len(self.exchanges)
         return None if over else self.exchanges[self._at_exchange]
 
-    @property
-    def ends_s(self) -> float:
-        """End of the recording, s; infinite while the partner may still wait."""
-        return self.start_s + self._clock.when(self._last_s)
-
     def start(self, at_s: float) -> None:
         """Start or restart the session at a time, s."""
         for hand in self._hands:
@@ -222,11 +217,10 @@ class SessionPlayback:
         return np.asarray(self._both(recorded_s))
 
 
-class PlayedSession(SessionPlayback):
+class PlayedSession(SessionPlayback, StartSignals):
     """A session with the interface of a `PlayedTrial`, and with the holder of the object."""
 
     _present: SessionStep | None = None
-    _signals: Sequence[float] = ()
     _holder: str | None = None
 
     def start(self, at_s: float) -> None:
@@ -251,11 +245,6 @@ class PlayedSession(SessionPlayback):
     def demonstrator(self, _now_s: float) -> list[HandSample]:
         """Return the position of the recorded demonstrator."""
         return [] if self._present is None else [self._present.demonstrator]
-
-    def signals(self) -> Sequence[float]:
-        """Return the new start times of handovers, s."""
-        signals, self._signals = self._signals, ()
-        return signals
 
 
 def _waiting_place(part: Segment) -> float:

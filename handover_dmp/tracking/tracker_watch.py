@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import deque
 import math
 from typing import NamedTuple
 
@@ -63,7 +63,6 @@ class TrackerWatch:
 
     Attributes:
         tracker: its parameters.
-        rejected: number of its refused poses since the beginning, by reason.
         disagrees: whether its poses are farther from the hand than noise explains.
         clock_off_s: offset of its clock, s; 0 if none was found.
         path: stamp (s) and position (m) of a selection of its poses of the last seconds.
@@ -84,7 +83,6 @@ class TrackerWatch:
 
         """
         self.tracker = tracker
-        self.rejected: Counter[str] = Counter()
         self.heard = 0
         self._refused = 0
         self.used_s = -math.inf
@@ -140,7 +138,6 @@ class TrackerWatch:
         self.heard += 1
         if reason:
             self._refused += 1
-            self.rejected[reason] += 1
         if math.isfinite(stamp):
             self._newest_s = max(self._newest_s, stamp)
         if math.isfinite(distance):
