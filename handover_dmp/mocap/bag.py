@@ -263,7 +263,7 @@ class _Poses:
 
     @property
     def delay_s(self) -> float:
-        """The median of the delays, s."""
+        """Median of the delays, s."""
         return float(np.median(self.delays_ns)) * 1e-9
 
     @property

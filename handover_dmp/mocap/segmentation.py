@@ -214,7 +214,7 @@ def segment(motion: WristMotion, thresholds: Segmentation | None = None) -> Segm
         times = motion.times[first:end]
         if len(times) < 4 or times[-1] - times[0] < thresholds.min_duration_s:
             continue
-        section = SmoothedStretch.of(motion, first, end)
+        section = SmoothedSection.of(motion, first, end)
         free_from = 0
         meetings = section.meetings(thresholds)
         nexts = [near for near, _ in meetings[1:]] + [len(section.times) - 1]
@@ -234,7 +234,7 @@ def segment(motion: WristMotion, thresholds: Segmentation | None = None) -> Segm
 
 
 @dataclass(frozen=True, eq=False)
-class SmoothedStretch:
+class SmoothedSection:
     """
     A stretch of the recording without gaps, smoothed, at an even rate.
 
@@ -254,7 +254,7 @@ class SmoothedStretch:
     closing: Array
 
     @classmethod
-    def of(cls, motion: WristMotion, first: int, end: int) -> SmoothedStretch:
+    def of(cls, motion: WristMotion, first: int, end: int) -> SmoothedSection:
         """
         Smooth a stretch of a recording.
 

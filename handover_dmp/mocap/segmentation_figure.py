@@ -21,7 +21,7 @@ from pathlib import Path
 from handover_dmp.common.errors import UsageError
 from handover_dmp.common.files import replacing
 from handover_dmp.common.plot_style import PLOT_STYLE
-from handover_dmp.mocap.segmentation import SegmentedMotion, SmoothedStretch
+from handover_dmp.mocap.segmentation import SegmentedMotion, SmoothedSection
 from handover_dmp.mocap.session_figure import (
     DEMONSTRATOR_LINE,
     motion_curves,
@@ -29,7 +29,6 @@ from handover_dmp.mocap.session_figure import (
     PARTNER_LINE,
     session_width,
     shade_exchanges,
-    shaded_segments,
     wrist_panels,
 )
 from matplotlib import rc_context
@@ -61,22 +60,22 @@ def draw_segmentation(segmented: SegmentedMotion, path: str | Path) -> None:
         figure = Figure(figsize=(width, _HEIGHT_IN), layout='constrained')
         if path.suffix.lstrip('.').lower() not in figure.canvas.get_supported_filetypes():
             raise UsageError(f'{path}: unknown image format; use .png or .svg')
-        shaded, curves = shaded_segments(segmented.segments), motion_curves(motion)
+        curves = motion_curves(motion)
         heights = np.array(panel_heights(curves))
         every = figure.subplots(
             5, 1, sharex=True, height_ratios=[*(_WRISTS_SHARE * heights / heights.sum()), 1.0, 1.0]
         )
-        wrist_panels(every[:3], curves, shaded)
+        wrist_panels(every[:3], curves, segmented.segments)
         distances, speeds = every[3:]
         for first, end in motion.spans():
             if end - first < 4:
                 continue
-            stretch = SmoothedStretch.of(motion, first, end)
-            distances.plot(stretch.times, stretch.distance, color='#111111', lw=1.4)
-            for speed, colour in zip(stretch.speeds, _COLOURS, strict=True):
-                speeds.plot(stretch.times, speed, color=colour, lw=1.2)
+            section = SmoothedSection.of(motion, first, end)
+            distances.plot(section.times, section.distance, color='#111111', lw=1.4)
+            for speed, colour in zip(section.speeds, _COLOURS, strict=True):
+                speeds.plot(section.times, speed, color=colour, lw=1.2)
         for axes in (distances, speeds):
-            shade_exchanges(axes, shaded, named=False)
+            shade_exchanges(axes, segmented.segments, named=False)
             axes.set_ylim(bottom=0.0)
         _mark_passages(segmented, distances)
         _line(distances, thresholds.near_m, 'near')

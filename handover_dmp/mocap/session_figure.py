@@ -66,24 +66,6 @@ class WristCurve(NamedTuple):
     style: Mapping[str, Any]
 
 
-class ShadedExchange(NamedTuple):
-    """
-    An exchange in the figure.
-
-    Attributes:
-        start_s: start of the reach, s.
-        exchange_s: time at which the hands have met, s.
-        end_s: time at which they part again, s.
-        direction: `give` or `take`.
-
-    """
-
-    start_s: float
-    exchange_s: float
-    end_s: float
-    direction: str
-
-
 def draw_session(session: RecordedSession) -> Figure:
     """
     Draw a recorded session.
@@ -95,9 +77,8 @@ def draw_session(session: RecordedSession) -> Figure:
         The figure.
 
     """
-    return draw_wrists(
-        motion_curves(session.motion), shaded_segments(session.exchanges), session.motion.source
-    )
+    motion = session.motion
+    return draw_wrists(motion_curves(motion), session.exchanges, motion.source)
 
 
 def motion_curves(motion: WristMotion) -> list[WristCurve]:
@@ -123,28 +104,7 @@ def motion_curves(motion: WristMotion) -> list[WristCurve]:
     ]
 
 
-def shaded_segments(segments: Sequence[Segment]) -> list[ShadedExchange]:
-    """
-    Make the shadings of the exchanges, from the reach to the parting.
-
-    Args:
-        segments: the exchanges.
-
-    Returns:
-        The shadings.
-
-    """
-    return [
-        ShadedExchange(
-            part.start_s, part.exchange_s, part.parting_s or part.exchange_s, part.direction
-        )
-        for part in segments
-    ]
-
-
-def draw_wrists(
-    curves: Sequence[WristCurve], exchanges: Sequence[ShadedExchange], title: str
-) -> Figure:
+def draw_wrists(curves: Sequence[WristCurve], exchanges: Sequence[Segment], title: str) -> Figure:
     """
     Draw X, Y and Z of wrists over time, with shaded exchanges.
 
@@ -187,7 +147,7 @@ def session_width(duration_s: float) -> float:
 
 
 def wrist_panels(
-    panels: Sequence[Axes], curves: Sequence[WristCurve], exchanges: Sequence[ShadedExchange]
+    panels: Sequence[Axes], curves: Sequence[WristCurve], exchanges: Sequence[Segment]
 ) -> None:
     """
     Draw into three panels with heights from `panel_heights`; the legend is above them.
@@ -225,9 +185,9 @@ def panel_heights(curves: Sequence[WristCurve]) -> list[float]:
     return [high - low for low, high in ranges]
 
 
-def shade_exchanges(axes: Axes, exchanges: Sequence[ShadedExchange], *, named: bool) -> None:
+def shade_exchanges(axes: Axes, exchanges: Sequence[Segment], *, named: bool) -> None:
     """
-    Shade the exchanges, with a line at the time when the hands have met.
+    Shade the exchanges from the reach to the parting, with a line when the hands have met.
 
     Args:
         axes: axes over time.
@@ -235,13 +195,14 @@ def shade_exchanges(axes: Axes, exchanges: Sequence[ShadedExchange], *, named: b
         named: whether to write `give` and `take` above.
 
     """
-    for start_s, exchange_s, end_s, direction in exchanges:
-        axes.axvspan(start_s, end_s, color=EXCHANGE_TINTS[direction], lw=0, zorder=0.5)
-        axes.axvline(exchange_s, color='#39424d', lw=0.9, ls=(0, (2, 2)), zorder=1.5)
+    for part in exchanges:
+        end_s = part.parting_s or part.exchange_s
+        axes.axvspan(part.start_s, end_s, color=EXCHANGE_TINTS[part.direction], lw=0, zorder=0.5)
+        axes.axvline(part.exchange_s, color='#39424d', lw=0.9, ls=(0, (2, 2)), zorder=1.5)
         if named:
             axes.annotate(
-                direction,
-                (0.5 * (start_s + end_s), 1.0),
+                part.direction,
+                (0.5 * (part.start_s + end_s), 1.0),
                 xycoords=axes.get_xaxis_transform(),
                 xytext=(0, 4),
                 textcoords='offset points',

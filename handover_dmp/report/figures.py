@@ -25,7 +25,8 @@ from typing import Any
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.files import replacing
 from handover_dmp.common.plot_style import EXCHANGE_COLOUR, PLOT_STYLE
-from handover_dmp.mocap.session_figure import draw_wrists, ShadedExchange, WristCurve
+from handover_dmp.mocap.segmentation import Segment
+from handover_dmp.mocap.session_figure import draw_wrists, WristCurve
 from handover_dmp.mocap.trial import DIRECTIONS
 from handover_dmp.report.legs import legs_of
 from handover_dmp.report.metrics import FEEDBACK_WEIGHT, FUSED, goal_at, seen_hands, tracker_errors
@@ -195,7 +196,7 @@ def draw_session_of_run(run: RunRecord) -> Figure | None:
     return draw_wrists(curves, exchanges, '')
 
 
-def exchanges_of(run: RunRecord) -> list[ShadedExchange]:
+def exchanges_of(run: RunRecord) -> list[Segment]:
     """
     Find the exchanges of a session.
 
@@ -206,7 +207,7 @@ def exchanges_of(run: RunRecord) -> list[ShadedExchange]:
         The exchanges that took place, give and take in turn.
 
     """
-    found: list[ShadedExchange] = []
+    found: list[Segment] = []
     reach_s: float | None = None
     met_s: float | None = None
     for time_s, state in run.states:
@@ -214,7 +215,7 @@ def exchanges_of(run: RunRecord) -> list[ShadedExchange]:
             met_s = time_s
         elif met_s is not None and reach_s is not None:
             direction = DIRECTIONS[len(found) % len(DIRECTIONS)]
-            found.append(ShadedExchange(reach_s, met_s, time_s, direction))
+            found.append(Segment(reach_s, met_s, direction, time_s))
             reach_s = met_s = None
         if state == 'reaching':
             reach_s = time_s

@@ -58,6 +58,6 @@ def test_what_did_not_come_to_pass_is_not_shaded(run_bag: Path) -> None:
     assert draw_session_of_run(run) is None
     broken = (*STATES[:2], (0.6, 'aborted'), (0.7, 'idle'), *STATES[6:])
     (only,) = exchanges_of(replace(run, states=broken))
-    assert only[:3] == (1.5, 2.0, 2.2)
+    assert (only.start_s, only.exchange_s, only.parting_s) == (1.5, 2.0, 2.2)
     unfinished = exchanges_of(replace(run, states=STATES[:3]))
     assert unfinished == []
