@@ -21,7 +21,7 @@ from pathlib import Path
 import re
 from typing import Any, NamedTuple
 
-from handover_dmp.common.arrays import Array
+from handover_dmp.common.arrays import Array, read_only
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.orientation import AXES_OF_TURN, orientation_fault, unit_orientations
 from handover_dmp.mocap.tables import header_of, read_records, read_table, save
@@ -92,9 +92,7 @@ class HandoverTrial:
 
     def __post_init__(self) -> None:
         for name in ('times', 'partner', 'demonstrator'):
-            array = np.array(getattr(self, name), dtype=np.float64)
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
+            object.__setattr__(self, name, read_only(getattr(self, name)))
         shapes = (self.times.shape, self.partner.shape, self.demonstrator.shape)
         count = len(self.times) if self.times.ndim else 0
         if shapes != ((count,), (count, 3), (count, 3)):
@@ -117,9 +115,7 @@ class HandoverTrial:
             raise DataError(f'{self.label}: orientations of shape {quaternions.shape}, not (n, 4)')
         if fault := orientation_fault(self.times, quaternions):
             raise DataError(f'{self.label}: sample {fault[0]}: {fault[1]}')
-        unit = unit_orientations(quaternions)
-        unit.setflags(write=False)
-        return unit
+        return read_only(unit_orientations(quaternions))
 
     def __repr__(self) -> str:
         """Return label, number of samples and duration."""

@@ -20,9 +20,9 @@ from dataclasses import dataclass
 from functools import partial
 
 from handover_dmp.common.errors import UsageError
-from handover_dmp.common.settings import check_settings, setting
+from handover_dmp.common.settings import check_settings, dmp_setting
 
-_setting = partial(setting, 'dmp', read_only=True)
+_setting = partial(dmp_setting, read_only=True)
 
 
 @dataclass(frozen=True)

@@ -36,13 +36,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 from math import dist, erf, log, sqrt
 from typing import NamedTuple
 
 from handover_dmp.common.arrays import Array, Vector
 from handover_dmp.common.errors import DataError
-from handover_dmp.common.settings import check_settings, setting
+from handover_dmp.common.settings import check_settings, dmp_setting
 from handover_dmp.dmp import DecoupledDmp, DmpState, relearn
 from handover_dmp.dmp.state import Rollout
 import numpy as np
@@ -60,87 +60,85 @@ RETURN_GAIN = 4.0
 MIN_WAY_M = 1e-6
 """Length below which a mean path has no direction, m."""
 
-_setting = partial(setting, 'dmp')
-
 
 @dataclass(frozen=True)
 class PartnerOptions:
     """Constants of the partner model; distances and times of people, not of the robot."""
 
-    mu: float = _setting(
+    mu: float = dmp_setting(
         'partner.mu',
         'Centre of the goal weight (7) with the partner model, in units of τ',
         0.0,
         2.0,
     )
-    sigma: float = _setting(
+    sigma: float = dmp_setting(
         'partner.sigma',
         'Width of the goal weight (7) with the partner model, in units of τ; wider than without, '
         'since the expected goal is steady enough to be followed early',
         0.0001,
         2.0,
     )
-    lead_deviation: float = _setting(
+    lead_deviation: float = dmp_setting(
         'partner.lead_deviation',
         'Standard deviation of the lead e before the hand is seen, in units of τ',
         0.0,
         1.0,
     )
-    lead_drift: float = _setting(
+    lead_drift: float = dmp_setting(
         'partner.lead_drift',
         'Standard deviation of the change of the lead e over one τ, in units of τ',
         0.0,
         10.0,
     )
-    reach_deviation_m: float = _setting(
+    reach_deviation_m: float = dmp_setting(
         'partner.reach_deviation_m',
         "Standard deviation of the length of the hand's path, m",
         0.0,
         1.0,
     )
-    noise_m: float = _setting(
+    noise_m: float = dmp_setting(
         'partner.noise_m',
         'Standard deviation of the hand about its mean path, m',
         0.0001,
         1.0,
     )
-    noise_time_s: float = _setting(
+    noise_time_s: float = dmp_setting(
         'partner.noise_time_s', 'Correlation time of that deviation, s', 0.001, 10.0
     )
-    trust_within_m: float = _setting(
+    trust_within_m: float = dmp_setting(
         'partner.trust_within_m',
         'Deviation of the hand from where it is expected beyond which the trust is 0, m',
         0.0,
         10.0,
     )
-    trust_width_m: float = _setting(
+    trust_width_m: float = dmp_setting(
         'partner.trust_width_m',
         'Range of that deviation over which the trust falls from 1 to 0, m',
         0.001,
         10.0,
     )
-    release: float = _setting(
+    release: float = dmp_setting(
         'partner.release',
         'Phase time φ_q at which the expected goal gives way to the hand, in units of τ',
         0.0,
         1.0,
     )
-    release_width: float = _setting(
+    release_width: float = dmp_setting(
         'partner.release_width', 'Width σ_q of that transition, in units of τ', 0.001, 1.0
     )
-    following: float = _setting(
+    following: float = dmp_setting(
         'partner.following',
         "Share c of the partner's lead that the phase follows",
         0.0,
         0.9,
     )
-    following_time_s: float = _setting(
+    following_time_s: float = dmp_setting(
         'partner.following_time_s',
         'Time T within which the phase follows the lead, s',
         0.001,
         10.0,
     )
-    max_phase_rate: float = _setting(
+    max_phase_rate: float = dmp_setting(
         'partner.max_phase_rate', 'Maximum phase rate r_max', 1.0, 3.0
     )
 

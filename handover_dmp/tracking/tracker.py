@@ -21,12 +21,12 @@ from functools import partial
 import math
 
 from handover_dmp.common.errors import UsageError
-from handover_dmp.common.settings import check_settings, setting
+from handover_dmp.common.settings import check_settings, dmp_setting
 
 PATIENCE_PERIODS = 2.2
 """Time-out of a tracker in periods: one lost pose does not stop the arm."""
 
-_setting = partial(setting, 'dmp', read_only=True)
+_setting = partial(dmp_setting, read_only=True)
 
 
 @dataclass(frozen=True)
