@@ -35,7 +35,7 @@ from handover_dmp.nodes.conversions import (
     stamp,
     to_joint_command,
 )
-from handover_dmp.nodes.diagnostics import Diagnostics, Periods
+from handover_dmp.nodes.diagnostics import Periods, report_condition
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import ARM, DRIVER, fixed, parameters_from
 from handover_dmp.nodes.spin import run
@@ -111,7 +111,7 @@ class CalibrationMotionNode(HandoverNode):
         self.serve('start', self._start)
         if not self.lockstep:
             self.every(LOOK_S, self._watch)
-        Diagnostics(self, self._periods, self._condition)
+        report_condition(self, self._periods, self._condition)
         self.warn_when_in_vain(self._missing)
         self.say(
             f'moves {self._model.name} to calibrate a tracker: answers '

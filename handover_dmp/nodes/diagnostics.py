@@ -141,53 +141,42 @@ class Periods:
         }
 
 
-class Diagnostics:
+def report_condition(
+    node: HandoverNode, periods: Periods, condition: Callable[[], tuple[str, dict[str, str]]]
+) -> None:
     """
-    Publishes the condition of a node once a second on the wall clock.
+    Publish the condition of a node once a second on the wall clock.
 
     The last reports are latched, so that even a node that ends within a second is seen from its
     start to its end.
+
+    Args:
+        node: the node.
+        periods: of its loop.
+        condition: returns the fault, empty while there is none, and further values.
+
     """
+    publisher = node.advertise(DIAGNOSTICS)
 
-    def __init__(
-        self,
-        node: HandoverNode,
-        periods: Periods,
-        condition: Callable[[], tuple[str, dict[str, str]]],
-    ) -> None:
-        """
-        Start to publish.
-
-        Args:
-            node: the node.
-            periods: of its loop.
-            condition: returns the fault, empty while there is none, and further values.
-
-        """
-        self._node = node
-        self._periods = periods
-        self._condition = condition
-        self._publisher = node.advertise(DIAGNOSTICS)
-        node.once_per_second.add(self.publish)
-
-    def publish(self) -> None:
-        """Publish now."""
-        stage = self._node.once_per_second.stage
+    def publish() -> None:
+        stage = node.once_per_second.stage
         # before the first input everything is missing, which is not a fault yet
-        fault, values = ('', {}) if stage == 'start' else self._condition()
+        fault, values = ('', {}) if stage == 'start' else condition()
         urgent = os.sched_getscheduler(0) == os.SCHED_FIFO
         scheduling = {'scheduling': 'real-time' if urgent else 'ordinary'}
-        values = {'stage': stage, **self._periods.take(), **scheduling, **values}
+        values = {'stage': stage, **periods.take(), **scheduling, **values}
         status = DiagnosticStatus(
             level=DiagnosticStatus.WARN if fault else DiagnosticStatus.OK,
-            name=full_name(self._node),
+            name=full_name(node),
             message=fault or 'ok',
             hardware_id=HARDWARE_ID,
             values=[KeyValue(key=key, value=value) for key, value in values.items()],
         )
         array = DiagnosticArray(status=[status])
-        array.header.stamp = self._node.get_clock().now().to_msg()
-        self._publisher.publish(array)
+        array.header.stamp = node.get_clock().now().to_msg()
+        publisher.publish(array)
+
+    node.once_per_second.add(publish)
 
 
 class Attendance:

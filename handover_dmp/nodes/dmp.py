@@ -64,7 +64,7 @@ from handover_dmp.nodes.conversions import (
     twist_message,
     values_of,
 )
-from handover_dmp.nodes.diagnostics import Diagnostics, of_trackers, Periods, refusals
+from handover_dmp.nodes.diagnostics import of_trackers, Periods, refusals, report_condition
 from handover_dmp.nodes.gripper import Gripper, OF_GRIPPER
 from handover_dmp.nodes.hand_input import HandInputs, HandPose
 from handover_dmp.nodes.lockstep import Lockstep
@@ -200,8 +200,6 @@ class Dmp(HandoverNode):
         self._signals_heard: deque[int] = deque(maxlen=SIGNALS_REMEMBERED)
         self._over_s: float | None = None
         self._faults: dict[str, int] = {}
-        self._connect()
-        self._markers = Markers(self, learnt_path(learnt))
         self._clock_of_periods = Lockstep(
             period_s,
             self._answer,
@@ -211,9 +209,11 @@ class Dmp(HandoverNode):
             ready=self._ready,
             jumped=self._jumped,
         )
+        self._connect()
+        self._markers = Markers(self, learnt_path(learnt))
         if not self.lockstep:
             self.every(period_s, self._tick)
-        Diagnostics(self, self._periods, self._condition)
+        report_condition(self, self._periods, self._condition)
         self.warn_when_in_vain(self._missing)
         self.say(
             f'commands the wrist by {path or "a synthetic example"} in frame {self.frame}; '
@@ -253,15 +253,12 @@ class Dmp(HandoverNode):
         self._state = self.advertise(STATE)
         if isinstance(self._controller, SessionController):
             self._gripper = Gripper(self)
-            self._wrench = WrenchInput(
-                self, lambda: self._clock_of_periods.look(), self._refuse_wrench
-            )
+            self._wrench = WrenchInput(self, self._clock_of_periods.look, self._refuse_wrench)
         self._pose = self._twist = self._values = self._seen = None
         self._said = ''
         self._commands = self._told = False
-        self._hands = HandInputs(
-            self, self._on_hand, self._refuse_hand, lambda: self._clock_of_periods.look()
-        )
+        look = self._clock_of_periods.look
+        self._hands = HandInputs(self, self._on_hand, self._refuse_hand, look)
         if self._gripper is not None and self.values['session.holder'] == 'auto':
             self.subscribe(OBJECT_HOLDER, self._on_holder)
         self.subscribe(WRIST_POSE, self._on_wrist)

@@ -224,9 +224,7 @@ class HandInput:
         if type_name not in TYPES:
             raise UsageError(f'messages of type {type_name}; expected one of {", ".join(TYPES)}')
 
-        def heard(message: Any) -> None:
-            self._on(type_name, message)
-
+        heard = partial(self._on, type_name)
         try:
             return self._node.subscribe(HAND_POSE, heard, self._topic, type_name)
         except ImportError as error:

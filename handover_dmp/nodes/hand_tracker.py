@@ -23,7 +23,7 @@ from geometry_msgs.msg import PoseStamped
 from handover_dmp.common.errors import UsageError
 from handover_dmp.handover.recordings import recorded_session, recorded_trial
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds, pose_message, stamp
-from handover_dmp.nodes.diagnostics import Diagnostics, Periods
+from handover_dmp.nodes.diagnostics import Periods, report_condition
 from handover_dmp.nodes.lockstep import Lockstep
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import fixed, Values
@@ -152,7 +152,7 @@ class HandTracker(HandoverNode):
             # stamps are whole multiples of the period, so poses are fresh at its ticks
             sleep(period_s - self.now_s() % period_s)
             self.every(period_s, lambda: self._answer(self.now_ns(), 0.0))
-        Diagnostics(self, self._periods, self._condition)
+        report_condition(self, self._periods, self._condition)
         what = values['bag'] if values['source'] == 'bag' else values['trial']
         shown = ', '.join(publisher.topic_name for publisher in self._hand_poses)
         self.say(

@@ -74,13 +74,11 @@ class Parameter(Setting):
             descriptor.additional_constraints = 'one of: ' + ', '.join(self.choices)
         if self.low is not None and self.high is not None:
             if isinstance(default, float):
-                descriptor.floating_point_range = [
-                    FloatingPointRange(from_value=self.low, to_value=self.high)
-                ]
+                floats = FloatingPointRange(from_value=self.low, to_value=self.high)
+                descriptor.floating_point_range = [floats]
             else:
-                descriptor.integer_range = [
-                    IntegerRange(from_value=int(self.low), to_value=int(self.high), step=1)
-                ]
+                whole = IntegerRange(from_value=int(self.low), to_value=int(self.high), step=1)
+                descriptor.integer_range = [whole]
         return descriptor
 
     def meant(self, value: Any) -> Any:

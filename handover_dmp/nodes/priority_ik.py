@@ -39,7 +39,7 @@ from handover_dmp.nodes.conversions import (
     to_joint_command,
     velocities_of,
 )
-from handover_dmp.nodes.diagnostics import Diagnostics, of_trackers, Periods, refusals
+from handover_dmp.nodes.diagnostics import of_trackers, Periods, refusals, report_condition
 from handover_dmp.nodes.hand_input import HandInputs, HandPose
 from handover_dmp.nodes.lockstep import HEAD_START_S, Lockstep
 from handover_dmp.nodes.node import HandoverNode, MISSED_S
@@ -151,7 +151,6 @@ class PriorityIkNode(HandoverNode):
         self._tells = False
         self._watched_s = 0.0
         self._clock_steps_s: list[float] = []
-        self._connect()
         self._taken_ns: int | None = None
         self._lockstep = Lockstep(
             self._period_s,
@@ -161,9 +160,10 @@ class PriorityIkNode(HandoverNode):
             begun=lambda: self._taken_ns is not None or self._pose is not None,
             ready=self._ready,
         )
+        self._connect()
         if not self.lockstep:
             self.every(self._period_s, self._watch)
-        Diagnostics(self, self._periods, self._condition)
+        report_condition(self, self._periods, self._condition)
         self.warn_when_in_vain(self._missing)
         if self.simulated and not self.lockstep:
             self.warn_when_in_vain(self._coarse_time, looks_before=2)
@@ -204,9 +204,7 @@ class PriorityIkNode(HandoverNode):
         self.subscribe(JOINT_STATES, self._on_joint_states)
         self.subscribe(POSE_COMMAND, self._on_pose)
         self.subscribe(TWIST_COMMAND, self._on_twist)
-        self._hands = HandInputs(
-            self, self._on_hand, self._refuse_hand, lambda: self._lockstep.look()
-        )
+        self._hands = HandInputs(self, self._on_hand, self._refuse_hand, self._lockstep.look)
         self.subscribe(ELBOW_POSE, self._on_elbow)
 
     # Inputs
@@ -402,12 +400,11 @@ class PriorityIkNode(HandoverNode):
         self._publish_status()
 
     def _tell(self, command: JointCommand, now_s: float, time_ns: int) -> None:
-        followed = {
+        numbers = command.status_values(time_ns / NANOSECONDS) | {
             'command_stamp_s': self._followed_s,
             'command_age_s': now_s - self._follows_since_s,
             'period': self._periods.count,
         }
-        numbers = {**command.status_values(time_ns / NANOSECONDS), **followed}
         self._status = to_float_array(numbers, into=self._status)
 
     def _publish_again(self) -> None:

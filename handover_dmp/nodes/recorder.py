@@ -28,7 +28,7 @@ from time import monotonic, sleep
 from diagnostic_msgs.msg import DiagnosticArray
 from handover_dmp.common.errors import DataError
 from handover_dmp.nodes.arm import load_arm
-from handover_dmp.nodes.diagnostics import Attendance, Diagnostics, full_name, Periods
+from handover_dmp.nodes.diagnostics import Attendance, full_name, Periods, report_condition
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import ARM, DRIVER, fixed
 from handover_dmp.nodes.qos import is_installed, message_class, qos_profile
@@ -132,7 +132,7 @@ class Recorder(HandoverNode):
         self.serve('ready', self._unheard)
         self.every(LOOK_S, self._look, wall=True)
         self.every(values['flush_period_s'], self._flush, wall=True)
-        Diagnostics(self, self._periods, self._condition)
+        report_condition(self, self._periods, self._condition)
         which = ', '.join(sorted(self._wanted)) or f'every topic of {self._space}'
         self.say(f'records {which} into {values["folder"]}')
 

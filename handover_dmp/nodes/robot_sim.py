@@ -26,7 +26,7 @@ from handover_dmp.common.errors import UsageError
 from handover_dmp.common.settings import parameters_of
 from handover_dmp.nodes.arm import limits_told, load_arm
 from handover_dmp.nodes.conversions import NANOSECONDS, period_of, stamp
-from handover_dmp.nodes.diagnostics import Diagnostics, Periods
+from handover_dmp.nodes.diagnostics import Periods, report_condition
 from handover_dmp.nodes.lockstep import ASK_AGAIN_S, HEAD_START_S, Pace
 from handover_dmp.nodes.node import HandoverNode, MISSED_S
 from handover_dmp.nodes.object_topics import carried_object, OBJECT, ObjectTopics
@@ -127,7 +127,7 @@ class RobotSim(HandoverNode):
             # half a period sooner, since it is checked once a period
             self._told_every_s = 1.0 / self.values['rate_at_rest_hz'] - 0.5 * self._period_s
             self.every(self._period_s, self._step_by_the_clock)
-        Diagnostics(self, self._periods, self._condition)
+        report_condition(self, self._periods, self._condition)
         self.warn_when_in_vain(self._missing)
         self.say_changes(self._doing, self._stopped)
         self.once_per_second.add(self._warn_of_silence)

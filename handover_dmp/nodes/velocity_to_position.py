@@ -24,7 +24,7 @@ from handover_dmp.common.errors import UsageError
 from handover_dmp.common.settings import parameters_of
 from handover_dmp.nodes.arm import limits_told, load_arm
 from handover_dmp.nodes.conversions import to_joint_command
-from handover_dmp.nodes.diagnostics import Diagnostics, Periods
+from handover_dmp.nodes.diagnostics import Periods, report_condition
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import ARM, DRIVER, fixed, parameters_from
 from handover_dmp.nodes.spin import run
@@ -74,7 +74,7 @@ class VelocityToPosition(HandoverNode):
         self.subscribe(JOINT_COMMAND, self._on_command)
         self.serve('resume', self._commander.resume)
         self.every(self._period_s, self._answer)
-        Diagnostics(self, self._periods, self._condition)
+        report_condition(self, self._periods, self._condition)
         self.say_changes(lambda: 'following commands', lambda: self._fault)
         self.say(
             f'converts velocities to positions of {model.name}; listens to '
