@@ -35,7 +35,7 @@ from handover_dmp.nodes.conversions import (
     stamp,
     to_joint_command,
 )
-from handover_dmp.nodes.diagnostics import Periods, report_condition
+from handover_dmp.nodes.diagnostics import report_condition
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import ARM, DRIVER, fixed, parameters_from
 from handover_dmp.nodes.spin import run
@@ -91,8 +91,6 @@ class CalibrationMotionNode(HandoverNode):
         values = self.values
         self._model = load_arm(self)
         self._reader = JointStateReader(self._model.joint_names, values['joint_prefix'])
-        self._period_s = 1.0 / values['rate_hz']
-        self._periods = Periods(self._period_s)
         self._wanted = values['start'] == 'auto'
         self._follower: MotionFollower | None = None
         self._positions = self._model.home
@@ -111,7 +109,7 @@ class CalibrationMotionNode(HandoverNode):
         self.serve('start', self._start)
         if not self.lockstep:
             self.every(LOOK_S, self._watch)
-        report_condition(self, self._periods, self._condition)
+        report_condition(self, self._condition)
         self.warn_when_in_vain(self._missing)
         self.say(
             f'moves {self._model.name} to calibrate a tracker: answers '
@@ -140,7 +138,7 @@ class CalibrationMotionNode(HandoverNode):
         if self.lockstep:
             now_s = time_ns / NANOSECONDS
         again = self.lockstep and time_ns == self._told_ns
-        self._periods.tick()
+        self.periods.tick()
         self._tell_where(message.header.stamp, now_s, again)
         if self._follower is None and self._wanted and not again:
             self._plan()
@@ -186,7 +184,7 @@ class CalibrationMotionNode(HandoverNode):
     def _answer(self, time_ns: int, now_s: float) -> None:
         velocities = np.zeros(self._model.dof)
         if self._follower is not None and not self.ended:
-            dt = min(max(now_s - self._told_s, 1e-3), MAX_STEP * self._period_s)
+            dt = min(max(now_s - self._told_s, 1e-3), MAX_STEP * self.period_s)
             time_s = now_s - self._began_s
             if self._fault or time_s >= self.values['duration_s'] + SETTLE_S:
                 # the last command must be zero: a driver may keep it
@@ -223,9 +221,9 @@ class CalibrationMotionNode(HandoverNode):
     def finish_motion(self) -> None:
         """Bring the arm to rest within its limits, with or without joint states."""
         while self._follower is not None and not self._follower.resting:
-            velocities = self._follower.brake(self._positions, self._period_s)
+            velocities = self._follower.brake(self._positions, self.period_s)
             self._command.publish(to_joint_command(self.now_ns(), velocities.tolist()))
-            sleep(self._period_s)
+            sleep(self.period_s)
 
     def finish(self) -> None:
         """Bring the arm to rest, then end."""

@@ -18,16 +18,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 import os
-from statistics import quantiles
-from time import perf_counter
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.topics import DIAGNOSTICS, HARDWARE_ID
 from handover_dmp.tracking import TrackerReport
 from rclpy.node import Node
-
-OVERRUN = 1.5
 
 
 def full_name(node: Node) -> str:
@@ -84,65 +80,8 @@ def of_trackers(reports: Sequence[TrackerReport]) -> dict[str, str]:
     return values
 
 
-class Periods:
-    """
-    Rate and jitter of a loop, measured on the processor's clock.
-
-    Keeps the periods of the last second only.
-
-    Attributes:
-        count: periods begun; shows readers of a bag which ones it lacks.
-
-    """
-
-    def __init__(self, period_s: float) -> None:
-        """
-        Set the nominal period.
-
-        Args:
-            period_s: nominal period, s; one of more than 1.5 times this is an overrun.
-
-        """
-        self.count = 0
-        self._nominal_s = period_s
-        self._last_s: float | None = None
-        self._periods_s: list[float] = []
-
-    def tick(self) -> None:
-        """Note that a period begins."""
-        now_s = perf_counter()
-        self.count += 1
-        if self._last_s is not None:
-            self._periods_s.append(now_s - self._last_s)
-        self._last_s = now_s
-
-    def rest(self) -> None:
-        """Do not count the time until the next period."""
-        self._last_s = None
-
-    def take(self) -> dict[str, str]:
-        """
-        Summarise the last second and start the next.
-
-        Returns:
-            Rate, Hz; median and 99 % error of the period, ms; overruns.
-
-        """
-        periods, self._periods_s = self._periods_s, []
-        if len(periods) < 2:
-            return {'rate (Hz)': f'{len(periods)}'}
-        errors_ms = [abs(period - self._nominal_s) * 1e3 for period in periods]
-        cuts = quantiles(errors_ms, n=100, method='inclusive')
-        return {
-            'rate (Hz)': f'{len(periods) / sum(periods):.1f}',
-            'period error, median (ms)': f'{cuts[49]:.3f}',
-            'period error, 99 % (ms)': f'{cuts[98]:.3f}',
-            'overruns': str(sum(period > OVERRUN * self._nominal_s for period in periods)),
-        }
-
-
 def report_condition(
-    node: HandoverNode, periods: Periods, condition: Callable[[], tuple[str, dict[str, str]]]
+    node: HandoverNode, condition: Callable[[], tuple[str, dict[str, str]]]
 ) -> None:
     """
     Publish the condition of a node once a second on the wall clock.
@@ -152,7 +91,6 @@ def report_condition(
 
     Args:
         node: the node.
-        periods: of its loop.
         condition: returns the fault, empty while there is none, and further values.
 
     """
@@ -164,7 +102,7 @@ def report_condition(
         fault, values = ('', {}) if stage == 'start' else condition()
         urgent = os.sched_getscheduler(0) == os.SCHED_FIFO
         scheduling = {'scheduling': 'real-time' if urgent else 'ordinary'}
-        values = {'stage': stage, **periods.take(), **scheduling, **values}
+        values = {'stage': stage, **node.periods.take(), **scheduling, **values}
         status = DiagnosticStatus(
             level=DiagnosticStatus.WARN if fault else DiagnosticStatus.OK,
             name=full_name(node),

@@ -64,7 +64,7 @@ from handover_dmp.nodes.conversions import (
     twist_message,
     values_of,
 )
-from handover_dmp.nodes.diagnostics import of_trackers, Periods, refusals, report_condition
+from handover_dmp.nodes.diagnostics import of_trackers, refusals, report_condition
 from handover_dmp.nodes.gripper import Gripper, OF_GRIPPER
 from handover_dmp.nodes.hand_input import HandInputs, HandPose
 from handover_dmp.nodes.lockstep import Lockstep
@@ -176,12 +176,10 @@ class Dmp(HandoverNode):
         self._overdue = False
         self._controller = self._make_controller()
         on_change(self, CHANGEABLE + PRIMITIVE, self._prepare)
-        period_s = 1.0 / self.values['rate_hz']
-        self._period_ns = round(period_s * NANOSECONDS)
-        self._periods = Periods(period_s)
+        self._period_ns = round(self.period_s * NANOSECONDS)
         rate_hz = self.values['rate_hz']
         # counted in time, since a busy machine has fewer periods
-        self._command_every_s = 1.0 / self.values['rate_at_rest_hz'] - 0.5 * period_s
+        self._command_every_s = 1.0 / self.values['rate_at_rest_hz'] - 0.5 * self.period_s
         self._commanded_s = -inf
         self._status_every = max(1, round(rate_hz / self.values['status_rate_at_rest_hz']))
         self._phase_rate = 1.0
@@ -201,7 +199,7 @@ class Dmp(HandoverNode):
         self._over_s: float | None = None
         self._faults: dict[str, int] = {}
         self._clock_of_periods = Lockstep(
-            period_s,
+            self.period_s,
             self._answer,
             self._publish_again,
             patience_s=self.patience_s,
@@ -212,8 +210,8 @@ class Dmp(HandoverNode):
         self._connect()
         self._markers = Markers(self, learnt_path(learnt))
         if not self.lockstep:
-            self.every(period_s, self._tick)
-        report_condition(self, self._periods, self._condition)
+            self.every(self.period_s, self._tick)
+        report_condition(self, self._condition)
         self.warn_when_in_vain(self._missing)
         self.say(
             f'commands the wrist by {path or "a synthetic example"} in frame {self.frame}; '
@@ -425,7 +423,7 @@ class Dmp(HandoverNode):
         self._step(now_ns / NANOSECONDS, arrival_s, elapsed_s, now_ns)
 
     def _step(self, now_s: float, arrival_s: float, elapsed_s: float, time_ns: int) -> None:
-        self._periods.tick()
+        self.periods.tick()
         self._watch_time(now_s, arrival_s)
         self._feel()
         command = self._controller.step(now_s, elapsed_s, self._phase_rate, arrival_s)
@@ -433,7 +431,7 @@ class Dmp(HandoverNode):
         if command is None:
             return
         time = stamp(time_ns)
-        active, count = self._stepped_in_motion or self.lockstep, self._periods.count
+        active, count = self._stepped_in_motion or self.lockstep, self.periods.count
         moves = any(command.velocity) or any(command.angular_velocity)
         rested = 0.0 <= arrival_s - self._commanded_s < self._command_every_s
         self._commands = active or moves or not rested
@@ -482,7 +480,7 @@ class Dmp(HandoverNode):
         """Prepare the messages that are for observers only, if there are any."""
         # in lockstep they may be sent again, also to observers that have joined since
         if self.lockstep or self._phase.get_subscription_count():
-            known = {'hand_stamp_s': self._controller.hand_stamp_s, 'period': self._periods.count}
+            known = {'hand_stamp_s': self._controller.hand_stamp_s, 'period': self.periods.count}
             numbers = {**command.status_values(now_s), **known}
             self._values = to_float_array(numbers, into=self._values)
         if self.lockstep or self._fused.get_subscription_count():

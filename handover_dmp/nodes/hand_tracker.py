@@ -23,7 +23,7 @@ from geometry_msgs.msg import PoseStamped
 from handover_dmp.common.errors import UsageError
 from handover_dmp.handover.recordings import recorded_session, recorded_trial
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds, pose_message, stamp
-from handover_dmp.nodes.diagnostics import Periods, report_condition
+from handover_dmp.nodes.diagnostics import report_condition
 from handover_dmp.nodes.lockstep import Lockstep
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import fixed, Values
@@ -122,7 +122,6 @@ class HandTracker(HandoverNode):
         super().__init__()
         values = self.values
         self._played = _played(values)
-        self._periods = Periods(1.0 / values['rate_hz'])
         self._messages: list[tuple[Publisher, PoseStamped]] = []
         self._told: dict[Publisher, tuple[list[float], int]] = {}
         self._kept: dict[Publisher, PoseStamped] = {}
@@ -145,14 +144,13 @@ class HandTracker(HandoverNode):
         if isinstance(self._played, PlayedSession):
             self._listen_for_holder(self._played)
         if self.lockstep:
-            periods = Lockstep(1.0 / values['rate_hz'], self._answer, self._publish)
+            periods = Lockstep(self.period_s, self._answer, self._publish)
             self.subscribe(CLOCK, lambda message: periods.ask(nanoseconds(message.clock)))
         else:
-            period_s = 1.0 / values['rate_hz']
             # stamps are whole multiples of the period, so poses are fresh at its ticks
-            sleep(period_s - self.now_s() % period_s)
-            self.every(period_s, lambda: self._answer(self.now_ns(), 0.0))
-        report_condition(self, self._periods, self._condition)
+            sleep(self.period_s - self.now_s() % self.period_s)
+            self.every(self.period_s, lambda: self._answer(self.now_ns(), 0.0))
+        report_condition(self, self._condition)
         what = values['bag'] if values['source'] == 'bag' else values['trial']
         shown = ', '.join(publisher.topic_name for publisher in self._hand_poses)
         self.say(
@@ -204,7 +202,7 @@ class HandTracker(HandoverNode):
             self.say(f'the signal is for {signal_s:.3f} s')
 
     def _answer(self, time_ns: int, _elapsed_s: float) -> None:
-        self._periods.tick()
+        self.periods.tick()
         now_s = time_ns / NANOSECONDS
         played = self._played
         streams = [
@@ -226,9 +224,9 @@ class HandTracker(HandoverNode):
         """Whether the position has changed, or is due to be repeated."""
         place = sample.position.tolist()
         told, at = self._told.get(publisher, (None, 0))
-        if place == told and self._periods.count - at < self._again_every.get(publisher, 0):
+        if place == told and self.periods.count - at < self._again_every.get(publisher, 0):
             return False
-        self._told[publisher] = place, self._periods.count
+        self._told[publisher] = place, self.periods.count
         return True
 
     def _message(self, sample: HandSample, older: PoseStamped | None) -> PoseStamped:

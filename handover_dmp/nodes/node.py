@@ -33,6 +33,7 @@ from handover_dmp.nodes.parameters import (
     is_as_it_was,
     Parameter,
 )
+from handover_dmp.nodes.periods import Periods
 from handover_dmp.nodes.qos import message_class, qos_profile
 from handover_dmp.nodes.tracker_parameters import declare_trackers
 from handover_dmp.topics import Topic
@@ -63,6 +64,8 @@ class HandoverNode(Node):  # type: ignore[misc]
         PARAMETERS: its parameters beyond those of all nodes.
         OF_EACH_TRACKER: its parameters for each of its `trackers`.
         MAKES_TIME: whether the other nodes follow its `/clock` in lockstep.
+        period_s: period of its loop, by its parameter `rate_hz` if it has one, s.
+        periods: counts and measures these periods.
         ended: set to end the node.
         exit_code: code with which its process then ends.
 
@@ -89,6 +92,8 @@ class HandoverNode(Node):  # type: ignore[misc]
             raise UsageError(f'{self.NAME}: lockstep needs use_sim_time:=true')
         self.add_on_set_parameters_callback(_keep_the_clock)
         self.once_per_second = OncePerSecond(self)
+        self.period_s = 1.0 / self.values.get('rate_hz', 1.0)
+        self.periods = Periods(self.period_s)
 
     def say(self, text: str) -> None:
         """

@@ -39,7 +39,7 @@ from handover_dmp.nodes.conversions import (
     to_joint_command,
     velocities_of,
 )
-from handover_dmp.nodes.diagnostics import of_trackers, Periods, refusals, report_condition
+from handover_dmp.nodes.diagnostics import of_trackers, refusals, report_condition
 from handover_dmp.nodes.hand_input import HandInputs, HandPose
 from handover_dmp.nodes.lockstep import HEAD_START_S, Lockstep
 from handover_dmp.nodes.node import HandoverNode, MISSED_S
@@ -126,8 +126,6 @@ class PriorityIkNode(HandoverNode):
             joint_prefix=self.values['joint_prefix'],
         )
         on_change(self, TIMEOUTS + TASK_PARAMETERS, self._prepare)
-        self._period_s = 1.0 / self.values['rate_hz']
-        self._periods = Periods(self._period_s)
         self._hand = goal_estimator(self.values)
         self._pose: PoseStamped | None = None
         self._twist: TwistStamped | None = None
@@ -147,13 +145,13 @@ class PriorityIkNode(HandoverNode):
         self._refusal = ''
         self._twist_awaited = self._rests = False
         self._told_s = -inf
-        self._told_every_s = 1.0 / self.values['status_rate_at_rest_hz'] - 0.5 * self._period_s
+        self._told_every_s = 1.0 / self.values['status_rate_at_rest_hz'] - 0.5 * self.period_s
         self._tells = False
         self._watched_s = 0.0
         self._clock_steps_s: list[float] = []
         self._taken_ns: int | None = None
         self._lockstep = Lockstep(
-            self._period_s,
+            self.period_s,
             self._answer,
             self._publish_again,
             patience_s=lambda: self.patience_s() + HEAD_START_S,
@@ -162,8 +160,8 @@ class PriorityIkNode(HandoverNode):
         )
         self._connect()
         if not self.lockstep:
-            self.every(self._period_s, self._watch)
-        report_condition(self, self._periods, self._condition)
+            self.every(self.period_s, self._watch)
+        report_condition(self, self._condition)
         self.warn_when_in_vain(self._missing)
         if self.simulated and not self.lockstep:
             self.warn_when_in_vain(self._coarse_time, looks_before=2)
@@ -253,7 +251,7 @@ class PriorityIkNode(HandoverNode):
             self._pair = self._pose, twist, self.arrival_s()
             self._pose = None
             # commands may arrive in a burst after a stall; the watchdog takes the newest
-            if self._since_step_s() >= 0.5 * self._period_s:
+            if self._since_step_s() >= 0.5 * self.period_s:
                 self._tick()
                 self._commanded = True
 
@@ -355,7 +353,7 @@ class PriorityIkNode(HandoverNode):
         overdue = OVERDUE if self._commanded and self._pair is None else 0.5
         if self._rests and self._pair is None:
             overdue = OVERDUE_AT_REST
-        if self._since_step_s() >= overdue * self._period_s:
+        if self._since_step_s() >= overdue * self.period_s:
             self._tick()
             self._commanded = False
 
@@ -372,14 +370,14 @@ class PriorityIkNode(HandoverNode):
         elif self._pose is not None and not self._awaits_twist():
             self._take(self._pose, None, now_s)
             self._pose = None
-        elapsed_s = self._period_s if last_s is None else max(now_s - last_s, 0.0)
-        elapsed_s = min(elapsed_s, MAX_STEP * self._period_s)
+        elapsed_s = self.period_s if last_s is None else max(now_s - last_s, 0.0)
+        elapsed_s = min(elapsed_s, MAX_STEP * self.period_s)
         self._solve(now_s, elapsed_s, time_ns)
         # only now, since a period that is due would have to wait for this
         self._publish_wrist()
 
     def _solve(self, now_s: float, elapsed_s: float, time_ns: int) -> None:
-        self._periods.tick()
+        self.periods.tick()
         command = self._controller.update(now_s, elapsed_s)
         self._fault = command.reason
         self._commands = command.velocities is not None
@@ -391,7 +389,7 @@ class PriorityIkNode(HandoverNode):
         # before the status: the arm waits for it
         self._publish_command()
         if self._rests:
-            self._periods.rest()
+            self.periods.rest()
         self._active = command.solution.active_limits if command.solution else ()
         self._tells = not (self._rests and 0.0 <= now_s - self._told_s < self._told_every_s)
         if self._tells:
@@ -403,7 +401,7 @@ class PriorityIkNode(HandoverNode):
         numbers = command.status_values(time_ns / NANOSECONDS) | {
             'command_stamp_s': self._followed_s,
             'command_age_s': now_s - self._follows_since_s,
-            'period': self._periods.count,
+            'period': self.periods.count,
         }
         self._status = to_float_array(numbers, into=self._status)
 
@@ -423,13 +421,13 @@ class PriorityIkNode(HandoverNode):
         """Bring the arm to rest, since a velocity controller keeps its last command for ever."""
         super().finish()
         while not self.lockstep:
-            command = self._controller.stop('told to end', self._period_s)
+            command = self._controller.stop('told to end', self.period_s)
             if command.velocities is None:
                 # messages that the driver does not have yet would be lost with this node
                 self._joint_command.wait_for_all_acked(Duration(seconds=MAX_DELIVERY_S))
                 return
             self._joint_command.publish(to_joint_command(self.now_ns(), command.velocities))
-            sleep(self._period_s)
+            sleep(self.period_s)
 
     # Condition
 

@@ -28,7 +28,7 @@ from time import monotonic, sleep
 from diagnostic_msgs.msg import DiagnosticArray
 from handover_dmp.common.errors import DataError
 from handover_dmp.nodes.arm import load_arm
-from handover_dmp.nodes.diagnostics import Attendance, full_name, Periods, report_condition
+from handover_dmp.nodes.diagnostics import Attendance, full_name, report_condition
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import ARM, DRIVER, fixed
 from handover_dmp.nodes.qos import is_installed, message_class, qos_profile
@@ -106,7 +106,6 @@ class Recorder(HandoverNode):
         self._wanted = {
             self.resolve_topic_name(name, only_expand=True) for name in values['topics'] if name
         }
-        self._periods = Periods(1.0)
         self._attendance = Attendance(self._space)
         self._heard: dict[str, Subscription] = {}
         self._types: dict[str, str] = {}
@@ -132,7 +131,7 @@ class Recorder(HandoverNode):
         self.serve('ready', self._unheard)
         self.every(LOOK_S, self._look, wall=True)
         self.every(values['flush_period_s'], self._flush, wall=True)
-        report_condition(self, self._periods, self._condition)
+        report_condition(self, self._condition)
         which = ', '.join(sorted(self._wanted)) or f'every topic of {self._space}'
         self.say(f'records {which} into {values["folder"]}')
 

@@ -26,7 +26,7 @@ from handover_dmp.common.errors import UsageError
 from handover_dmp.common.settings import parameters_of
 from handover_dmp.nodes.arm import limits_told, load_arm
 from handover_dmp.nodes.conversions import NANOSECONDS, period_of, stamp
-from handover_dmp.nodes.diagnostics import Periods, report_condition
+from handover_dmp.nodes.diagnostics import report_condition
 from handover_dmp.nodes.lockstep import ASK_AGAIN_S, HEAD_START_S, Pace
 from handover_dmp.nodes.node import HandoverNode, MISSED_S
 from handover_dmp.nodes.object_topics import carried_object, OBJECT, ObjectTopics
@@ -105,9 +105,7 @@ class RobotSim(HandoverNode):
         )
         self._start: Sequence[float] = self.values['initial_positions']
         self._arm.reset(self._start)
-        self._period_s = 1.0 / self.values['rate_hz']
-        self._period_ns = round(self._period_s * NANOSECONDS)
-        self._periods = Periods(self._period_s)
+        self._period_ns = round(self.period_s * NANOSECONDS)
         self._tick_ns = 0
         self._looked_s = self._asked_s = monotonic()
         self._waited_s = 0.0
@@ -125,9 +123,9 @@ class RobotSim(HandoverNode):
             self._stepped_s = self.arrival_s()
             self._told_s = -inf
             # half a period sooner, since it is checked once a period
-            self._told_every_s = 1.0 / self.values['rate_at_rest_hz'] - 0.5 * self._period_s
-            self.every(self._period_s, self._step_by_the_clock)
-        report_condition(self, self._periods, self._condition)
+            self._told_every_s = 1.0 / self.values['rate_at_rest_hz'] - 0.5 * self.period_s
+            self.every(self.period_s, self._step_by_the_clock)
+        report_condition(self, self._condition)
         self.warn_when_in_vain(self._missing)
         self.say_changes(self._doing, self._stopped)
         self.once_per_second.add(self._warn_of_silence)
@@ -218,13 +216,13 @@ class RobotSim(HandoverNode):
         return self.patience_s() + 2 * HEAD_START_S
 
     def _advance(self) -> None:
-        self._periods.tick()
+        self.periods.tick()
         self._object.before(self._tick_ns)
-        self._arm.advance(self._period_s)
+        self._arm.advance(self.period_s)
         self._tick_ns += self._period_ns
         factor = self.values['real_time_factor']
         if factor > 0.0:
-            wait_s = self._pace.wait_s(monotonic(), self._period_s / factor)
+            wait_s = self._pace.wait_s(monotonic(), self.period_s / factor)
             self._slept_s += wait_s
             sleep(wait_s)
         self._looked_s, self._waited_s = monotonic(), 0.0
@@ -233,7 +231,7 @@ class RobotSim(HandoverNode):
     # The wall clock, or that of another simulator
 
     def _step_by_the_clock(self) -> None:
-        self._periods.tick()
+        self.periods.tick()
         now_s = self.arrival_s()
         elapsed_s = now_s - self._stepped_s
         self._stepped_s = now_s
@@ -241,7 +239,7 @@ class RobotSim(HandoverNode):
         rests = self._arm.rests
         if not (self._paused or leapt):
             # a clock that is published 40 times a second advances by several periods at once
-            jump_s = max(0.0, elapsed_s - self._period_s) if self.simulated else 0.0
+            jump_s = max(0.0, elapsed_s - self.period_s) if self.simulated else 0.0
             if rests:
                 self._arm.wait(elapsed_s)
             else:

@@ -24,7 +24,7 @@ from handover_dmp.common.errors import UsageError
 from handover_dmp.common.settings import parameters_of
 from handover_dmp.nodes.arm import limits_told, load_arm
 from handover_dmp.nodes.conversions import to_joint_command
-from handover_dmp.nodes.diagnostics import Periods, report_condition
+from handover_dmp.nodes.diagnostics import report_condition
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.nodes.parameters import ARM, DRIVER, fixed, parameters_from
 from handover_dmp.nodes.spin import run
@@ -64,8 +64,6 @@ class VelocityToPosition(HandoverNode):
             PositionCommanderOptions(**parameters_of(PositionCommanderOptions, values)),
             joint_prefix=values['joint_prefix'],
         )
-        self._period_s = 1.0 / values['rate_hz']
-        self._periods = Periods(self._period_s)
         self._answered_s = self.arrival_s()
         self._fault = ''
         self._message: Float64MultiArray | None = None
@@ -73,8 +71,8 @@ class VelocityToPosition(HandoverNode):
         self.subscribe(JOINT_STATES, self._on_joint_states)
         self.subscribe(JOINT_COMMAND, self._on_command)
         self.serve('resume', self._commander.resume)
-        self.every(self._period_s, self._answer)
-        report_condition(self, self._periods, self._condition)
+        self.every(self.period_s, self._answer)
+        report_condition(self, self._condition)
         self.say_changes(lambda: 'following commands', lambda: self._fault)
         self.say(
             f'converts velocities to positions of {model.name}; listens to '
@@ -93,9 +91,9 @@ class VelocityToPosition(HandoverNode):
             self.get_logger().warning(f'refused: {fault}', throttle_duration_sec=1.0)
 
     def _answer(self) -> None:
-        self._periods.tick()
+        self.periods.tick()
         now_s = self.arrival_s()
-        elapsed_s = min(max(now_s - self._answered_s, 0.0), MAX_STEP * self._period_s)
+        elapsed_s = min(max(now_s - self._answered_s, 0.0), MAX_STEP * self.period_s)
         self._answered_s = now_s
         self._publish(elapsed_s)
 
@@ -112,8 +110,8 @@ class VelocityToPosition(HandoverNode):
     def finish(self) -> None:
         """Bring the arm to rest within its limits, then end."""
         self._commander.stop('told to end')
-        while self._publish(self._period_s):
-            sleep(self._period_s)
+        while self._publish(self.period_s):
+            sleep(self.period_s)
         super().finish()
 
     def _condition(self) -> tuple[str, dict[str, str]]:
