@@ -31,11 +31,10 @@ from handover_dmp.common.arrays import Point
 from handover_dmp.common.errors import UsageError
 from handover_dmp.mocap.message_bodies import bodies, Body
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
-from handover_dmp.nodes.node import HandoverNode
+from handover_dmp.nodes.node import HandoverNode, NO_EVENTS
 from handover_dmp.topics import HAND_POSE
 from handover_dmp.tracking.pose_messages import BodyChooser, TYPES
 from handover_dmp.tracking.tracker import PATIENCE_PERIODS
-from rclpy.subscription import Subscription
 from rclpy.time import Time as RosTime
 
 try:
@@ -215,40 +214,43 @@ class HandInput:
                 node.values[f'{name}.position'], node.values[f'{name}.quaternion']
             )
         self._buffer: Any = None
-        self._type = node.values[f'{name}.type'] or HAND_POSE.type_name
-        self._subscription = self._listen(self._type)
-        if not node.values[f'{name}.type']:
+        self._is_type_given = bool(node.values[f'{name}.type'])
+        self._listen(node.values[f'{name}.type'] or HAND_POSE.type_name)
+        if not self._is_type_given:
             node.once_per_second.add(self._look)
 
-    def _listen(self, type_name: str) -> Subscription:
+    def _listen(self, type_name: str) -> None:
         if type_name not in TYPES:
             raise UsageError(f'messages of type {type_name}; expected one of {", ".join(TYPES)}')
 
         heard = partial(self._on, type_name)
+        events = None if self._is_type_given else NO_EVENTS
         try:
-            return self._node.subscribe(HAND_POSE, heard, self._topic, type_name)
+            self._subscription = self._node.subscribe(
+                HAND_POSE, heard, self._topic, type_name, events
+            )
         except ImportError as error:
             raise UsageError(
                 f'messages of type {type_name}: their package is not installed'
             ) from error
+        self._type = type_name
 
     def _look(self) -> None:
         """Subscribe to the published type if it is another one."""
         name = self._node.resolve_topic_name(self._topic)
         publishers = self._node.get_publishers_info_by_topic(name)
         types = {publisher.topic_type for publisher in publishers}
-        if not types or self._type in types:
-            return
-        # DDS allows one type per topic in a process
-        self._node.destroy_subscription(self._subscription)
+        if types and self._type not in types:
+            best = min(types, key=lambda type_name: (type_name not in TYPES, type_name))
+            self._node.replace(self._subscription, partial(self._listen_to_other, name, best))
+
+    def _listen_to_other(self, name: str, type_name: str) -> None:
         self._chooser.names.clear()
-        self._type = min(types, key=lambda type_name: (type_name not in TYPES, type_name))
         try:
-            self._subscription = self._listen(self._type)
+            self._listen(type_name)
         except UsageError as error:
             self._refuse('other_type', f'{name}: {error}')
-            self._type = HAND_POSE.type_name
-            self._subscription = self._listen(self._type)
+            self._listen(HAND_POSE.type_name)
 
     def _on(self, type_name: str, message: Any) -> None:
         pose = self._chooser.choose(bodies(message) or [])

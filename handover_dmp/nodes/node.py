@@ -39,6 +39,7 @@ from handover_dmp.nodes.tracker_parameters import declare_trackers
 from handover_dmp.topics import Topic
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
@@ -47,6 +48,8 @@ from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 from std_srvs.srv import SetBool, Trigger
 
+NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
+"""For a subscription that is replaced: an event that waits for a destroyed one ends the node."""
 LOOKS_BEFORE_WARNING = 5
 """Looks without success, one per second, after which a node warns."""
 LOOKS_IN_VAIN = 15
@@ -214,7 +217,12 @@ class HandoverNode(Node):  # type: ignore[misc]
             raise _no_topic(name, error) from error
 
     def subscribe(
-        self, topic: Topic, callback: Callable[[Any], None], name: str = '', type_name: str = ''
+        self,
+        topic: Topic,
+        callback: Callable[[Any], None],
+        name: str = '',
+        type_name: str = '',
+        events: SubscriptionEventCallbacks | None = None,
     ) -> Subscription:
         """
         Subscribe to a topic.
@@ -224,6 +232,8 @@ class HandoverNode(Node):  # type: ignore[misc]
             callback: gets each message.
             name: its name, if it differs from that of `topic`.
             type_name: type of its messages, if it differs from that of `topic`.
+            events: `NO_EVENTS` for one that is given to `replace`; default: rclpy warns of
+                publishers that do not suit.
 
         Returns:
             Its subscription.
@@ -234,9 +244,29 @@ class HandoverNode(Node):  # type: ignore[misc]
         """
         kind, name = message_class(type_name or topic.type_name), name or topic.relative
         try:
-            return self.create_subscription(kind, name, callback, qos_profile(topic.quality))
+            return self.create_subscription(
+                kind, name, callback, qos_profile(topic.quality), event_callbacks=events
+            )
         except InvalidTopicNameException as error:
             raise _no_topic(name, error) from error
+
+    def replace(self, subscription: Subscription, subscribe: Callable[[], object]) -> None:
+        """
+        Destroy a subscription, and make another as soon as the executor has released it.
+
+        DDS permits one type per topic in a process, and the events executor holds a
+        subscription until it next updates its list.
+
+        Args:
+            subscription: subscription with `NO_EVENTS`; it hears nothing more.
+            subscribe: makes the other one.
+
+        """
+        self.destroy_subscription(subscription)
+        if self.executor is None:
+            subscribe()
+        else:
+            self.executor.create_task(subscribe)
 
     def serve(self, name: str, action: Callable[[], str | None]) -> None:
         """

@@ -21,6 +21,7 @@ It records the topics of its namespace and those that all graphs share; in the r
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 import sys
 from time import monotonic, sleep
@@ -29,7 +30,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from handover_dmp.common.errors import DataError
 from handover_dmp.nodes.arm import load_arm
 from handover_dmp.nodes.diagnostics import Attendance, full_name, report_condition
-from handover_dmp.nodes.node import HandoverNode
+from handover_dmp.nodes.node import HandoverNode, NO_EVENTS
 from handover_dmp.nodes.parameters import ARM, DRIVER, fixed
 from handover_dmp.nodes.qos import is_installed, message_class, qos_profile
 from handover_dmp.nodes.rest import is_left_out_at_rest, OFTEN_SAID, Reports, Rest
@@ -233,9 +234,11 @@ class Recorder(HandoverNode):
             ):
                 continue
             if self._has_type(name, type_name):
+                subscribe = partial(self._subscribe, name, type_name, _weakest(offered))
                 if subscription:
-                    self.destroy_subscription(subscription)
-                self._subscribe(name, type_name, _weakest(offered))
+                    self.replace(self._heard.pop(name), subscribe)
+                else:
+                    subscribe()
 
     def _note_offered(self, name: str, offered: list[QoSProfile]) -> list[QoSProfile]:
         """Store the offers of the publishers of a topic for the bag."""
@@ -264,7 +267,12 @@ class Recorder(HandoverNode):
         )
         self._types[name] = type_name
         self._heard[name] = self.create_subscription(
-            message_class(type_name), name, self._writing(name, type_name), queue, raw=True
+            message_class(type_name),
+            name,
+            self._writing(name, type_name),
+            queue,
+            event_callbacks=NO_EVENTS,
+            raw=True,
         )
 
     def _writing(self, name: str, type_name: str) -> Callable[[bytes], None]:
