@@ -409,7 +409,6 @@ def rollout_towards(
     goal_velocities: Array,
     start: Array,
     options: ApproachOptions | None = None,
-    acceleration_limit: float | None = None,
 ) -> tuple[Array, Array]:
     """
     Compute the wrist command of a movement against a recorded hand.
@@ -421,16 +420,13 @@ def rollout_towards(
         goal_velocities: ġ, m/s, (n, 3).
         start: x₀, m, (3,).
         options: options of the approach; those of `config/` if left out.
-        acceleration_limit: m/s²; that of `config/` if left out.
 
     Returns:
         Positions, m, and velocities, m/s, (n, 3) each.
 
     """
     options = options or ApproachOptions()
-    limit = (
-        defaults('dmp')['acceleration_limit'] if acceleration_limit is None else acceleration_limit
-    )
+    limit = defaults('dmp')['acceleration_limit']
     state = model.initial_state(start.tolist())
     states, astray = [state], -inf
     lengths = np.diff(times).tolist()

@@ -319,7 +319,7 @@ class HandoverController:
         self.forget_hand()
         self.exchange_position: Vector | None = None
         self._signal_s = inf
-        self._exchange_since_s: float | None = None
+        self._exchange_since_s = nan
         self._goal_weight = 0.0
         self._phase_rate = 0.0
         self._expectation: Expectation | None = None
@@ -455,7 +455,7 @@ class HandoverController:
             self._primitive = self.model.initial_state(held.position, held.velocity)
         self._begun_at = self.wrist
         self.returns = False
-        self._exchange_since_s = None
+        self._exchange_since_s = nan
         self.exchange_position = None
         self._signal_s = inf
         self._goal_weight = float(self.model.goal_weight(self._primitive.phase))
@@ -596,7 +596,6 @@ class HandoverController:
     def _judge_exchange(self, now_s: float, hand: HandEstimate) -> None:
         assert self.wrist is not None and self._primitive is not None
         if self.state is HandoverState.EXCHANGE:
-            assert self._exchange_since_s is not None
             if now_s - self._exchange_since_s >= self.options.exchange_hold_s:
                 self.state = HandoverState.DONE
             return

@@ -32,7 +32,6 @@ from handover_dmp.common.quaternions import from_matrices, normalized, to_matrix
 from handover_dmp.handover.controller import (
     AFTERWARDS_S,
     HandoverController,
-    HandoverOptions,
     HandoverState,
     WristCommand,
 )
@@ -103,6 +102,8 @@ class LockstepLoop(Closing, ABC):
 
     """
 
+    period_s = 0.005
+
     def __init__(
         self,
         robot: RobotModel,
@@ -110,7 +111,6 @@ class LockstepLoop(Closing, ABC):
         controller: HandoverController,
         *,
         tasks: Mapping[str, Any],
-        rate_hz: float,
         carried: CarriedObjectOptions | None = None,
     ) -> None:
         """
@@ -121,11 +121,9 @@ class LockstepLoop(Closing, ABC):
             q_start: (n,), rad, its configuration at the start.
             controller: controller of the wrist.
             tasks: parameters of the inverse kinematics that differ from the defaults.
-            rate_hz: rate of the periods, Hz.
             carried: the handed-over object; None: no object with a mass.
 
         """
-        self.period_s = 1.0 / rate_hz
         self.controller = controller
         self.wrist_controller = WristController(robot, PriorityIk(robot, **tasks))
         self.arm = SimulatedArm(robot, carried=carried)
@@ -245,30 +243,25 @@ class Handover(LockstepLoop):
         self,
         scenario: Scenario,
         *,
-        options: HandoverOptions | None = None,
         trackers: Sequence[TrackerPreset] = (),
-        rate_hz: float = 200.0,
     ) -> None:
         """
         Connect the objects.
 
         Args:
             scenario: trial, movement and arm.
-            options: rules of the handover; by default those of the scenario.
             trackers: trackers of the hand; a perfect one if left out.
-            rate_hz: rate of the periods, Hz.
 
         """
         self.scenario = scenario
         trackers = trackers or (TrackerPreset(),)
         estimator = GoalEstimator(trackers=[one.tracker for one in trackers])
-        rules = options or scenario.carried.handover_options(scenario.partner_model)
+        rules = scenario.carried.handover_options(scenario.partner_model)
         super().__init__(
             scenario.robot,
             scenario.q_start,
             HandoverController(scenario.model, rules, estimator),
             tasks=scenario.carried.node_parameters(scenario.model)['priority_ik'],
-            rate_hz=rate_hz,
         )
         replay = Replay(scenario.trial.times, scenario.trial.partner)
         self.hands = [TrackedHand(replay, one.sensor) for one in trackers]

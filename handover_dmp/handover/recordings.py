@@ -21,7 +21,6 @@ from pathlib import Path
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
-from handover_dmp.common.settings import defaults
 from handover_dmp.dmp import DecoupledDmp, load_model
 from handover_dmp.handover.teaching import learn_from_trials
 from handover_dmp.mocap import condition, HandoverTrial, read_trial, synthesize
@@ -98,15 +97,14 @@ def read_model(path: Path) -> DecoupledDmp:
 
 
 def recorded_trial(
-    path: str | Path, *, cutoff_hz: float | None = None, span_s: tuple[float, float] | None = None
+    path: str | Path, *, cutoff_hz: float, span_s: tuple[float, float] | None = None
 ) -> HandoverTrial:
     """
     Read a handover to replay.
 
     Args:
         path: CSV file or bag; empty: that of the example.
-        cutoff_hz: cutoff of the zero-phase low-pass filter, Hz; 0: unfiltered; default: that of
-            `config/`.
+        cutoff_hz: cutoff of the zero-phase low-pass filter, Hz; 0: unfiltered.
         span_s: beginning and end of the handover in a bag, s from its first pose of the hand;
             detected if left out.
 
@@ -117,8 +115,6 @@ def recorded_trial(
         DataError: the file cannot be used, or the bag holds several handovers.
 
     """
-    if cutoff_hz is None:
-        cutoff_hz = defaults('hand_tracker')['cutoff_hz']
     if not str(path):
         trial = example_trials()[1]
     elif Path(path).suffix.lower() != '.csv':
@@ -128,14 +124,13 @@ def recorded_trial(
     return condition(trial, cutoff_hz=cutoff_hz) if cutoff_hz else trial
 
 
-def recorded_session(path: str | Path, *, cutoff_hz: float | None = None) -> RecordedSession:
+def recorded_session(path: str | Path, *, cutoff_hz: float) -> RecordedSession:
     """
     Read a session to replay.
 
     Args:
         path: CSV file or bag; empty: a synthetic one.
-        cutoff_hz: cutoff of the zero-phase low-pass filter, Hz; 0: unfiltered; default: that of
-            `config/`.
+        cutoff_hz: cutoff of the zero-phase low-pass filter, Hz; 0: unfiltered.
 
     Returns:
         The session, filtered.
@@ -144,8 +139,6 @@ def recorded_session(path: str | Path, *, cutoff_hz: float | None = None) -> Rec
         DataError: the file cannot be used, or contains no exchange.
 
     """
-    if cutoff_hz is None:
-        cutoff_hz = defaults('hand_tracker')['cutoff_hz']
     if str(path):
         session = read_session(path)
     else:

@@ -482,12 +482,11 @@ class SessionController(HandoverController):
         if self.state is HandoverState.EXCHANGE:
             return
         super()._judge_exchange(now_s, hand)
-        if self._exchange_since_s is not None and self._force is not None:
+        if self.exchange_position is not None and self._force is not None:
             self._stay_with(hand)
 
     def _judge_release(self, now_s: float, fresh: bool, feels_now: bool) -> None:
         """Give: open the gripper once the partner has the object. Take: close it, and hold."""
-        assert self._exchange_since_s is not None
         arrived = self._arrived and fresh and not self.estimator.is_disputed
         lasted_s = now_s - self._exchange_since_s
         if self.leg is Leg.GIVE:
@@ -510,7 +509,6 @@ class SessionController(HandoverController):
 
     def _judge_patience(self, now_s: float, feels_now: bool) -> None:
         """Flag an exchange that takes too long; go home with an untaken object, if configured."""
-        assert self._exchange_since_s is not None
         patience_s = self.session.exchange_timeout_s
         self._overdue = 0.0 < patience_s <= now_s - self._exchange_since_s
         # if the force measurement has stopped, it is unknown whose hand is on the object

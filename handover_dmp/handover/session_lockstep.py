@@ -27,7 +27,7 @@ from dataclasses import dataclass
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.settings import defaults
-from handover_dmp.handover.controller import AFTERWARDS_S, HandoverOptions, HandoverState
+from handover_dmp.handover.controller import AFTERWARDS_S, HandoverState
 from handover_dmp.handover.lockstep import (
     LockstepLoop,
     Period,
@@ -98,35 +98,30 @@ class SessionLoop(LockstepLoop):
         self,
         scenario: SessionScenario,
         *,
-        options: HandoverOptions | None = None,
         session: SessionOptions | None = None,
         trackers: Sequence[TrackerPreset] = (),
         carried: CarriedObjectOptions | None = None,
-        rate_hz: float = 200.0,
     ) -> None:
         """
         Connect the objects.
 
         Args:
             scenario: session, movements and arm.
-            options: rules of each handover; by default those of the scenario.
             session: rules of the session; by default those of the scenario.
             trackers: trackers of the hand; a perfect one if left out.
             carried: the handed-over object; if left out, or without a mass, distance and speed
                 alone end an exchange.
-            rate_hz: rate of the periods, Hz.
 
         """
         self.scenario = scenario
         trackers = trackers or (TrackerPreset(),)
-        rules = options or scenario.profile.handover_options(scenario.partner_model)
+        rules = scenario.profile.handover_options(scenario.partner_model)
         estimator = GoalEstimator(trackers=[one.tracker for one in trackers])
         super().__init__(
             scenario.robot,
             scenario.q_start,
             SessionController(scenario.models, rules, estimator, session or scenario.rules),
             tasks=scenario.profile.node_parameters(scenario.models.give)['priority_ik'],
-            rate_hz=rate_hz,
             carried=carried,
         )
         self._sensors = [one.sensor for one in trackers]
