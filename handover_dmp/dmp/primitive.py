@@ -345,10 +345,8 @@ class Primitive(ABC):
             The state, with phase 1.
 
         """
-        start = tuple(float(x) for x in (self.start if position is None else position))
-        moving = (
-            (0.0,) * self.dimensions if velocity is None else tuple(float(v) for v in velocity)
-        )
+        start = tuple(map(float, self.start if position is None else position))
+        moving = tuple(map(float, np.zeros(self.dimensions) if velocity is None else velocity))
         if len(start) != self.dimensions or len(moving) != self.dimensions:
             raise DataError(f'position and velocity need {self.dimensions} numbers each')
         return DmpState(start, moving, 1.0, start)
@@ -595,11 +593,7 @@ class Primitive(ABC):
 
     def _transitions(self, stiffness: Array, lengths: Array) -> Array:
         """Return the six numbers of `transition` for every interval, or once if all are alike."""
-        k, damping, tau = (
-            self.parameters.stiffness,
-            self.parameters.effective_damping,
-            self.duration_s,
-        )
+        k, damping = self.parameters.stiffness, self.parameters.effective_damping
         if self.varies:
             numbers = [
                 varying(a, b, damping, h)
@@ -609,7 +603,8 @@ class Primitive(ABC):
             numbers = [steady(k, damping, float(lengths.mean()))]
         else:
             numbers = [steady(k, damping, h) for h in lengths.tolist()]
-        table: Array = np.array([in_seconds(each, tau) for each in numbers]).reshape(-1, 6).T
+        seconds = [in_seconds(each, self.duration_s) for each in numbers]
+        table: Array = np.reshape(seconds, (-1, 6)).T
         return table
 
     def _deviation(self, u: Array) -> Array:

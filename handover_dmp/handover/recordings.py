@@ -75,6 +75,22 @@ def example_model(seed: int = 0, direction: str = EXAMPLE[1]) -> DecoupledDmp:
     return learnt
 
 
+def example_sessions(seed: int = 0) -> tuple[RecordedSession, RecordedSession]:
+    """
+    Create the sessions of the example: an assistant and a mechanic, with one tool.
+
+    Args:
+        seed: seed of the synthetic data set.
+
+    Returns:
+        A session to learn from, and another one to run against.
+
+    """
+    configuration, number = EXAMPLE_SESSION
+    taught, *_, replayed = synthesize_sessions(seed, number, configurations=[configuration])
+    return taught, replayed
+
+
 def read_model(path: Path) -> DecoupledDmp:
     """
     Read a movement for handovers from a model file.
@@ -139,11 +155,7 @@ def recorded_session(path: str | Path, *, cutoff_hz: float) -> RecordedSession:
         DataError: the file cannot be used, or contains no exchange.
 
     """
-    if str(path):
-        session = read_session(path)
-    else:
-        configuration, number = EXAMPLE_SESSION
-        session = synthesize_sessions(0, number, configurations=[configuration])[-1]
+    session = read_session(path) if str(path) else example_sessions()[1]
     return session.low_passed(cutoff_hz)
 
 

@@ -185,19 +185,21 @@ def _starting_joints(robot: RobotModel, place: Array, task: str, hand: Array) ->
     return min(found, key=lambda q: float(np.linalg.norm(q - robot.home)))
 
 
-def expected_path(model: DecoupledDmp, trial: HandoverTrial) -> Array:
+def expected_path(model: DecoupledDmp, trial: HandoverTrial, start: Array | None = None) -> Array:
     """
     Predict the path of the wrist for a recorded hand.
 
     Args:
         model: the learnt movement.
         trial: the handover.
+        start: (3,), m, position of the wrist at the beginning; that of P2's if left out.
 
     Returns:
-        (n, 3), m, from the start of P2 to the end of the movement.
+        (n, 3), m, from there to the end of the movement.
 
     """
     goals, velocities = hand_goal(trial, model)
-    start = trial.demonstrator[0]
+    start = trial.demonstrator[0] if start is None else start
     wrist_path, _ = rollout_towards(model, trial.times, goals, velocities, start)
+    # a slow object is still moving when the recorded reach is over
     return np.vstack([wrist_path, trial.partner[-1] + model.goal_offset])

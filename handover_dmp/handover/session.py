@@ -29,7 +29,7 @@ from math import dist, hypot, inf, isfinite
 
 from handover_dmp.common.arrays import Vector
 from handover_dmp.common.errors import DataError
-from handover_dmp.common.settings import dmp_setting
+from handover_dmp.common.settings import dmp_setting, settings_of
 from handover_dmp.common.vectors import dot, minus, plus
 from handover_dmp.dmp import DecoupledDmp
 from handover_dmp.handover.controller import (
@@ -52,7 +52,6 @@ from handover_dmp.handover.withdrawal import (
 )
 from handover_dmp.tracking import GoalEstimator, HandEstimate
 
-TAKE_STARTS = ('signal', 'motion')
 OWN_WAYS = (HandoverState.PICKING_UP, HandoverState.RELEASED, HandoverState.WITHDRAWING)
 """States in which the wrist moves or stands without the primitive."""
 HOLDING = (HandoverState.IDLE, HandoverState.WAITING, HandoverState.DONE)
@@ -171,10 +170,8 @@ class SessionOptions:
 
     def __post_init__(self) -> None:
         """Check `take_start` and the position."""
-        if self.take_start not in TAKE_STARTS:
-            raise DataError(
-                f'take_start is {self.take_start!r}, not one of {", ".join(TAKE_STARTS)}'
-            )
+        if fault := settings_of(SessionOptions)['take_start'].fault(self.take_start):
+            raise DataError(f'take_start {fault}')
         place = tuple(map(float, self.pick_up_position))
         if len(place) != 3 or not all(abs(x) < inf for x in place):
             raise DataError(f'pick_up_position {list(place)} is not three numbers')

@@ -23,17 +23,15 @@ from pathlib import Path
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.settings import defaults
-from handover_dmp.handover.approach import rollout_towards
 from handover_dmp.handover.object_profile import DEFAULT_OBJECT, object_profile, ObjectProfile
-from handover_dmp.handover.recordings import EXAMPLE_SESSION, read_model
-from handover_dmp.handover.scenario import placed_arm
+from handover_dmp.handover.recordings import example_sessions, read_model
+from handover_dmp.handover.scenario import expected_path, placed_arm
 from handover_dmp.handover.session import SessionModels, SessionOptions
-from handover_dmp.handover.teaching import hand_goal, learn_from_trials
+from handover_dmp.handover.teaching import learn_from_trials
 from handover_dmp.handover.withdrawal import WithdrawalOptions
 from handover_dmp.mocap import HandoverTrial
 from handover_dmp.mocap.segmentation import Segmentation, SegmentedMotion
 from handover_dmp.mocap.session import read_session, RecordedSession
-from handover_dmp.mocap.synthetic_session import synthesize_sessions
 from handover_dmp.robot.descriptions import ArmChoice
 from handover_dmp.robot.model import BasePlacement, RobotModel
 from handover_dmp.simulation.carried_object import CarriedObjectOptions
@@ -93,22 +91,6 @@ class SessionScenario:
         """
         mass_kg = self.profile.mass_kg if mass_kg is None else mass_kg
         return CarriedObjectOptions.between(self.models.give.goal_offset, mass_kg, self.pick_up)
-
-
-def example_sessions(seed: int = 0) -> tuple[RecordedSession, RecordedSession]:
-    """
-    Create the sessions of the example: an assistant and a mechanic, with one tool.
-
-    Args:
-        seed: seed of the synthetic data set.
-
-    Returns:
-        A session to learn from, and another one to run against.
-
-    """
-    configuration, number = EXAMPLE_SESSION
-    taught, *_, replayed = synthesize_sessions(seed, number, configurations=[configuration])
-    return taught, replayed
 
 
 def trials_of(session: RecordedSession) -> list[HandoverTrial]:
@@ -238,10 +220,7 @@ def expected_session_path(models: SessionModels, session: RecordedSession) -> Ar
     parts = []
     for trial in trials:
         movement = models.give if trial.direction == 'give' else models.take
-        goals, velocities = hand_goal(trial, movement)
-        there, _ = rollout_towards(movement, trial.times, goals, velocities, home)
-        # a slow object is still moving when the recorded reach is over
-        there = np.vstack([there, trial.partner[-1] + movement.goal_offset])
+        there = expected_path(movement, trial, home)
         parts += [there, there[::-1]]
     return np.vstack(parts[:-1])
 
