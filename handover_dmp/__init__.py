@@ -46,28 +46,25 @@ if TYPE_CHECKING:
 
 __version__ = '0.2.0'
 
-_HOMES = {
-    'Basis': 'dmp.basis',
-    'ClassicalDmp': 'dmp.classical',
-    'DecoupledDmp': 'dmp.decoupled',
-    'DmpParameters': 'dmp.parameters',
-    'GoalEstimator': 'tracking.goal_estimator',
-    'HandoverTrial': 'mocap.trial',
-    'PriorityIk': 'robot.priority_ik',
-    'RobotModel': 'robot.model',
-    'WeightPosterior': 'dmp.posterior',
-    'WristTarget': 'robot.tasks',
-    'evaluate': 'evaluation.protocol',
-    'learn': 'dmp.learning',
-    'learn_from_trials': 'handover.teaching',
-    'load_model': 'dmp.model_file',
-    'make_scenario': 'handover.scenario',
-    'read_data_set': 'mocap.data_set',
-    'read_trial': 'mocap.trial',
-    'rollout_against': 'handover.teaching',
-    'save_model': 'dmp.model_file',
-    'simulate': 'handover.lockstep',
-    'synthesize': 'mocap.synthetic',
+_NAMES = {
+    'dmp.basis': ['Basis'],
+    'dmp.classical': ['ClassicalDmp'],
+    'dmp.decoupled': ['DecoupledDmp'],
+    'dmp.learning': ['learn'],
+    'dmp.model_file': ['load_model', 'save_model'],
+    'dmp.parameters': ['DmpParameters'],
+    'dmp.posterior': ['WeightPosterior'],
+    'evaluation.protocol': ['evaluate'],
+    'handover.lockstep': ['simulate'],
+    'handover.scenario': ['make_scenario'],
+    'handover.teaching': ['learn_from_trials', 'rollout_against'],
+    'mocap.data_set': ['read_data_set'],
+    'mocap.synthetic': ['synthesize'],
+    'mocap.trial': ['HandoverTrial', 'read_trial'],
+    'robot.model': ['RobotModel'],
+    'robot.priority_ik': ['PriorityIk'],
+    'robot.tasks': ['WristTarget'],
+    'tracking.goal_estimator': ['GoalEstimator'],
 }
 
 __all__ = [
@@ -94,4 +91,4 @@ __all__ = [
     'synthesize',
 ]
 
-__getattr__, __dir__ = lazy_names(__name__, _HOMES)
+__getattr__, __dir__ = lazy_names(__name__, _NAMES)

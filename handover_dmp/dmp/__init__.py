@@ -35,22 +35,16 @@ if TYPE_CHECKING:
     from handover_dmp.dmp.posterior import WeightPosterior
     from handover_dmp.dmp.state import DmpState, Rollout
 
-_HOMES = {
-    'Basis': 'basis',
-    'ClassicalDmp': 'classical',
-    'DecoupledDmp': 'decoupled',
-    'DmpParameters': 'parameters',
-    'DmpState': 'state',
-    'LearntTurn': 'orientation',
-    'OrientationPrimitive': 'orientation',
-    'Rollout': 'state',
-    'WeightPosterior': 'posterior',
-    'learn': 'learning',
-    'learn_jointly': 'learning',
-    'learn_mean': 'learning',
-    'load_model': 'model_file',
-    'relearn': 'learning',
-    'save_model': 'model_file',
+_NAMES = {
+    'basis': ['Basis'],
+    'classical': ['ClassicalDmp'],
+    'decoupled': ['DecoupledDmp'],
+    'learning': ['learn', 'learn_jointly', 'learn_mean', 'relearn'],
+    'model_file': ['load_model', 'save_model'],
+    'orientation': ['LearntTurn', 'OrientationPrimitive'],
+    'parameters': ['DmpParameters'],
+    'posterior': ['WeightPosterior'],
+    'state': ['DmpState', 'Rollout'],
 }
 
 __all__ = [
@@ -71,4 +65,4 @@ __all__ = [
     'save_model',
 ]
 
-__getattr__, __dir__ = lazy_names(__name__, _HOMES)
+__getattr__, __dir__ = lazy_names(__name__, _NAMES)

@@ -30,16 +30,11 @@ if TYPE_CHECKING:
     from handover_dmp.mocap.synthetic import synthesize
     from handover_dmp.mocap.trial import HandoverTrial, read_trial, write_trial
 
-_HOMES = {
-    'HandoverTrial': 'trial',
-    'condition': 'filtering',
-    'read_data_set': 'data_set',
-    'read_trial': 'trial',
-    'smooth': 'filtering',
-    'synthesize': 'synthetic',
-    'velocities': 'filtering',
-    'write_data_set': 'data_set',
-    'write_trial': 'trial',
+_NAMES = {
+    'data_set': ['read_data_set', 'write_data_set'],
+    'filtering': ['condition', 'smooth', 'velocities'],
+    'synthetic': ['synthesize'],
+    'trial': ['HandoverTrial', 'read_trial', 'write_trial'],
 }
 
 __all__ = [
@@ -54,4 +49,4 @@ __all__ = [
     'write_trial',
 ]
 
-__getattr__, __dir__ = lazy_names(__name__, _HOMES)
+__getattr__, __dir__ = lazy_names(__name__, _NAMES)

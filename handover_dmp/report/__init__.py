@@ -25,13 +25,12 @@ if TYPE_CHECKING:
     from handover_dmp.report.recorded_run import load_run, RunRecord
     from handover_dmp.report.report import write_report
 
-_HOMES = {
-    'RunRecord': 'recorded_run',
-    'load_run': 'recorded_run',
-    'measure': 'metrics',
-    'write_report': 'report',
+_NAMES = {
+    'metrics': ['measure'],
+    'recorded_run': ['RunRecord', 'load_run'],
+    'report': ['write_report'],
 }
 
 __all__ = ['RunRecord', 'load_run', 'measure', 'write_report']
 
-__getattr__, __dir__ = lazy_names(__name__, _HOMES)
+__getattr__, __dir__ = lazy_names(__name__, _NAMES)

@@ -33,15 +33,13 @@ if TYPE_CHECKING:
     from handover_dmp.tracking.tracker import Tracker
     from handover_dmp.tracking.tracker_watch import TrackerReport
 
-_HOMES = {
-    'GoalEstimator': 'goal_estimator',
-    'HandEstimate': 'goal_estimator',
-    'HandFilter': 'hand_filter',
-    'HandSample': 'playback',
-    'Replay': 'playback',
-    'SensorModel': 'sensor_model',
-    'Tracker': 'tracker',
-    'TrackerReport': 'tracker_watch',
+_NAMES = {
+    'goal_estimator': ['GoalEstimator', 'HandEstimate'],
+    'hand_filter': ['HandFilter'],
+    'playback': ['HandSample', 'Replay'],
+    'sensor_model': ['SensorModel'],
+    'tracker': ['Tracker'],
+    'tracker_watch': ['TrackerReport'],
 }
 
 __all__ = [
@@ -55,4 +53,4 @@ __all__ = [
     'TrackerReport',
 ]
 
-__getattr__, __dir__ = lazy_names(__name__, _HOMES)
+__getattr__, __dir__ = lazy_names(__name__, _NAMES)
