@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,14 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 Vector = tuple[float, ...]
 Point = tuple[float, float, float]
+
+
+class ReadOnly:
+    """Base of frozen dataclasses with arrays that nobody can change."""
+
+    def __reduce__(self: Any) -> tuple[Any, ...]:
+        """Copy and pickle the fields without the tables; the copy is read-only, too."""
+        return type(self), tuple(getattr(self, each.name) for each in fields(self) if each.init)
 
 
 def read_only(values: ArrayLike, kind: type = float) -> NDArray[Any]:

@@ -18,9 +18,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any
 
-from handover_dmp.common.arrays import Array, read_only
+from handover_dmp.common.arrays import Array, read_only, ReadOnly
 import numpy as np
 
 TABLE_RATE = 4096  # nodes of the table per τ: error below a micrometre at usual stiffness
@@ -30,7 +29,7 @@ NARROWEST = 0.0025  # in units of τ; narrower bumps are not resolved
 
 
 @dataclass(frozen=True, eq=False)
-class Basis:
+class Basis(ReadOnly):
     """
     A set of m Gaussians ψ_i = exp(−h_i(s − c_i)²), each divided by the sum of all.
 
@@ -52,10 +51,6 @@ class Basis:
     def __repr__(self) -> str:
         """Return a short description."""
         return f'Basis({self.size} functions)'
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Copy and pickle the fields, without the tables."""
-        return type(self), (self.centres, self.sharpness)
 
     @property
     def size(self) -> int:

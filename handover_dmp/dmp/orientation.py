@@ -32,12 +32,12 @@ They take the logarithm relative to the goal. The goal moves here, so the start 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from math import hypot, log, sqrt
 from statistics import NormalDist
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from handover_dmp.common.arrays import Array, read_only
+from handover_dmp.common.arrays import Array, read_only, ReadOnly
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.quaternions import (
     angular_velocity,
@@ -63,7 +63,7 @@ EQUAL_WEIGHTS = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class LearntTurn:
+class LearntTurn(ReadOnly):
     """
     The rotation of the wrist in a learnt movement.
 
@@ -101,10 +101,6 @@ class LearntTurn:
             object.__setattr__(self, name, array)
         if abs(float(np.linalg.norm(self.start)) - 1.0) > 1e-6:
             raise DataError('turn: start is not a unit quaternion')
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Copy and pickle the fields; the copy is read-only, too."""
-        return type(self), tuple(getattr(self, each.name) for each in fields(self))
 
     @classmethod
     def of(cls, turning: DecoupledDmp, start: ArrayLike) -> LearntTurn:

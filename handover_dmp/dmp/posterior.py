@@ -17,16 +17,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
-from handover_dmp.common.arrays import Array, read_only
+from handover_dmp.common.arrays import Array, read_only, ReadOnly
 from handover_dmp.common.errors import DataError
 import numpy as np
 from numpy.typing import NDArray
 
 
 @dataclass(frozen=True, eq=False)
-class WeightPosterior:
+class WeightPosterior(ReadOnly):
     """
     Covariance of the non-zero weights.
 
@@ -57,7 +56,3 @@ class WeightPosterior:
     def __repr__(self) -> str:
         """Return a short description."""
         return f'WeightPosterior({len(self.active)} weights)'
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Copy and pickle the fields; the copy is read-only, too."""
-        return type(self), (self.active, self.matrix)

@@ -25,12 +25,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import ceil, inf, log, nan
-from typing import Any, TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
-from handover_dmp.common.arrays import Array, read_only, Vector
+from handover_dmp.common.arrays import Array, read_only, ReadOnly, Vector
 from handover_dmp.common.errors import DataError
 from handover_dmp.dmp.basis import Basis, LAST_NODE, TABLE_RATE
 from handover_dmp.dmp.fast_step import FastStep
@@ -59,7 +59,7 @@ _OPTIONAL = ('goal_offset', 'start_velocity')
 
 
 @dataclass(frozen=True, eq=False)
-class Primitive(ABC):
+class Primitive(ReadOnly, ABC):
     """
     A learnt movement of d dimensions; immutable.
 
@@ -139,10 +139,6 @@ class Primitive(ABC):
         if self.turn is not None and len(self.turn.weights) != self.basis.size:
             raise DataError(f'turn has {len(self.turn.weights)} weights, not {self.basis.size}')
         object.__setattr__(self, '_prepared', (nan, nan, None, nan))
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Copy and pickle the fields without the tables; the copy is read-only, too."""
-        return type(self), tuple(getattr(self, each.name) for each in fields(self) if each.init)
 
     @property
     def dimensions(self) -> int:
