@@ -67,18 +67,27 @@ class ParameterSection(NamedTuple):
         return re.fullmatch(pattern, node) is not None
 
 
-def sections(tree: Any) -> list[ParameterSection]:
+def sections(tree: Any, space: str = '') -> list[ParameterSection]:
     """
     List the sections of a parameter file.
 
     Args:
         tree: the content of the file.
+        space: namespace of all names in it.
 
     Returns:
         The sections in the order of the file.
 
     """
-    return list(_sections(tree, ''))
+    found: list[ParameterSection] = []
+    for key, inner in tree.items() if isinstance(tree, dict) else ():
+        if not isinstance(inner, dict):
+            continue
+        name = f'{space}/{str(key).strip("/")}'
+        if PARAMETERS in inner:
+            found.append(ParameterSection(name, dict(flat(inner[PARAMETERS]))))
+        found += sections({k: v for k, v in inner.items() if k != PARAMETERS}, name)
+    return found
 
 
 def merged(found: Collection[ParameterSection], node: str) -> dict[str, Any]:
@@ -146,15 +155,3 @@ def flat(tree: Any, prefix: str = '') -> Iterator[tuple[str, Any]]:
             yield from flat(value, f'{prefix}{key}.')
         else:
             yield f'{prefix}{key}', value
-
-
-def _sections(tree: Any, space: str) -> Iterator[ParameterSection]:
-    if not isinstance(tree, dict):
-        return
-    for key, inner in tree.items():
-        if not isinstance(inner, dict):
-            continue
-        name = f'{space}/{str(key).strip("/")}'
-        if PARAMETERS in inner:
-            yield ParameterSection(name, dict(flat(inner[PARAMETERS])))
-        yield from _sections({k: v for k, v in inner.items() if k != PARAMETERS}, name)

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, replace
 import math
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,7 @@ from handover_dmp.common.ros_parameters import (
     sections,
     unknown_parameter,
 )
-from handover_dmp.common.settings import ANYWHERE, defaults, node_names
+from handover_dmp.common.settings import ANYWHERE, defaults, node_names, parameters_of
 from handover_dmp.dmp import DmpParameters
 import yaml
 
@@ -88,8 +88,7 @@ def read_parameters(path: Path) -> TunedParameters:
 
     """
     section = _section(path, sections(read_plain(path, LARGEST_FILE_BYTES)))
-    known = {each.name for each in fields(DmpParameters)}
-    given = {name: value for name, value in section.items() if name in known}
+    given = parameters_of(DmpParameters, section)
     scale = section.get(DURATION_SCALE, 1.0)
     if not isinstance(scale, (int, float)) or not 0.0 < scale < math.inf:
         raise DataError(f'{path}: {DURATION_SCALE} is not a number above 0')

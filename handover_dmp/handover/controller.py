@@ -317,14 +317,10 @@ class HandoverController:
         """Forget the handover and the hand; brake if necessary, then hold the wrist."""
         self.state = HandoverState.IDLE
         self.forget_hand()
-        self.exchange_position: Vector | None = None
-        self._signal_s = inf
-        self._exchange_since_s = nan
+        self._begin_anew()
         self._goal_weight = 0.0
         self._phase_rate = 0.0
         self._expectation: Expectation | None = None
-        self._astray = -inf
-        self.returns = False
         if self._primitive is not None and not any(self._primitive.velocity):
             self._primitive = None
 
@@ -454,18 +450,21 @@ class HandoverController:
             held = self._anchored(self._primitive)
             self._primitive = self.model.initial_state(held.position, held.velocity)
         self._begun_at = self.wrist
-        self.returns = False
-        self._exchange_since_s = nan
-        self.exchange_position = None
-        self._signal_s = inf
+        self._begin_anew()
         self._goal_weight = float(self.model.goal_weight(self._primitive.phase))
-        self._astray = -inf
         self._turning.use(self.model)
         self._turning.start()
         expecting = self.options.expects_of(self.model)
         self._partner = PartnerModel(self.model, self.options.partner) if expecting else None
         self.state = HandoverState.REACHING
         return True
+
+    def _begin_anew(self) -> None:
+        self.exchange_position: Vector | None = None
+        self._exchange_since_s = nan
+        self._signal_s = inf
+        self._astray = -inf
+        self.returns = False
 
     def abort(self) -> None:
         """Brake and hold until `start` or `reset`."""

@@ -271,17 +271,11 @@ class Handover(LockstepLoop):
         """Return the simulated time after which an unfinished handover is given up, s."""
         return self.hands[0].start_s + self.scenario.trial.duration_s + MAX_EXTRA_S
 
-    def begin(self, replay_at_s: float = REPLAY_AT_S) -> None:
-        """
-        Make the partner signal and move.
-
-        Args:
-            replay_at_s: start of the recording, s.
-
-        """
+    def begin(self) -> None:
+        """Make the partner signal and move, soon."""
         for hand in self.hands:
-            hand.start(replay_at_s)
-        self.controller.signal(replay_at_s)
+            hand.start(REPLAY_AT_S)
+        self.controller.signal(REPLAY_AT_S)
 
     def hands_at(self, now_s: float) -> list[list[HandSample]]:
         """

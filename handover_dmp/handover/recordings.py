@@ -169,10 +169,8 @@ def _trial_of_bag(path: Path, span_s: tuple[float, float] | None) -> HandoverTri
         span_s = _handover_in(wrists)
     first, end = 0, len(wrists.times)
     if span_s is not None:
-        first, end = (
-            int(np.searchsorted(wrists.times, time_s + margin))
-            for time_s, margin in zip(span_s, (-ROUNDING_S, ROUNDING_S), strict=True)
-        )
+        edges = (span_s[0] - ROUNDING_S, span_s[1] + ROUNDING_S)
+        first, end = np.searchsorted(wrists.times, edges).tolist()
         source += f', {span_s[0]:.2f} s to {span_s[1]:.2f} s'
         if end - first < MIN_SAMPLES:
             raise DataError(f'{source}: {max(end - first, 0)} samples are too few for a handover')

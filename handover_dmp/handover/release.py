@@ -139,11 +139,6 @@ class ReleaseRule:
         self._taker = NOTHING
 
     @property
-    def tared(self) -> bool:
-        """Whether the force at rest is known; before that, the gripper never opens."""
-        return self._rest is not None
-
-    @property
     def contact(self) -> bool:
         """Whether the taker touches the object."""
         return hypot(*self._taker) > self.options.contact_n
