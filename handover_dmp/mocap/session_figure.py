@@ -125,8 +125,7 @@ def draw_wrists(curves: Sequence[WristCurve], exchanges: Sequence[Segment], titl
         panels = figure.subplots(3, 1, sharex=True, height_ratios=panel_heights(curves))
         wrist_panels(panels, curves, exchanges)
         figure.align_ylabels()
-        panels[-1].set_xlabel('time / s')
-        panels[-1].set_xlim(begin_s, end_s)
+        panels[-1].set(xlabel='time / s', xlim=(begin_s, end_s))
         figure.suptitle(title, x=0.01, ha='left', fontsize=11)
     return figure
 
@@ -161,8 +160,7 @@ def wrist_panels(
     for axis, panel in enumerate(panels):
         for curve in curves:
             panel.plot(curve.times, curve.positions[:, axis], label=curve.name, **curve.style)
-        panel.set_ylim(*_range_of(curves, axis))
-        panel.set_ylabel(f'{AXES[axis]} / m')
+        panel.set(ylabel=f'{AXES[axis]} / m', ylim=_range_of(curves, axis))
         shade_exchanges(panel, exchanges, named=axis == 0)
     # above the names of the exchanges
     panels[0].legend(

@@ -137,50 +137,33 @@ def _in_utf_8(content: bytes) -> bytes:
     return content if b'\n' in content else content.replace(b'\r', b'\n')
 
 
-def header_of(path: Path) -> list[str]:
+def read_table(path: Path, headers: Sequence[tuple[str, ...]]) -> tuple[tuple[str, ...], Array]:
     """
-    Read the names of the columns of a CSV file.
+    Read a CSV file of finite numbers under one of several headers.
 
     Args:
         path: the file.
+        headers: the names that its first line may have; the first ones are usual.
 
     Returns:
-        The cells of its first line.
-
-    Raises:
-        DataError: as in `read_lines`.
-
-    """
-    return [name.strip() for name in read_lines(path)[0].split(',')]
-
-
-def read_table(path: Path, header: Sequence[str]) -> Array:
-    """
-    Read a CSV file of finite numbers under a given header.
-
-    Args:
-        path: the file.
-        header: required names of its first line.
-
-    Returns:
-        (rows, len(header)) numbers; rows may be 0.
+        The names, and (rows, len(names)) numbers; rows may be 0.
 
     Raises:
         DataError: names file, line and fault.
 
     """
     lines = read_lines(path)
-    names = [name.strip() for name in lines[0].split(',')]
-    if names != list(header):
+    names = tuple(name.strip() for name in lines[0].split(','))
+    if names not in headers:
         raise DataError(
-            f'{path}: line 1: header {quote(lines[0])} instead of {",".join(header)!r}'
+            f'{path}: line 1: header {quote(lines[0])} instead of {",".join(headers[0])!r}'
         )
     if len(lines) > MAX_ROWS:
         raise DataError(f'{path}: more than {MAX_ROWS} lines')
-    values = np.empty((len(lines) - 1, len(header)))
+    values = np.empty((len(lines) - 1, len(names)))
     for number, line in enumerate(lines[1:], start=2):
-        values[number - 2] = parse_numbers(line.split(','), header, f'{path}: line {number}')
-    return values
+        values[number - 2] = parse_numbers(line.split(','), names, f'{path}: line {number}')
+    return names, values
 
 
 def read_records(path: Path, columns: Sequence[str]) -> list[tuple[int, dict[str, str]]]:

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 import re
 from typing import Any, NamedTuple
@@ -24,12 +25,15 @@ from typing import Any, NamedTuple
 from handover_dmp.common.arrays import Array, read_only
 from handover_dmp.common.errors import DataError
 from handover_dmp.mocap.orientation import AXES_OF_TURN, orientation_fault, unit_orientations
-from handover_dmp.mocap.tables import header_of, read_records, read_table, save
+from handover_dmp.mocap.tables import read_records, read_table, save
 import numpy as np
 
 HEADER = ('t', 'p1_x', 'p1_y', 'p1_z', 'p2_x', 'p2_y', 'p2_z')
 TURN_HEADERS = tuple(tuple(f'{who}_{axis}' for axis in AXES_OF_TURN) for who in ('p1', 'p2'))
 """Optional columns of the orientation of each wrist."""
+_HEADERS = tuple(
+    (*HEADER, *chain(*turned)) for turned in ((), TURN_HEADERS[:1], TURN_HEADERS[1:], TURN_HEADERS)
+)
 DIRECTIONS = ('give', 'take')
 INDEX_NAME = 'trials.csv'
 WAY_BACK_FOLDER = 'way_back'
@@ -292,19 +296,14 @@ def read_columns(path: Path) -> WristColumns:
         DataError: the file cannot be read, has other columns, or an orientation is invalid.
 
     """
-    turned = _turned_in(path)
-    values = read_table(path, (*HEADER, *(name for columns in turned for name in columns)))
-    turns = dict(zip(turned, np.split(values[:, 7:], max(len(turned), 1), axis=1), strict=False))
-    for quaternions in turns.values():
-        if fault := orientation_fault(values[:, 0], quaternions):
-            raise DataError(f'{path}: line {fault[0] + 2}: {fault[1]}')
-    return WristColumns(
-        values[:, 0],
-        values[:, 1:4],
-        values[:, 4:7],
-        turns.get(TURN_HEADERS[0]),
-        turns.get(TURN_HEADERS[1]),
-    )
+    names, values = read_table(path, _HEADERS)
+    turns: list[Array | None] = [None, None]
+    for who, (first, *_) in enumerate(TURN_HEADERS):
+        if first in names:
+            turns[who] = quaternions = values[:, names.index(first):][:, :4]  # fmt: skip
+            if fault := orientation_fault(values[:, 0], quaternions):
+                raise DataError(f'{path}: line {fault[0] + 2}: {fault[1]}')
+    return WristColumns(values[:, 0], values[:, 1:4], values[:, 4:7], *turns)
 
 
 def way_back_file(path: Path) -> Path:
@@ -364,7 +363,7 @@ def write_columns(columns: WristColumns, path: str | Path) -> None:
     """
     turns = zip(TURN_HEADERS, columns[3:], strict=True)
     turned = {names: quaternions for names, quaternions in turns if quaternions is not None}
-    header = [*HEADER, *(name for names in turned for name in names)]
+    header = [*HEADER, *chain(*turned)]
     rows = np.column_stack([*columns[:3], *turned.values()]).tolist()
     lines = [','.join(header), *(','.join(map(repr, row)) for row in rows)]
     save(Path(path), '\n'.join(lines) + '\n')
@@ -418,15 +417,6 @@ def _jump_fault(times: Array, positions: Array) -> Fault | None:
         return None
     row = int(np.argmax(jumps)) + 1
     return Fault(row, f'a jump of {lengths[row - 1]:.2g} m from one sample to the next')
-
-
-def _turned_in(path: Path) -> list[tuple[str, ...]]:
-    """Return the orientation columns of a file, which follow the columns of every trial."""
-    names = header_of(path)
-    for turned in ([TURN_HEADERS[0]], [TURN_HEADERS[1]], list(TURN_HEADERS)):
-        if names == [*HEADER, *(name for columns in turned for name in columns)]:
-            return turned
-    return []
 
 
 def _from_index(path: Path) -> tuple[str, str, int] | None:

@@ -91,8 +91,7 @@ def _draw_residual(found: Calibration, axes: Axes) -> None:
     axes.axhline(1e3 * found.residual_m, color=EXPECTED, lw=1.0)
     axes.set_ylim(0.0, 1.15 * float(distances[counted].max()))
     axes.set_xlim(0.0, float(times[-1]))
-    axes.set_ylabel('apart / mm')
-    axes.set_xlabel('time / s')
+    axes.set(xlabel='time / s', ylabel='apart / mm')
     axes.set_title(
         f'residual {1e3 * found.residual_m:.2g} mm (root mean square), '
         f'{int((~counted).sum())} of {len(counted)} poses left out'
@@ -105,8 +104,7 @@ def _draw_lags(found: Calibration, axes: Axes) -> None:
     axes.plot(1e3 * search.lags[finite], 1e3 * search.errors[finite], color='#59626d', lw=1.4)
     axes.axvline(1e3 * found.delay_s, color=EXPECTED, lw=1.2)
     axes.set_ylim(bottom=0.0)
-    axes.set_xlabel('lag / ms')
-    axes.set_ylabel('misfit / mm')
+    axes.set(xlabel='lag / ms', ylabel='misfit / mm')
     axes.set_title(
         f'delay {1e3 * found.delay_s:.1f} ± {1e3 * found.delay_interval_s:.1f} ms', pad=8
     )
@@ -128,6 +126,4 @@ def _draw_plan(found: Calibration, axes: Axes) -> None:
     )  # fmt: skip
     axes.set_aspect('equal', adjustable='datalim')
     axes.margins(0.15)
-    axes.set_xlabel('X / m')
-    axes.set_ylabel('Y / m')
-    axes.set_title('from above')
+    axes.set(xlabel='X / m', ylabel='Y / m', title='from above')
