@@ -103,11 +103,8 @@ def read_bag_wrists(
         )
     chosen = _part(path, chosen, part)
     _check_clocks(path, chosen)
-    found, axis = Known('m', BY_REP_103), Known('z', BY_REP_103)
-    if unit is not None:
-        found = Known(known_unit(unit, path.name), AS_TOLD)
-    if up is not None:
-        axis = Known(up, AS_TOLD)
+    found = Known('m', BY_REP_103) if unit is None else Known(known_unit(unit, path.name), AS_TOLD)
+    axis = Known('z', BY_REP_103) if up is None else Known(up, AS_TOLD)
     scale = METRES[found.value]
     zero_ns = int(min(poses.times_ns.min() for poses in chosen))
     ordered = [_by_time(poses, zero_ns) for poses in chosen]

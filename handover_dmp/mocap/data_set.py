@@ -201,13 +201,10 @@ def _check_frames(folder: Path, trials: Sequence[HandoverTrial]) -> None:
     for trial in trials:
         cases[trial.configuration, trial.direction].append(trial)
     for case in cases.values():
-        ends = np.array(
-            [np.concatenate([trial.partner[-1], trial.demonstrator[-1]]) for trial in case]
-        )
+        ends = np.array([(trial.partner[-1], trial.demonstrator[-1]) for trial in case])
         # Of two trials neither is the outlier: the second is compared with the first.
         usual = ends[0] if len(case) == 2 else np.median(ends, axis=0)
-        apart = (ends - usual).reshape(len(case), 2, 3)
-        distances = np.sqrt(np.square(apart).sum(axis=2)).max(axis=1)
+        distances = np.linalg.norm(ends - usual, axis=2).max(axis=1)
         worst = int(np.argmax(distances))
         if distances[worst] > SAME_FRAME_M:
             raise DataError(

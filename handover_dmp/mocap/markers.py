@@ -117,11 +117,7 @@ class MarkerRecording:
             both[1][together],
             source=self.source,
             unit=found,
-            gaps=tuple(
-                gap
-                for who, mask in zip(('P1', 'P2'), seen, strict=True)
-                for gap in find_gaps(self.times, mask, who)
-            ),
+            gaps=(*find_gaps(self.times, seen[0], 'P1'), *find_gaps(self.times, seen[1], 'P2')),
         ).checked()
         # Check the unit first: in a wrong unit, heights mean nothing.
         axis = self._up(up, both)

@@ -312,11 +312,10 @@ def _delay(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> int:
     answers = _begins(second)
     ends = _begins(~first)
     starts = _begins(first)
-    for number, end in enumerate(ends):
+    for end, after in zip(ends, [*ends[1:], len(first)], strict=True):
         # from the start of this motion to the end of the next one
-        begun = starts[starts < end][-1:] if len(starts) else starts
-        after = ends[number + 1] if number + 1 < len(ends) else len(first)
-        found = answers[(answers > (begun[0] if len(begun) else -1)) & (answers <= after)]
+        begun = starts[starts < end].max(initial=-1)
+        found = answers[(answers > begun) & (answers <= after)]
         if len(found):
             total += int(found[0] - end)
     return total

@@ -103,11 +103,7 @@ def read_motive(path: str | Path, markers: Sequence[str] | None = None) -> Marke
     for where, row in rows:
         if row:
             table.add(row, where)
-    if not len(table):
-        raise DataError(f'{path}: holds no frames')
-    told = about.get('Total Exported Frames', '')
-    if told.isdecimal() and len(told) < 12 and len(table) < int(told):
-        raise DataError(f'{path}: {len(table)} frames, but the header says {int(told)}')
+    table.check_frames(path, about.get('Total Exported Frames', ''))
     unit = about.get('Length Units', '')
     return MarkerRecording(
         table.times(), names, table.positions(), unit, _up(about), path.name, 'm', 'y',

@@ -53,6 +53,7 @@ from handover_dmp.mocap.synthetic_motion import (
     spread,
 )
 from handover_dmp.mocap.synthetic_turns import draw_turns, measured_turns, WristTurn
+from handover_dmp.mocap.trial import DIRECTIONS
 from handover_dmp.mocap.wrists import WristMotion
 import numpy as np
 from numpy.random import RandomState
@@ -165,7 +166,7 @@ def _make_session(
     )
     give, take = (
         plan_handover(seed, configuration, direction, number, rate_hz)[0]
-        for direction in ('give', 'take')
+        for direction in DIRECTIONS
     )
     pace_s = scene.duration_s * drawn_about(random, 1.0, _PACE_SPREAD)
     demonstrator = _Way(np.array(scene.assistant_at_rest) + spread(random, REST_SPREAD_M))
@@ -196,9 +197,7 @@ def _make_session(
     partner.go(random, parted_s, _PARTNER_SHARE * pace_s, take.work)
     leaves_s = parted_s + random.uniform(0.10, 0.30)
     demonstrator.go(random, leaves_s, _WAY_BACK_SHARE * pace_s, take.demonstrator.start)
-    exchanges = [
-        Segment(give_s, given_s, 'give', parted_s, (leaves_s, demonstrator.free_s)),
-    ]
+    given = Segment(give_s, given_s, 'give', parted_s, (leaves_s, demonstrator.free_s))
     partner.work(random, partner.free_s + random.uniform(2.0, 3.0))
 
     free_s = max(partner.free_s, demonstrator.free_s)
@@ -213,7 +212,7 @@ def _make_session(
     work = np.array(scene.mechanic_at_work) + spread(random, REST_SPREAD_M)
     leaves_s = parted_s + random.uniform(0.10, 0.30)
     partner.go(random, leaves_s, _PARTNER_SHARE * pace_s, work)
-    exchanges.append(Segment(take_s, taken_s, 'take', parted_s, (parted_s, demonstrator.free_s)))
+    taken = Segment(take_s, taken_s, 'take', parted_s, (parted_s, demonstrator.free_s))
 
     end_s = max(partner.free_s, demonstrator.free_s) + random.uniform(0.50, 0.90)
     times = np.arange(round(end_s * rate_hz) + 1) / rate_hz
@@ -233,22 +232,19 @@ def _make_session(
         f'synthetic session {configuration} {number} (seed {seed})',
     )
     if orientation:
-        turns = zip(
-            *(draw_turns(seed, configuration, which, number) for which in ('give', 'take')),
-            strict=True,
+        give_turns, take_turns = (
+            draw_turns(seed, configuration, direction, number) for direction in DIRECTIONS
         )
         # the first of P2's ways, to the tool and with it to the start of the give, turn nothing
         ways = partner.reaches, demonstrator.reaches[2:]
-        partner_turned, demonstrator_turned = (
-            measured_turns(random, _turned(given, taken, reaches, times), noise_m)
-            for (given, taken), reaches in zip(turns, ways, strict=True)
+        first_turned, second_turned = (
+            measured_turns(random, _turned(in_give, in_take, reaches, times), noise_m)
+            for in_give, in_take, reaches in zip(give_turns, take_turns, ways, strict=True)
         )
         motion = replace(
-            motion,
-            partner_orientation=partner_turned,
-            demonstrator_orientation=demonstrator_turned,
+            motion, partner_orientation=first_turned, demonstrator_orientation=second_turned
         )
-    return RecordedSession(motion, tuple(exchanges), configuration, number)
+    return RecordedSession(motion, (given, taken), configuration, number)
 
 
 def _turned(

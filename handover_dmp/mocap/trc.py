@@ -69,11 +69,7 @@ def read_trc(path: str | Path, markers: Sequence[str] | None = None) -> MarkerRe
     for number, line in lines:
         if line.strip(between).strip():
             table.add(line.split(between), f'{path}: line {number}')
-    if not len(table):
-        raise DataError(f'{path}: holds no frames')
-    told = about.get('NumFrames', '')
-    if told.isdecimal() and len(told) < 12 and int(told) > len(table):
-        raise DataError(f'{path}: {len(table)} frames, but the header says {int(told)}')
+    table.check_frames(path, about.get('NumFrames', ''))
     return MarkerRecording(
         table.times(), names, table.positions(), about.get('Units', ''), '', path.name, 'mm', 'y'
     )

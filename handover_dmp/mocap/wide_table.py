@@ -19,6 +19,7 @@ from __future__ import annotations
 from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
@@ -99,6 +100,23 @@ class WideTable:
         """
         stamps = np.array(self._stamps)
         return stamps if self.time is not None else (stamps - stamps[:1]) * self.period_s
+
+    def check_frames(self, path: Path, told: str) -> None:
+        """
+        Refuse a recording without frames, or with fewer than its header says.
+
+        Args:
+            path: the file, for the error.
+            told: number of frames in the header; anything but a number counts as unknown.
+
+        Raises:
+            DataError: there are no frames, or too few.
+
+        """
+        if not len(self):
+            raise DataError(f'{path}: holds no frames')
+        if told.isdecimal() and len(told) < 12 and int(told) > len(self):
+            raise DataError(f'{path}: {len(self)} frames, but the header says {int(told)}')
 
     def frame_span(self) -> int:
         """Return the number of frames from the first to the last, including missing ones."""

@@ -96,7 +96,7 @@ def search_lag(
     most = max(int(mask.sum()) for mask in masks)
     fewest = max(MIN_OVERLAP * most, 3 * HANDFUL)
     errors = np.full(count, np.inf)
-    fits: list[tuple[Array, NDArray[np.intp]] | None] = [None] * count
+    fits: dict[int, tuple[Array, NDArray[np.intp]]] = {}
     for k, (lag, mask) in enumerate(zip(lags, masks, strict=True)):
         if mask.sum() < fewest:
             continue
@@ -109,13 +109,12 @@ def search_lag(
         )
         fits[k] = matrix, chosen[np.flatnonzero(mask)[kept]]
     best = int(errors.argmin())
-    fit = fits[best]
-    if fit is None:
+    if best not in fits:
         raise DataError(
             f'{tracker.label}: does not overlap in time with the reference within {reach_s:g} s: '
             'increase --max-delay, or check that both are of one recording'
         )
-    return LagSearch(lags, errors, float(lags[best]), *fit)
+    return LagSearch(lags, errors, float(lags[best]), *fits[best])
 
 
 def kabsch(known: Array, seen: Array) -> tuple[Array, Array]:

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from handover_dmp.common.arrays import Array
+from handover_dmp.common.quaternions import with_continuous_signs
 from handover_dmp.mocap.body_path import BodyPath
 from handover_dmp.mocap.filtering import interpolate, smooth
 import numpy as np
@@ -58,7 +59,7 @@ class ReferencePath:
         self.turns = path.quaternions is not None
         """Whether the path has rotations."""
         if path.quaternions is not None:
-            columns.append(_continuous(path.quaternions[kept]))
+            columns.append(with_continuous_signs(path.quaternions[kept]))
         times, smoothed, _ = smooth(self.times, np.hstack(columns), RESAMPLED_HZ, cutoff_hz)
         self._position = interpolate(times, smoothed[:, :3])
         self._quaternion = interpolate(times, smoothed[:, 3:])
@@ -121,13 +122,6 @@ class ReferencePath:
             return np.broadcast_to(np.eye(3), (len(times), 3, 3))
         clipped = np.clip(times, self.times[0], self._end_s)
         return np.asarray(Rotation.from_quat(self._quaternion(clipped)).as_matrix())
-
-
-def _continuous(quaternions: Array) -> Array:
-    """Choose the sign of each quaternion closer to the previous one."""
-    turned = np.einsum('ij,ij->i', quaternions[1:], quaternions[:-1]) < 0.0
-    signs = np.concatenate([[1.0], np.cumprod(np.where(turned, -1.0, 1.0))])
-    return np.asarray(quaternions * signs[:, None])
 
 
 def spikes(positions: Array) -> NDArray[np.bool_]:
