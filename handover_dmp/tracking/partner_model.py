@@ -418,10 +418,7 @@ def _tables(model: DecoupledDmp) -> tuple[_Rows, Vector, float, float]:
     direction = whole / length if length > MIN_WAY_M else np.zeros(3)
     places = np.column_stack([path, (path - path[0]) @ direction])
     slopes = np.gradient(places, 1.0 / (len(path) - 1), axis=0)
-    rows = [
-        (tuple(place), tuple(slope))
-        for place, slope in zip(places.tolist(), slopes.tolist(), strict=True)
-    ]
+    rows = list(zip(map(tuple, places.tolist()), map(tuple, slopes.tolist()), strict=True))
     way = places[:, 3]
     learnt_return = float((np.maximum.accumulate(way) - way).max())
     return rows, tuple(direction.tolist()), length, learnt_return

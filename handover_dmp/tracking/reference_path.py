@@ -22,6 +22,7 @@ from handover_dmp.mocap.body_path import BodyPath
 from handover_dmp.mocap.filtering import interpolate, smooth
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 from scipy.spatial.transform import Rotation
 
 CUTOFF_HZ = 8.0
@@ -135,8 +136,6 @@ def spikes(positions: Array) -> NDArray[np.bool_]:
         (n,) whether each pose is a spike.
 
     """
-    half = SPIKE_NEIGHBOURS // 2
-    padded = np.pad(positions, ((half, half), (0, 0)), mode='edge')
-    windows = np.lib.stride_tricks.sliding_window_view(padded, SPIKE_NEIGHBOURS, axis=0)
-    beside = np.linalg.norm(positions - np.median(windows, axis=2), axis=1)
+    medians = median_filter(positions, (SPIKE_NEIGHBOURS, 1), mode='nearest')
+    beside = np.linalg.norm(positions - medians, axis=1)
     return np.asarray(beside > max(SPIKE_M, 5.0 * float(np.median(beside))))
