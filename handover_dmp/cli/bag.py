@@ -20,6 +20,7 @@ import argparse
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
+from handover_dmp.cli.outputs import add_json, save_json
 from handover_dmp.common.errors import UsageError
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default='zstd',
         help='compression of the bags (default: %(default)s)',
     )
-    parser.add_argument('--json', type=Path, metavar='FILE', help='also write the outcome as JSON')
+    add_json(parser, 'also write the outcome as JSON')
 
 
 def run(options: argparse.Namespace) -> int:
@@ -89,12 +90,7 @@ def run(options: argparse.Namespace) -> int:
             outcome = _write(Path(source), options.output, options.compression, console)
         case _:
             raise UsageError(f'expected one data set, info BAG or repair BAG, got {options.words}')
-    if options.json is not None:
-        import json
-
-        from handover_dmp.common.files import write_text
-
-        write_text(options.json, json.dumps(outcome, indent=2) + '\n')
+    save_json(outcome, options.json)
     return 0
 
 

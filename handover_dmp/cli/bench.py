@@ -20,6 +20,9 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from handover_dmp.cli.outputs import add_json
+from handover_dmp.common.errors import GET_ROS, HandoverError, UsageError
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -64,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='subject to measure (default: all except those marked "only when named"), or '
         '`compare` and two files',
     )
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write the figures as JSON')
+    add_json(parser, 'write the figures as JSON')
     parser.add_argument(
         '--markdown', type=Path, metavar='FILE', help='write the table as Markdown'
     )
@@ -110,7 +113,6 @@ def _measure(options: argparse.Namespace) -> int:
     from handover_dmp.bench.measurement import Measurement
     from handover_dmp.bench.report import machine, markdown, table, write_json
     from handover_dmp.cli.progress import progress_bar
-    from handover_dmp.common.errors import GET_ROS, HandoverError, UsageError
     from handover_dmp.common.files import write_text
 
     unknown = [word for word in options.words if word not in SUBJECTS]
@@ -166,7 +168,6 @@ def _measure(options: argparse.Namespace) -> int:
 
 def _compare(options: argparse.Namespace) -> int:
     from handover_dmp.bench.report import compare, comparison_table, read_json
-    from handover_dmp.common.errors import UsageError
 
     if len(options.words) != 3:
         raise UsageError('compare takes two files: compare BEFORE.json AFTER.json')

@@ -20,7 +20,9 @@ import argparse
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
+from handover_dmp.cli.outputs import add_json, add_output, save_json
 from handover_dmp.cli.robot_arguments import add_robot_arguments, chosen_arm
+from handover_dmp.common.errors import DataError, GET_ROS, HandoverError, UsageError
 
 if TYPE_CHECKING:
     from handover_dmp.mocap.body_path import BodyPath
@@ -46,14 +48,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='BAG | REFERENCE.csv TRACKER.csv',
         help='a bag with both paths, or two CSV files (t,x,y,z and, if known, qx,qy,qz,qw)',
     )
-    parser.add_argument(
-        '-o',
-        '--output',
-        type=Path,
-        default=Path('tracker.yaml'),
-        metavar='FILE.yaml',
-        help='parameter file for dmp and priority_ik; the figure is written beside it (default: '
+    add_output(
+        parser,
+        'FILE.yaml',
+        'parameter file for dmp and priority_ik; the figure is written beside it (default: '
         '%(default)s)',
+        Path('tracker.yaml'),
     )
     parser.add_argument(
         '--reference',
@@ -103,7 +103,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--part', type=int, metavar='N', help='part of a bag whose clock was set back, from 1'
     )
-    parser.add_argument('--json', type=Path, metavar='FILE', help='also write the result as JSON')
+    add_json(parser, 'also write the result as JSON')
     add_move_arguments(parser)
 
 
@@ -157,8 +157,6 @@ def run(options: argparse.Namespace) -> int:
         UsageError: wrong options.
 
     """
-    from handover_dmp.common.errors import UsageError
-
     if not 0.1 <= options.max_delay <= 600.0:
         raise UsageError(f'--max-delay is {options.max_delay:g} s; it must be from 0.1 to 600')
     if options.output.suffix not in {'.yaml', '.yml'}:
@@ -176,8 +174,6 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _moved(options: argparse.Namespace) -> Path:
-    from handover_dmp.common.errors import GET_ROS, HandoverError, UsageError
-
     if options.sources:
         raise UsageError('--move records the bag itself: leave out the other sources')
     try:
@@ -203,7 +199,6 @@ def _moved(options: argparse.Namespace) -> Path:
 
 def _paths(options: argparse.Namespace) -> tuple[BodyPath, BodyPath]:
     """Read the reference and the tracker."""
-    from handover_dmp.common.errors import UsageError
     from handover_dmp.mocap.bag import read_body_paths
     from handover_dmp.mocap.body_path import read_body_csv
 
@@ -225,7 +220,6 @@ def _paths(options: argparse.Namespace) -> tuple[BodyPath, BodyPath]:
 
 def _tracker_frame(options: argparse.Namespace, reference: str, tracker: str) -> str:
     """Return the name of the tracker's frame for the nodes."""
-    from handover_dmp.common.errors import DataError
     from handover_dmp.topics import FRAME
 
     frame = str(options.frame or tracker)
@@ -270,10 +264,7 @@ def _tell(
         console.print(f'parameters: {options.output}, figure: {figure}')
     else:
         console.print(f'pose not determined, no parameters written; figure: {figure}', style='red')
-    if options.json:
-        import json
-
-        write_text(options.json, json.dumps(result, indent=1) + '\n')
+    save_json(result, options.json, indent=1)
     return 0 if determined else 1
 
 

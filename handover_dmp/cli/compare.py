@@ -21,6 +21,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from handover_dmp.cli.outputs import add_json, save_json
 from handover_dmp.common.errors import UsageError
 
 if TYPE_CHECKING:
@@ -46,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='RUN',
         help='two or more runs or bags; or folders of runs, paired by their names',
     )
-    parser.add_argument('--json', type=Path, metavar='FILE', help='also write the figures as JSON')
+    add_json(parser, 'also write the figures as JSON')
 
 
 def run(options: argparse.Namespace) -> int:
@@ -67,20 +68,17 @@ def run(options: argparse.Namespace) -> int:
     if len(options.runs) < 2:
         raise UsageError('compare needs two or more runs, or two or more folders of runs')
     from dataclasses import asdict
-    import json
 
-    from handover_dmp.common.files import write_text
     from handover_dmp.report.comparison import compare_runs
     from rich.console import Console
 
     differences, pairs = compare_runs(options.runs)
-    if options.json is not None:
-        outcome = {
-            'runs': [str(run) for run in options.runs],
-            'pairs': pairs,
-            'measures': [asdict(difference) for difference in differences],
-        }
-        write_text(options.json, json.dumps(outcome, indent=1) + '\n')
+    outcome = {
+        'runs': [str(run) for run in options.runs],
+        'pairs': pairs,
+        'measures': [asdict(difference) for difference in differences],
+    }
+    save_json(outcome, options.json, indent=1)
     console = Console(highlight=False)
     table = _table(options.runs, differences)
     needed = console.measure(table, options=console.options.update(width=MAX_WIDTH)).maximum

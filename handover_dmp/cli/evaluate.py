@@ -24,6 +24,7 @@ from time import monotonic
 from typing import NamedTuple, TYPE_CHECKING
 
 from handover_dmp.cli.low_pass import add_low_pass
+from handover_dmp.cli.outputs import add_json, add_output
 from handover_dmp.cli.robot_arguments import add_frame_arguments, WHICH
 from handover_dmp.common.errors import UsageError
 from handover_dmp.evaluation import LEARN
@@ -66,9 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='DATASET',
         help='folder with trials.csv, or with sessions.csv of recordings',
     )
-    parser.add_argument(
-        '-o', '--output', type=Path, required=True, metavar='DIR', help='folder for the results'
-    )
+    add_output(parser, 'DIR', 'folder for the results')
     parser.add_argument(
         '--learn',
         metavar='LIST',
@@ -135,7 +134,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_frame_arguments(arm)
     parser.add_argument('--no-figures', action='store_true', help='write only the tables')
-    parser.add_argument('--json', type=Path, metavar='FILE', help='also write the table as JSON')
+    add_json(parser, 'also write the table as JSON')
 
 
 def add_running_arguments(parser: argparse.ArgumentParser) -> None:

@@ -19,6 +19,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from handover_dmp.cli.outputs import add_json, add_output, save_json
+from handover_dmp.common.errors import UsageError
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
@@ -35,13 +38,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='TRIAL.csv',
         help='trial whose P2 is learnt (default: a synthetic one)',
     )
-    parser.add_argument(
-        '-o',
-        '--output',
-        type=Path,
-        default=Path('figure1.png'),
-        metavar='FILE',
-        help='picture to write, png, svg or pdf (default: %(default)s)',
+    add_output(
+        parser,
+        'FILE',
+        'picture to write, png, svg or pdf (default: %(default)s)',
+        Path('figure1.png'),
     )
     parser.add_argument(
         '--mu',
@@ -59,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='distance of the new goal beyond the learnt one, as a fraction of the learnt '
         'distance (default: %(default)s)',
     )
-    parser.add_argument('--json', type=Path, metavar='FILE', help='also write the curves as JSON')
+    add_json(parser, 'also write the curves as JSON')
 
 
 def run(options: argparse.Namespace) -> int:
@@ -79,8 +80,6 @@ def run(options: argparse.Namespace) -> int:
     """
     from math import isfinite
 
-    from handover_dmp.common.errors import UsageError
-    from handover_dmp.common.files import write_text
     from handover_dmp.evaluation.figure1 import draw_figure1
     from handover_dmp.mocap import condition, read_trial, synthesize
 
@@ -94,14 +93,11 @@ def run(options: argparse.Namespace) -> int:
     motions = draw_figure1(
         trial.times, trial.demonstrator, options.output, mu=options.mu, shift=options.shift
     )
-    if options.json:
-        import json
-
-        outcome = {
-            'output': str(options.output),
-            'mu': list(motions),
-            'positions_m': [motion.tolist() for motion in motions.values()],
-        }
-        write_text(options.json, json.dumps(outcome) + '\n')
+    outcome = {
+        'output': str(options.output),
+        'mu': list(motions),
+        'positions_m': [motion.tolist() for motion in motions.values()],
+    }
+    save_json(outcome, options.json, indent=None)
     print(options.output)
     return 0

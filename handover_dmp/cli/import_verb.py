@@ -26,6 +26,7 @@ import re
 from typing import TYPE_CHECKING
 
 from handover_dmp.cli.low_pass import add_low_pass
+from handover_dmp.cli.outputs import add_json, add_output
 from handover_dmp.common.errors import DataError, UsageError
 
 if TYPE_CHECKING:
@@ -68,9 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument('format', choices=FORMATS, metavar='FORMAT', help=', '.join(FORMATS))
     parser.add_argument('sources', nargs='+', type=Path, metavar='SOURCE', help='files to read')
-    parser.add_argument(
-        '-o', '--output', type=Path, required=True, metavar='DATASET', help='folder to write'
-    )
+    add_output(parser, 'DATASET', 'folder to write')
     parser.add_argument(
         '--append',
         action='store_true',
@@ -152,7 +151,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='FILE',
         help='draw the handovers that were found (.png, .svg)',
     )
-    parser.add_argument('--json', type=Path, metavar='FILE', help='also write the result as JSON')
+    add_json(parser, 'also write the result as JSON')
 
 
 def run(options: argparse.Namespace) -> int:

@@ -22,6 +22,8 @@ import sys
 from typing import Any, TYPE_CHECKING
 
 from handover_dmp.cli.low_pass import add_low_pass
+from handover_dmp.cli.outputs import add_json, add_output, save_json
+from handover_dmp.common.errors import UsageError
 
 if TYPE_CHECKING:
     from handover_dmp.mocap import HandoverTrial
@@ -47,9 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action='store_true',
         help='learn from the trial that is nearest to the mean of all trials',
     )
-    parser.add_argument(
-        '-o', '--output', type=Path, required=True, metavar='MODEL.json', help='model to write'
-    )
+    add_output(parser, 'MODEL.json', 'model to write')
     parser.add_argument(
         '--parameters',
         type=Path,
@@ -89,7 +89,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--classical', action='store_true', help='learn the classical primitive (1)'
     )
     add_low_pass(parser)
-    parser.add_argument('--json', type=Path, metavar='FILE', help='also write the outcome as JSON')
+    add_json(parser, 'also write the outcome as JSON')
 
 
 def run(options: argparse.Namespace) -> int:
@@ -107,7 +107,6 @@ def run(options: argparse.Namespace) -> int:
         UsageError: the number of basis functions is out of range.
 
     """
-    from handover_dmp.common.files import write_text
     from handover_dmp.dmp import ClassicalDmp, DecoupledDmp, save_model
     from handover_dmp.dmp.learning import DEFAULT_BASIS
     from handover_dmp.dmp.parameter_file import read_parameters, TunedParameters
@@ -149,10 +148,7 @@ def run(options: argparse.Namespace) -> int:
         ],
         'way_back_s': None if model.way_back is None else model.way_back.duration_s,
     }
-    if options.json:
-        import json
-
-        write_text(options.json, json.dumps(outcome, indent=1) + '\n')
+    save_json(outcome, options.json, indent=1)
     used = '/'.join(str(count) for count in outcome['used_basis_functions'])
     worst = max(outcome['reproduction_error_mm'])
     way_back = f'; way back of {model.way_back.duration_s:.3f} s' if model.way_back else ''
@@ -181,8 +177,6 @@ def _warn_if_unusual(file: Path, trial: HandoverTrial) -> None:
 def _parameters(options: argparse.Namespace, tuned: Any) -> Any:
     from dataclasses import replace
     from math import exp, isfinite
-
-    from handover_dmp.common.errors import UsageError
 
     names = ('stiffness', 'damping', 'goal_velocity_gain', 'mu', 'sigma', 'formulation')
     given = {name: getattr(options, name) for name in names if getattr(options, name) is not None}

@@ -17,8 +17,8 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
+from handover_dmp.cli.outputs import add_json, save_json
 from handover_dmp.cli.recorded import add_source_and_output
 
 DPI = 120
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'Draw a recorded run and write its report. For a CSV file of both wrists, as `synthesize '
         '--sessions` writes, draw the whole session into DIR/session.png.'
     )
-    parser.add_argument('--json', type=Path, metavar='FILE', help='also write the numbers as JSON')
+    add_json(parser, 'also write the numbers as JSON')
 
 
 def run(options: argparse.Namespace) -> int:
@@ -58,13 +58,9 @@ def run(options: argparse.Namespace) -> int:
         DataError: the bag does not exist, or is not of a run.
 
     """
-    import json
-
-    from handover_dmp.cli.progress import progress_bar
-    from handover_dmp.common.files import write_text
-
     if options.source.suffix.lower() == '.csv':
         return _draw_recording(options)
+    from handover_dmp.cli.progress import progress_bar
     from handover_dmp.report import write_report
     from handover_dmp.report.report import report_folder
     from rich.console import Console
@@ -74,16 +70,14 @@ def run(options: argparse.Namespace) -> int:
         report = write_report(options.source, options.output, options.namespace)
     folder = options.output or report_folder(options.source)
     Console().print(f'{len(report["figures"])} figures; {folder / "index.html"}', soft_wrap=True)
-    if options.json is not None:
-        write_text(options.json, json.dumps(report, indent=2) + '\n')
+    save_json(report, options.json)
     return 0
 
 
 def _draw_recording(options: argparse.Namespace) -> int:
     from dataclasses import asdict
-    import json
 
-    from handover_dmp.common.files import replacing, write_text
+    from handover_dmp.common.files import replacing
     from handover_dmp.mocap.fluency import people_fluency
     from handover_dmp.mocap.session import read_session
     from handover_dmp.mocap.session_figure import draw_session
@@ -97,11 +91,10 @@ def _draw_recording(options: argparse.Namespace) -> int:
         draw_session(session).savefig(temporary, dpi=DPI)
     Console().print(f'{len(session.exchanges)} exchanges; {picture}', soft_wrap=True)
     if options.json is not None:
-        exchanges = [part._asdict() for part in session.exchanges]
         found = {
             'figure': str(picture),
-            'exchanges': exchanges,
+            'exchanges': [part._asdict() for part in session.exchanges],
             'fluency': asdict(people_fluency(session)),
         }
-        write_text(options.json, json.dumps(found, indent=2) + '\n')
+        save_json(found, options.json)
     return 0

@@ -23,8 +23,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from handover_dmp.cli.outputs import add_json, save_json
 from handover_dmp.cli.recorded import add_source_and_output
 from handover_dmp.cli.robot_arguments import add_robot_arguments, chosen_arm
+from handover_dmp.common.errors import UsageError
 
 MAX_JOBS = 4
 VIDEOS = ('.mp4',)
@@ -102,9 +104,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='N',
         help='number of processes (default: one per processor, at most 4)',
     )
-    parser.add_argument(
-        '--json', type=Path, metavar='FILE', help='write a summary of the outputs as JSON'
-    )
+    add_json(parser, 'write a summary of the outputs as JSON')
 
 
 def run(options: argparse.Namespace) -> int:
@@ -122,13 +122,10 @@ def run(options: argparse.Namespace) -> int:
         UsageError: the options exclude each other.
 
     """
-    import json
     import os
     from time import monotonic
 
     from handover_dmp.cli.progress import progress_bar
-    from handover_dmp.common.errors import UsageError
-    from handover_dmp.common.files import write_text
     from handover_dmp.view.video import Film, film
     from rich.console import Console
 
@@ -163,17 +160,12 @@ def run(options: argparse.Namespace) -> int:
     }
     for path in files:
         Console().print(f'{path}: {path.stat().st_size / 1e6:.2f} MB', soft_wrap=True)
-    if options.json is not None:
-        write_text(options.json, json.dumps(made, indent=2) + '\n')
+    save_json(made, options.json)
     return 0
 
 
 def _draw_figure(options: argparse.Namespace) -> int:
     """Draw a figure that needs no run."""
-    import json
-
-    from handover_dmp.common.errors import UsageError
-    from handover_dmp.common.files import write_text
     from handover_dmp.robot.model import RobotModel
     from handover_dmp.view.postures_figure import draw_postures
 
@@ -187,9 +179,8 @@ def _draw_figure(options: argparse.Namespace) -> int:
         choice.robot or 'lwr4', wrist_frame=choice.wrist_frame, base_frame=choice.base_frame
     )
     draw_postures(arm, path)
-    if options.json is not None:
-        made = {'figure': options.figure, 'output': str(path), 'robot': arm.name}
-        write_text(options.json, json.dumps(made, indent=2) + '\n')
+    made = {'figure': options.figure, 'output': str(path), 'robot': arm.name}
+    save_json(made, options.json)
     print(path)
     return 0
 
@@ -208,8 +199,6 @@ def chosen_files(options: argparse.Namespace) -> tuple[Path | None, Path | None]
         UsageError: `-o` names a single file, and other options ask for more.
 
     """
-    from handover_dmp.common.errors import UsageError
-
     kind = '' if options.output is None else options.output.suffix.lower()
     if kind in (*VIDEOS, *IMAGES) and not options.output.is_dir():
         if options.video or options.image or options.no_video or options.no_image:
@@ -224,8 +213,6 @@ def chosen_files(options: argparse.Namespace) -> tuple[Path | None, Path | None]
 
 
 def _size(text: str) -> tuple[int, int]:
-    from handover_dmp.common.errors import UsageError
-
     width, _, height = text.partition('x')
     if not (width.isdecimal() and height.isdecimal()):
         raise UsageError(f'--size is {text}; expected a size such as 960x720')

@@ -20,6 +20,7 @@ import argparse
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
+from handover_dmp.cli.outputs import add_json, save_json
 from handover_dmp.cli.robot_arguments import add_frame_arguments, chosen_arm, WHICH
 
 if TYPE_CHECKING:
@@ -39,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '-o', '--output', type=Path, metavar='FILE.png', help='picture of the arm at home'
     )
-    parser.add_argument('--json', type=Path, metavar='FILE', help='also write the numbers as JSON')
+    add_json(parser, 'also write the numbers as JSON')
 
 
 def run(options: argparse.Namespace) -> int:
@@ -56,9 +57,6 @@ def run(options: argparse.Namespace) -> int:
         DataError: the arm cannot be used.
 
     """
-    import json
-
-    from handover_dmp.common.files import write_text
     from handover_dmp.robot.model import RobotModel
 
     choice = chosen_arm(options)
@@ -73,8 +71,7 @@ def run(options: argparse.Namespace) -> int:
 
         options.output.parent.mkdir(parents=True, exist_ok=True)
         Image.fromarray(draw_portrait(model)).save(options.output)
-    if options.json is not None:
-        write_text(options.json, json.dumps(facts, indent=2) + '\n')
+    save_json(facts, options.json)
     return 0
 
 

@@ -19,6 +19,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from handover_dmp.cli.outputs import add_json, add_output, save_json
+from handover_dmp.common.errors import UsageError
+
 HEADER = 't,x,y,z,vx,vy,vz,wg,s'
 
 
@@ -34,14 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         'trial', type=Path, metavar='TRIAL.csv', help='trial: P1 is the hand, P2(0) the start'
     )
-    parser.add_argument(
-        '-o',
-        '--output',
-        type=Path,
-        required=True,
-        metavar='OUT.csv',
-        help=f'CSV file to write, with columns {HEADER}',
-    )
+    add_output(parser, 'OUT.csv', f'CSV file to write, with columns {HEADER}')
     parser.add_argument(
         '--rate',
         type=float,
@@ -63,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action='store_true',
         help='add the columns sx,sy,sz: standard deviation by the posterior, m',
     )
-    parser.add_argument('--json', type=Path, metavar='FILE', help='also write the outcome as JSON')
+    add_json(parser, 'also write the outcome as JSON')
 
 
 def run(options: argparse.Namespace) -> int:
@@ -81,7 +77,6 @@ def run(options: argparse.Namespace) -> int:
         UsageError: the rate is out of range.
 
     """
-    from handover_dmp.common.errors import UsageError
     from handover_dmp.common.files import write_text
     from handover_dmp.dmp import load_model
     from handover_dmp.handover.teaching import rollout_against
@@ -124,10 +119,7 @@ def run(options: argparse.Namespace) -> int:
         'final_position_m': rollout.positions[-1].tolist(),
         'final_distance_to_goal_mm': 1e3 * float(np.linalg.norm(away)),
     }
-    if options.json:
-        import json
-
-        write_text(options.json, json.dumps(outcome, indent=1) + '\n')
+    save_json(outcome, options.json, indent=1)
     Console(highlight=False).print(
         f'{options.output}: {outcome["samples"]} samples at {options.rate:g} Hz, '
         f'{outcome["final_distance_to_goal_mm"]:.1f} mm from the goal at the end',

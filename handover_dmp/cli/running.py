@@ -25,6 +25,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from handover_dmp.cli.outputs import save_json
 from handover_dmp.cli.robot_arguments import add_robot_arguments, chosen_arm
 from handover_dmp.common.errors import UsageError
 
@@ -134,7 +135,7 @@ def run_and_report(
     from handover_dmp.cli.progress import progress_bar
     from handover_dmp.handover.object_profile import object_profile
     from handover_dmp.handover.scenario import make_scenario
-    from handover_dmp.runs.folder import finish, keep_inputs, new_run_folder, run_info, save_json
+    from handover_dmp.runs.folder import finish, keep_inputs, new_run_folder, run_info
     from handover_dmp.tracking.tracker_preset import read_trackers
 
     if not 0.01 <= options.scale <= 100.0:
@@ -176,13 +177,7 @@ def _run_session(
     from handover_dmp.cli.progress import progress_bar
     from handover_dmp.handover.object_profile import object_profile
     from handover_dmp.handover.session_scenario import make_session_scenario
-    from handover_dmp.runs.folder import (
-        finish,
-        keep_session,
-        new_run_folder,
-        save_json,
-        session_info,
-    )
+    from handover_dmp.runs.folder import finish, keep_session, new_run_folder, session_info
     from handover_dmp.tracking.tracker_preset import read_trackers
 
     profile = object_profile(options.object)

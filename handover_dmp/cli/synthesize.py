@@ -18,7 +18,8 @@ from __future__ import annotations
 
 import argparse
 import json
-from pathlib import Path
+
+from handover_dmp.cli.outputs import add_json, add_output
 
 SHORT_TRIALS, SHORT_SESSIONS = 300, 50
 """Below these numbers, the work is done before one could read a progress bar."""
@@ -40,9 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'tool, gives it and takes it back; their reaches are those of the data set of the same '
         'seed.'
     )
-    parser.add_argument(
-        '-o', '--output', type=Path, required=True, metavar='DATASET', help='folder to write'
-    )
+    add_output(parser, 'DATASET', 'folder to write')
     parser.add_argument(
         '--sessions',
         action='store_true',
@@ -80,9 +79,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action='store_true',
         help='add columns for the orientation of the wrists; the others stay the same',
     )
-    parser.add_argument(
-        '--json', type=Path, metavar='FILE', help='write a summary of the outputs as JSON'
-    )
+    add_json(parser, 'write a summary of the outputs as JSON')
 
 
 def run(options: argparse.Namespace) -> int:

@@ -27,6 +27,7 @@ from handover_dmp.cli.evaluate import (
     read_learning,
     work_bar,
 )
+from handover_dmp.cli.outputs import add_json, add_output, save_json
 from handover_dmp.common.errors import UsageError
 
 if TYPE_CHECKING:
@@ -43,13 +44,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     """
     parser.add_argument('data_set', type=Path, metavar='DATASET', help='folder with trials.csv')
-    parser.add_argument(
-        '-o',
-        '--output',
-        type=Path,
-        required=True,
-        metavar='PARAMS.yaml',
-        help='parameter file to write, for --params-file of the dmp node and for --parameters',
+    add_output(
+        parser,
+        'PARAMS.yaml',
+        'parameter file to write, for --params-file of the dmp node and for --parameters',
     )
     add_learning_arguments(parser)
     parser.add_argument(
@@ -60,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='number of parameter sets to try (default: %(default)s)',
     )
     add_running_arguments(parser)
-    parser.add_argument('--json', type=Path, metavar='FILE', help='also write the result as JSON')
+    add_json(parser, 'also write the result as JSON')
 
 
 def run(options: argparse.Namespace) -> int:
@@ -82,9 +80,7 @@ def run(options: argparse.Namespace) -> int:
     if options.candidates < 1:
         raise UsageError(f'--candidates is {options.candidates}; it must be above 0')
     from dataclasses import asdict
-    import json
 
-    from handover_dmp.common.files import write_text
     from handover_dmp.dmp.parameter_file import TunedParameters, write_parameters
     from handover_dmp.evaluation.tuning import tune
     from handover_dmp.mocap import read_data_set
@@ -103,8 +99,7 @@ def run(options: argparse.Namespace) -> int:
         )
     best = TunedParameters(tuning.best.parameters, tuning.best.duration_scale)
     write_parameters(best, options.output, _comment(tuning, options.data_set.name))
-    if options.json is not None:
-        write_text(options.json, json.dumps(asdict(tuning), indent=1) + '\n')
+    save_json(asdict(tuning), options.json, indent=1)
     console = Console()
     console.width = max(console.width, 96)
     console.print(_show(tuning))

@@ -21,6 +21,7 @@ from pathlib import Path
 import signal
 from threading import Event
 
+from handover_dmp.cli.outputs import add_json, save_json
 from handover_dmp.cli.recorded import add_source_and_output
 from handover_dmp.cli.robot_arguments import add_robot_arguments, chosen_arm
 
@@ -43,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument('--no-browser', action='store_true', help='only print the address')
     add_robot_arguments(parser, '')
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write the address as JSON')
+    add_json(parser, 'write the address as JSON')
 
 
 def run(options: argparse.Namespace) -> int:
@@ -61,12 +62,10 @@ def run(options: argparse.Namespace) -> int:
         UsageError: MeshCat is not installed, or the port is taken.
 
     """
-    import json
     from tempfile import TemporaryDirectory
     import webbrowser
 
     from handover_dmp.cli.progress import progress_bar
-    from handover_dmp.common.files import write_text
     from handover_dmp.view.page import write_page
     from handover_dmp.view.server import serving
     from handover_dmp.view.stage import set_up
@@ -79,8 +78,7 @@ def run(options: argparse.Namespace) -> int:
                 write_page(stage, page)
 
     def tell(address: str) -> None:
-        if options.json is not None:
-            write_text(options.json, json.dumps({'page': address}, indent=2) + '\n')
+        save_json({'page': address}, options.json)
 
     if options.output is not None:
         make(options.output)

@@ -21,6 +21,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from handover_dmp.cli.outputs import add_json, save_json
 from handover_dmp.common.errors import DataError, UsageError
 
 TABLE = 'table.json'
@@ -42,9 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='NAME',
         help='kind of demonstration that was learnt from (default: all that were evaluated)',
     )
-    parser.add_argument(
-        '--json', type=Path, metavar='FILE', help='write every rejected curve as JSON'
-    )
+    add_json(parser, 'write every rejected curve as JSON')
 
 
 def run(options: argparse.Namespace) -> int:
@@ -68,14 +67,12 @@ def run(options: argparse.Namespace) -> int:
         raise UsageError(
             f'--learn {options.learn!r}: not in {options.results}, which has {", ".join(learns)}'
         )
-    from handover_dmp.common.files import write_text
     from handover_dmp.evaluation.why import why_tables
     from rich.console import Console
 
     chosen = learns if options.learn is None else [options.learn]
-    if options.json is not None:
-        told = [case for case in rejections if case['learn'] in chosen]
-        write_text(options.json, json.dumps(told, indent=1) + '\n')
+    told = [case for case in rejections if case['learn'] in chosen]
+    save_json(told, options.json, indent=1)
     console = Console()
     for table in why_tables(rejections, chosen):
         table.show(console)

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from datetime import datetime
-import json
 import math
 from pathlib import Path
 import platform
@@ -29,7 +28,6 @@ from typing import Any, TYPE_CHECKING
 from handover_dmp import __version__
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
-from handover_dmp.common.files import write_text
 from handover_dmp.common.versions import installed_versions, LIBRARIES
 from handover_dmp.dmp import save_model
 from handover_dmp.handover.release import ReleaseOptions
@@ -278,16 +276,3 @@ def _scenes(stage: Stage) -> Iterator[tuple[str, Any]]:
     moments.append(('end', last_s))
     for name, time_s in moments:
         yield name, scene.image(time_s, 960, 720)
-
-
-def save_json(report: dict[str, Any], path: Path | None) -> None:
-    """
-    Write a result as JSON, if requested.
-
-    Args:
-        report: plain types.
-        path: output file; None: none.
-
-    """
-    if path is not None:
-        write_text(path, json.dumps(report, indent=2) + '\n')

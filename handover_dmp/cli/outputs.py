@@ -1,0 +1,74 @@
+# Copyright 2026 The handover_dmp authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Options of the verbs for what they write, and JSON among it."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+from handover_dmp.common.files import write_text
+
+
+def add_output(
+    parser: argparse.ArgumentParser, metavar: str, purpose: str, default: Path | None = None
+) -> None:
+    """
+    Declare `--output`, which is required if it has no default.
+
+    Args:
+        parser: parser of a verb.
+        metavar: metavar of the output, e.g. `DIR`.
+        purpose: help text.
+        default: file or folder to write.
+
+    """
+    parser.add_argument(
+        '-o',
+        '--output',
+        type=Path,
+        required=default is None,
+        default=default,
+        metavar=metavar,
+        help=purpose,
+    )
+
+
+def add_json(parser: argparse.ArgumentParser, purpose: str) -> None:
+    """
+    Declare `--json`.
+
+    Args:
+        parser: parser of a verb.
+        purpose: help text.
+
+    """
+    parser.add_argument('--json', type=Path, metavar='FILE', help=purpose)
+
+
+def save_json(content: Any, path: Path | None, indent: int | None = 2) -> None:
+    """
+    Write a result as JSON, if requested.
+
+    Args:
+        content: plain types.
+        path: the file of `--json`; None: none.
+        indent: of each level; None: all in one line.
+
+    """
+    if path is not None:
+        write_text(path, json.dumps(content, indent=indent) + '\n')
