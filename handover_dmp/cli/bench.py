@@ -20,7 +20,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from handover_dmp.cli.outputs import add_json
+from handover_dmp.cli.options import add_json, add_setting
 from handover_dmp.common.errors import GET_ROS, HandoverError, UsageError
 
 if TYPE_CHECKING:
@@ -77,13 +77,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='MIN',
         help='duration of soak, and maximum duration of fuzz (default: 30 and 60)',
     )
-    parser.add_argument(
+    add_setting(
+        parser,
         '--tolerance',
-        type=float,
-        default=1.25,
-        metavar='TIMES',
-        help='factor by which a figure may get worse before `compare` fails (default: '
-        '%(default)s)',
+        1.25,
+        'TIMES',
+        'factor by which a figure may get worse before `compare` fails',
     )
 
 

@@ -20,7 +20,7 @@ import argparse
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
-from handover_dmp.cli.outputs import add_json, add_output, save_json
+from handover_dmp.cli.options import add_json, add_output, add_setting, save_json
 from handover_dmp.cli.robot_arguments import add_robot_arguments, chosen_arm
 from handover_dmp.common.errors import DataError, GET_ROS, HandoverError, UsageError
 
@@ -62,22 +62,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='poses of the body in the frame of the nodes; TOPIC:NAME if the messages contain '
         'several bodies (default: %(default)s, published by priority_ik)',
     )
-    parser.add_argument(
-        '--tracker',
-        default=TRACKER_TOPIC,
-        metavar='TOPIC',
-        help='poses of the tracker, TOPIC or TOPIC:NAME (default: %(default)s)',
-    )
+    poses = 'poses of the tracker, TOPIC or TOPIC:NAME'
+    add_setting(parser, '--tracker', TRACKER_TOPIC, 'TOPIC', poses)
     parser.add_argument(
         '--frame',
         default='',
         help='frame of the tracker, if its poses do not name one of their own',
     )
-    parser.add_argument(
-        '--name',
-        default='tracker',
-        help='name of the tracker in the parameters of the nodes (default: %(default)s)',
-    )
+    name = 'name of the tracker in the parameters of the nodes'
+    add_setting(parser, '--name', 'tracker', None, name)
     parser.add_argument(
         '--marker',
         nargs=3,
@@ -86,13 +79,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='position of the marker in the axes of the reference, m (default: estimated, as far '
         'as the motion permits)',
     )
-    parser.add_argument(
-        '--max-delay',
-        type=float,
-        default=2.0,
-        metavar='S',
-        help='maximum delay to search for, in both directions (default: %(default)s)',
-    )
+    delay = 'maximum delay to search for, in both directions'
+    add_setting(parser, '--max-delay', 2.0, 'S', delay)
     parser.add_argument(
         '--clock',
         choices=('stamp', 'log'),
@@ -129,16 +117,8 @@ def add_move_arguments(parser: argparse.ArgumentParser) -> None:
     move.add_argument(
         '--bag', type=Path, metavar='FOLDER', help='bag to record (default: beside the output)'
     )
-    move.add_argument(
-        '--duration',
-        type=float,
-        default=DURATION_S,
-        metavar='S',
-        help='duration of the motion (default: %(default)s)',
-    )
-    move.add_argument(
-        '--seed', type=int, default=0, help='seed of the simulated tracker (default: %(default)s)'
-    )
+    add_setting(move, '--duration', DURATION_S, 'S', 'duration of the motion')
+    add_setting(move, '--seed', 0, None, 'seed of the simulated tracker')
     add_robot_arguments(parser, 'lwr4')
 
 

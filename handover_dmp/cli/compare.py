@@ -21,7 +21,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from handover_dmp.cli.outputs import add_json, save_json
+from handover_dmp.cli.options import add_json, save_json
 from handover_dmp.common.errors import UsageError
 
 if TYPE_CHECKING:

@@ -24,7 +24,7 @@ from time import monotonic
 from typing import NamedTuple, TYPE_CHECKING
 
 from handover_dmp.cli.low_pass import add_low_pass
-from handover_dmp.cli.outputs import add_json, add_output
+from handover_dmp.cli.options import add_json, add_output, add_setting
 from handover_dmp.cli.robot_arguments import add_frame_arguments, WHICH
 from handover_dmp.common.errors import UsageError
 from handover_dmp.evaluation import LEARN
@@ -96,14 +96,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action='store_true',
         help='compute band, mean and model from all other trials, and test on the one left out',
     )
-    parser.add_argument(
-        '--min-width',
-        type=float,
-        default=0.04,
-        metavar='M',
-        help='width of the band of people below which it is a bottleneck, m (default: '
-        '%(default)s)',
-    )
+    narrow = 'width of the band of people below which it is a bottleneck, m'
+    add_setting(parser, '--min-width', 0.04, 'M', narrow)
     add_learning_arguments(parser)
     parser.add_argument(
         '--partner-model',
@@ -145,17 +139,9 @@ def add_running_arguments(parser: argparse.ArgumentParser) -> None:
         parser: parser of a verb.
 
     """
-    parser.add_argument(
-        '--seed', type=int, default=0, help='seed of the random numbers (default: %(default)s)'
-    )
-    parser.add_argument(
-        '--jobs',
-        type=int,
-        default=1,
-        metavar='N',
-        help='number of processes; -1: one per processor; changes no result (default: '
-        '%(default)s)',
-    )
+    add_setting(parser, '--seed', 0, None, 'seed of the random numbers')
+    jobs = 'number of processes; -1: one per processor; changes no result'
+    add_setting(parser, '--jobs', 1, 'N', jobs)
 
 
 def check_running_options(options: argparse.Namespace) -> None:
@@ -202,13 +188,7 @@ def add_learning_arguments(parser: argparse.ArgumentParser) -> None:
         choices=['rvm', 'ridge'],
         help='regression: sparse Bayesian (rvm) or ridge; the table is the same (default: ridge)',
     )
-    parser.add_argument(
-        '--basis',
-        type=int,
-        default=50,
-        metavar='N',
-        help='number of candidate basis functions (default: %(default)s)',
-    )
+    add_setting(parser, '--basis', 50, 'N', 'number of candidate basis functions')
     add_low_pass(parser)
 
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from handover_dmp.cli.outputs import add_json, add_output, save_json
+from handover_dmp.cli.options import add_json, add_output, add_setting, save_json
 from handover_dmp.common.errors import UsageError
 
 
@@ -52,14 +52,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='MU',
         help='three centres of the goal weight, in units of τ (default: 0.25 0.5 0.75)',
     )
-    parser.add_argument(
-        '--shift',
-        type=float,
-        default=0.3,
-        metavar='PART',
-        help='distance of the new goal beyond the learnt one, as a fraction of the learnt '
-        'distance (default: %(default)s)',
-    )
+    shift = 'distance of the new goal beyond the learnt one, as a fraction of the learnt distance'
+    add_setting(parser, '--shift', 0.3, 'PART', shift)
     add_json(parser, 'also write the curves as JSON')
 
 

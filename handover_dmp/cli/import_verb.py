@@ -26,7 +26,8 @@ import re
 from typing import TYPE_CHECKING
 
 from handover_dmp.cli.low_pass import add_low_pass
-from handover_dmp.cli.outputs import add_json, add_output
+from handover_dmp.cli.options import add_json, add_output
+from handover_dmp.cli.synthesize import trial_facts
 from handover_dmp.common.errors import DataError, UsageError
 
 if TYPE_CHECKING:
@@ -170,12 +171,7 @@ def run(options: argparse.Namespace) -> int:
 
     """
     from handover_dmp.cli.progress import track
-    from handover_dmp.mocap.data_set import (
-        check_no_data_set,
-        file_name,
-        read_data_set,
-        write_data_set,
-    )
+    from handover_dmp.mocap.data_set import check_no_data_set, read_data_set, write_data_set
     from handover_dmp.mocap.filtering import condition
     from handover_dmp.mocap.review import review
     from handover_dmp.mocap.review_page import review_page
@@ -224,15 +220,7 @@ def run(options: argparse.Namespace) -> int:
         found = {
             'data_set': str(options.output),
             'trials': [
-                {
-                    'file': file_name(trial),
-                    'configuration': trial.configuration,
-                    'exchange': trial.direction,
-                    'trial': trial.number,
-                    'duration_s': trial.duration_s,
-                    'rate_hz': trial.rate_hz,
-                    'source': trial.source,
-                }
+                trial_facts(trial) | {'rate_hz': trial.rate_hz, 'source': trial.source}
                 for trial in new
             ],
             'left_out': [

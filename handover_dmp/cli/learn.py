@@ -22,7 +22,7 @@ import sys
 from typing import Any, TYPE_CHECKING
 
 from handover_dmp.cli.low_pass import add_low_pass
-from handover_dmp.cli.outputs import add_json, add_output, save_json
+from handover_dmp.cli.options import add_json, add_output, save_json
 from handover_dmp.common.errors import UsageError
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import argparse
 
-from handover_dmp.cli.outputs import add_json, save_json
+from handover_dmp.cli.options import add_json, save_json
 from handover_dmp.cli.recorded import add_source_and_output
 
 DPI = 120

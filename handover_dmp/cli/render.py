@@ -23,7 +23,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from handover_dmp.cli.outputs import add_json, save_json
+from handover_dmp.cli.options import add_json, add_setting, save_json
 from handover_dmp.cli.recorded import add_source_and_output
 from handover_dmp.cli.robot_arguments import add_robot_arguments, chosen_arm
 from handover_dmp.common.errors import UsageError
@@ -77,26 +77,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument('--no-video', action='store_true', help='write only the animated image')
     parser.add_argument('--no-image', action='store_true', help='write only the video')
-    parser.add_argument(
-        '--size',
-        default='960x720',
-        metavar='WxH',
-        help='width and height of a picture, pixels (default: %(default)s)',
-    )
-    parser.add_argument(
-        '--rate',
-        type=float,
-        default=30.0,
-        metavar='HZ',
-        help='frames per second of the video; the animated image has half as many (default: '
-        '%(default)s)',
-    )
-    parser.add_argument(
-        '--speed',
-        type=float,
-        default=1.0,
-        help='playback speed; 0.5 is half of real time (default: %(default)s)',
-    )
+    add_setting(parser, '--size', '960x720', 'WxH', 'width and height of a picture, pixels')
+    rate = 'frames per second of the video; the animated image has half as many'
+    add_setting(parser, '--rate', 30.0, 'HZ', rate)
+    add_setting(parser, '--speed', 1.0, None, 'playback speed; 0.5 is half of real time')
     add_robot_arguments(parser, '')
     parser.add_argument(
         '--jobs',

@@ -19,7 +19,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from handover_dmp.cli.outputs import add_json, add_output, save_json
+from handover_dmp.cli.options import add_json, add_output, add_setting, save_json
 from handover_dmp.common.errors import UsageError
 
 HEADER = 't,x,y,z,vx,vy,vz,wg,s'
@@ -38,13 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'trial', type=Path, metavar='TRIAL.csv', help='trial: P1 is the hand, P2(0) the start'
     )
     add_output(parser, 'OUT.csv', f'CSV file to write, with columns {HEADER}')
-    parser.add_argument(
-        '--rate',
-        type=float,
-        default=200.0,
-        metavar='HZ',
-        help='rate of the samples (default: %(default)s)',
-    )
+    add_setting(parser, '--rate', 200.0, 'HZ', 'rate of the samples')
     parser.add_argument(
         '--duration', type=float, metavar='S', help='duration τ in place of that of the model'
     )

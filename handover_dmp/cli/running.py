@@ -25,7 +25,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from handover_dmp.cli.outputs import save_json
+from handover_dmp.cli.options import add_setting, save_json
 from handover_dmp.cli.robot_arguments import add_robot_arguments, chosen_arm
 from handover_dmp.common.errors import UsageError
 
@@ -48,22 +48,12 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
         choices=['auto', 'off'],
         help='whether to use the partner model of the learnt movement (default: as in config/)',
     )
-    parser.add_argument(
-        '--object',
-        default=TOOL,
-        metavar='NAME',
-        help='object: rod, cup, knife, box, or a .yaml file with one like those of '
-        'config/objects.yaml (default: %(default)s)',
+    carried = (
+        'object: rod, cup, knife, box, or a .yaml file with one like those of config/objects.yaml'
     )
-    parser.add_argument(
-        '--seed', type=int, default=0, help='seed of the synthetic data (default: %(default)s)'
-    )
-    parser.add_argument(
-        '--scale',
-        type=float,
-        default=1.0,
-        help='scale factor of the recorded motion (default: %(default)s)',
-    )
+    add_setting(parser, '--object', TOOL, 'NAME', carried)
+    add_setting(parser, '--seed', 0, None, 'seed of the synthetic data')
+    add_setting(parser, '--scale', 1.0, None, 'scale factor of the recorded motion')
     parser.add_argument(
         '--tracker',
         action='append',

@@ -17,9 +17,15 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 import json
+from typing import Any, TYPE_CHECKING
 
-from handover_dmp.cli.outputs import add_json, add_output
+from handover_dmp.cli.options import add_json, add_output, add_setting
+
+if TYPE_CHECKING:
+    from handover_dmp.mocap import HandoverTrial
+    from handover_dmp.mocap.session import RecordedSession
 
 SHORT_TRIALS, SHORT_SESSIONS = 300, 50
 """Below these numbers, the work is done before one could read a progress bar."""
@@ -47,16 +53,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action='store_true',
         help='write whole recordings, with index sessions.csv, for `import csv DATASET --segment`',
     )
-    parser.add_argument(
-        '--seed', type=int, default=0, help='seed of the random numbers (default: 0)'
-    )
-    parser.add_argument(
+    add_setting(parser, '--seed', 0, None, 'seed of the random numbers')
+    add_setting(
+        parser,
         '--trials',
-        type=int,
-        default=5,
-        metavar='N',
-        help='number of trials of each configuration and direction, or of sessions of each '
-        'configuration (default: 5)',
+        5,
+        'N',
+        'number of trials of each configuration and direction, or of sessions of each '
+        'configuration',
     )
     parser.add_argument(
         '--configuration',
@@ -67,13 +71,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--rate', type=float, default=200.0, metavar='HZ', help='rate of the sensor (default: 200)'
     )
-    parser.add_argument(
-        '--noise',
-        type=float,
-        default=1e-4,
-        metavar='M',
-        help='standard deviation of the noise on each axis (default: 0.0001)',
-    )
+    noise = 'standard deviation of the noise on each axis'
+    add_setting(parser, '--noise', 1e-4, 'M', noise)
     parser.add_argument(
         '--orientation',
         action='store_true',
@@ -93,99 +92,73 @@ def run(options: argparse.Namespace) -> int:
         0.
 
     """
-    if options.sessions:
-        return _run_sessions(options)
     from handover_dmp.cli.progress import progress_bar
-    from handover_dmp.mocap.data_set import file_name, write_data_set
-    from handover_dmp.mocap.garage import CONFIGURATIONS
-    from handover_dmp.mocap.synthetic import synthesize
-    from handover_dmp.mocap.tables import save
-    from rich.console import Console
-
-    configurations = options.configuration or CONFIGURATIONS
-    trials = synthesize(
-        options.seed,
-        options.trials,
-        configurations=configurations,
-        rate_hz=options.rate,
-        noise_m=options.noise,
-        orientation=options.orientation,
-    )
-    with progress_bar(hidden=len(trials) < SHORT_TRIALS) as bar:
-        task = bar.add_task('writing', total=len(trials))
-        write_data_set(trials, options.output, progress=lambda: bar.advance(task))
-    if options.json:
-        made = {
-            'data_set': str(options.output),
-            'seed': options.seed,
-            'rate_hz': options.rate,
-            'noise_m': options.noise,
-            'orientation': options.orientation,
-            'trials': [
-                {
-                    'file': file_name(trial),
-                    'configuration': trial.configuration,
-                    'exchange': trial.direction,
-                    'trial': trial.number,
-                    'duration_s': trial.duration_s,
-                }
-                for trial in trials
-            ],
-        }
-        save(options.json, json.dumps(made, indent=2) + '\n')
-    Console(soft_wrap=True).print(
-        f'{options.output}: {len(trials)} synthetic trials of {", ".join(configurations)}, '
-        f'give and take, seed {options.seed}',
-        highlight=False,
-        markup=False,
-    )
-    return 0
-
-
-def _run_sessions(options: argparse.Namespace) -> int:
-    from handover_dmp.cli.progress import progress_bar
+    from handover_dmp.mocap.data_set import write_data_set
     from handover_dmp.mocap.garage import CONFIGURATIONS
     from handover_dmp.mocap.session import write_sessions
+    from handover_dmp.mocap.synthetic import synthesize
     from handover_dmp.mocap.synthetic_session import synthesize_sessions
     from handover_dmp.mocap.tables import save
     from rich.console import Console
 
+    make: Callable[..., list[Any]] = synthesize
+    write: Callable[..., None] = write_data_set
+    describe: Callable[[Any], dict[str, Any]] = trial_facts
+    place, what, legs, short = 'data_set', 'trials', 'give and take', SHORT_TRIALS
+    if options.sessions:
+        make, write, describe = synthesize_sessions, write_sessions, _session_facts
+        place, what, legs, short = 'folder', 'sessions', 'a give and a take each', SHORT_SESSIONS
     configurations = options.configuration or CONFIGURATIONS
-    sessions = synthesize_sessions(
-        options.seed,
-        options.trials,
-        configurations=configurations,
-        rate_hz=options.rate,
-        noise_m=options.noise,
-        orientation=options.orientation,
-    )
-    with progress_bar(hidden=len(sessions) < SHORT_SESSIONS) as bar:
-        task = bar.add_task('writing', total=len(sessions))
-        write_sessions(sessions, options.output, progress=lambda: bar.advance(task))
+    how = {'rate_hz': options.rate, 'noise_m': options.noise, 'orientation': options.orientation}
+    made = make(options.seed, options.trials, configurations=configurations, **how)
+    with progress_bar(hidden=len(made) < short) as bar:
+        task = bar.add_task('writing', total=len(made))
+        write(made, options.output, progress=lambda: bar.advance(task))
     if options.json:
-        made = {
-            'folder': str(options.output),
+        summary = {
+            place: str(options.output),
             'seed': options.seed,
-            'rate_hz': options.rate,
-            'noise_m': options.noise,
-            'orientation': options.orientation,
-            'sessions': [
-                {
-                    'file': session.file_name,
-                    'configuration': session.configuration,
-                    'trial': session.number,
-                    'duration_s': float(session.motion.times[-1]),
-                    'exchanges': [part._asdict() for part in session.exchanges],
-                }
-                for session in sessions
-            ],
+            **how,
+            what: [describe(one) for one in made],
         }
-        save(options.json, json.dumps(made, indent=2) + '\n')
-    word = 'session' if len(sessions) == 1 else 'sessions'
+        save(options.json, json.dumps(summary, indent=2) + '\n')
+    words = what.removesuffix('s') if len(made) == 1 else what
     Console(soft_wrap=True).print(
-        f'{options.output}: {len(sessions)} synthetic {word} of {", ".join(configurations)}, '
-        f'a give and a take each, seed {options.seed}',
+        f'{options.output}: {len(made)} synthetic {words} of {", ".join(configurations)}, '
+        f'{legs}, seed {options.seed}',
         highlight=False,
         markup=False,
     )
     return 0
+
+
+def trial_facts(trial: HandoverTrial) -> dict[str, Any]:
+    """
+    Describe a trial of a data set for `--json`.
+
+    Args:
+        trial: the trial.
+
+    Returns:
+        Its file, what it is and how long it lasts, s.
+
+    """
+    from handover_dmp.mocap.data_set import file_name
+
+    return {
+        'file': file_name(trial),
+        'configuration': trial.configuration,
+        'exchange': trial.direction,
+        'trial': trial.number,
+        'duration_s': trial.duration_s,
+    }
+
+
+def _session_facts(session: RecordedSession) -> dict[str, Any]:
+    return {
+        'file': session.file_name,
+        'configuration': session.configuration,
+        'trial': session.number,
+        'duration_s': float(session.motion.times[-1]),
+        'exchanges': [part._asdict() for part in session.exchanges],
+    }

@@ -27,7 +27,7 @@ from handover_dmp.cli.evaluate import (
     read_learning,
     work_bar,
 )
-from handover_dmp.cli.outputs import add_json, add_output, save_json
+from handover_dmp.cli.options import add_json, add_output, add_setting, save_json
 from handover_dmp.common.errors import UsageError
 
 if TYPE_CHECKING:
@@ -50,13 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'parameter file to write, for --params-file of the dmp node and for --parameters',
     )
     add_learning_arguments(parser)
-    parser.add_argument(
-        '--candidates',
-        type=int,
-        default=192,
-        metavar='N',
-        help='number of parameter sets to try (default: %(default)s)',
-    )
+    add_setting(parser, '--candidates', 192, 'N', 'number of parameter sets to try')
     add_running_arguments(parser)
     add_json(parser, 'also write the result as JSON')
 

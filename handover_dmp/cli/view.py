@@ -21,7 +21,7 @@ from pathlib import Path
 import signal
 from threading import Event
 
-from handover_dmp.cli.outputs import add_json, save_json
+from handover_dmp.cli.options import add_json, save_json
 from handover_dmp.cli.recorded import add_source_and_output
 from handover_dmp.cli.robot_arguments import add_robot_arguments, chosen_arm
 

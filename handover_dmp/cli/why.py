@@ -21,7 +21,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from handover_dmp.cli.outputs import add_json, save_json
+from handover_dmp.cli.options import add_json, save_json
 from handover_dmp.common.errors import DataError, UsageError
 
 TABLE = 'table.json'

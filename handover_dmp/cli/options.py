@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Options of the verbs for what they write, and JSON among it."""
+"""Options that verbs declare alike: settings with a default, output, JSON."""
 
 from __future__ import annotations
 
@@ -22,6 +22,33 @@ from pathlib import Path
 from typing import Any
 
 from handover_dmp.common.files import write_text
+
+
+def add_setting(
+    parser: argparse._ActionsContainer,
+    name: str,
+    default: float | str,
+    metavar: str | None,
+    purpose: str,
+) -> None:
+    """
+    Declare an option with a default, which its help names; the type is that of the default.
+
+    Args:
+        parser: parser of a verb, or a group of it.
+        name: the option, e.g. `--rate`.
+        default: its default.
+        metavar: its metavar, e.g. the unit; None: the name of the option.
+        purpose: help text, without the default.
+
+    """
+    parser.add_argument(
+        name,
+        type=type(default),
+        default=default,
+        metavar=metavar,
+        help=f'{purpose} (default: %(default)s)',
+    )
 
 
 def add_output(
