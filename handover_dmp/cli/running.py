@@ -211,6 +211,7 @@ def _remark(bar: Any, robot: Any) -> None:
 
 def _show_session(report: dict[str, Any], folder: Path) -> int:
     """Print the outcome of a session, with one column per leg."""
+    from handover_dmp.report.cells import look_up
     from handover_dmp.view.session_film import FILM, PAGE
     from rich.console import Console
     from rich.table import Table
@@ -227,7 +228,7 @@ def _show_session(report: dict[str, Any], folder: Path) -> int:
         ('distance to the person (RMS)', ('to_human', 'rms_m'), 'mm', 1e3),
         ('both held the object for', ('release', 'both_s'), 's', 1.0),
     ):
-        table.add_row(name, *(_quantity(_found(leg, keys), unit, factor) for leg in legs))
+        table.add_row(name, *(_quantity(look_up(leg, *keys), unit, factor) for leg in legs))
     table.add_row('released by', *(str(leg['release']['rule'] or '–') for leg in legs))
     console = Console(soft_wrap=True)
     done = bool(report['handed_over'])
@@ -244,13 +245,6 @@ def _show_session(report: dict[str, Any], folder: Path) -> int:
     for what, name in (('report', 'index.html'), ('film', FILM), ('page', PAGE)):
         console.print(f'{what}: {folder / name}', highlight=False)
     return 0 if done and not session['dropped'] else 1
-
-
-def _found(tree: dict[str, Any], keys: tuple[str, ...]) -> float | None:
-    value: Any = tree
-    for key in keys:
-        value = value[key]
-    return None if value is None else float(value)
 
 
 def _show(report: dict[str, Any], folder: Path) -> int:

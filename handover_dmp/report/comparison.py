@@ -23,6 +23,7 @@ from typing import Any
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError
+from handover_dmp.report.cells import look_up
 from handover_dmp.report.metrics import measure
 from handover_dmp.report.motions import compare_motions
 from handover_dmp.report.recorded_run import load_run
@@ -139,13 +140,8 @@ def _values(
     figures: Sequence[Sequence[Mapping[str, Any]]], path: Sequence[str], factor: float
 ) -> Array:
     """Look a measure up, (sets, pairs); NaN if a run has none."""
-
-    def look_up(found: Any) -> float:
-        for key in path:
-            found = None if found is None else found[key]
-        return np.nan if found is None else factor * float(found)
-
-    return np.array([[look_up(one) for one in runs] for runs in figures])
+    found = [[look_up(one, *path) for one in runs] for runs in figures]
+    return factor * np.array(found, dtype=np.float64)
 
 
 def _difference(name: str, unit: str, digits: int, values: Array) -> Difference:

@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from handover_dmp.report.cells import look_up, quantity
 from handover_dmp.report.page import Table
 
 MEASURES: tuple[tuple[str, str, float, str, int], ...] = (
@@ -79,8 +80,5 @@ def motion_tables(motions: Mapping[str, Any]) -> tuple[Table, Table]:
     return Table(('', *WHO.values()), tuple(rows)), Table((), tuple(facts))
 
 
-def _cell(
-    values: Mapping[str, Any] | None, key: str, factor: float, unit: str, digits: int
-) -> str:
-    value = None if values is None else values[key]
-    return '–' if value is None else f'{factor * value:.{digits}f} {unit}'.strip()
+def _cell(found: Any, key: str, factor: float, unit: str, digits: int) -> str:
+    return quantity(look_up(found, key), factor, unit, digits)

@@ -24,6 +24,7 @@ from typing import Any
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.files import write_text
 from handover_dmp.recording import bag_information
+from handover_dmp.report.cells import quantity
 from handover_dmp.report.figures import Picture, write_figures
 from handover_dmp.report.metrics import FUSED, measure, Numbers
 from handover_dmp.report.motion_tables import motion_tables
@@ -136,33 +137,21 @@ def _page(run: RunRecord, report: Numbers, pictures: list[Picture], scenes: list
         compared = [('Robot and people', report)]
     for heading, measured in compared:
         if measured['motions']['robot'] is not None:
-            sections.append(
-                Section(
-                    heading,
-                    text='From the start of the reach to the exchange, low-passed at 6 Hz.',
-                    tables=motion_tables(measured['motions']),
-                )
-            )
+            text = 'From the start of the reach to the exchange, low-passed at 6 Hz.'
+            tables = motion_tables(measured['motions'])
+            sections.append(Section(heading, text=text, tables=tables))
     if scenes:
         captions = ', '.join(captions_of[name] for name in scenes)
         images = tuple(f'figures/{name}.png' for name in scenes)
         sections.append(Section('Scene', text=captions, images=images))
-    sections.append(
-        Section(
-            'Figures',
-            figures=tuple((f'figures/{one.name}.png', one.caption) for one in pictures),
-        )
-    )
+    figures = tuple((f'figures/{one.name}.png', one.caption) for one in pictures)
+    sections.append(Section('Figures', figures=figures))
     if report['trackers']:
         sections.append(Section('Trackers', tables=(_trackers(report),)))
     if run.joint_limits is not None:
-        sections.append(
-            Section(
-                'Joint limits',
-                text=_judged(report['limits']),
-                tables=(_joint_limits(run, run.joint_limits),),
-            )
-        )
+        table = _joint_limits(run, run.joint_limits)
+        judged = _judged(report['limits'])
+        sections.append(Section('Joint limits', text=judged, tables=(table,)))
     if about:
         sections.append(Section('Setup', tables=(_about(about),)))
     if about.get('command'):
@@ -179,11 +168,13 @@ def _page(run: RunRecord, report: Numbers, pictures: list[Picture], scenes: list
 def _summary(report: Numbers) -> Table:
     lag, demonstrator, limits = report['lag'], report['to_human'], report['limits']
     kinematics = report['inverse_kinematics']
+    least = quantity(report['exchange_gap_least_m'], 1e3, 'mm', 1)
+    kept = {True: 'kept', False: 'NOT KEPT', None: '–'}
     rows = [
         (
             'gap between wrist and goal when the exchange began',
-            _number(report['exchange_gap_m'], 1e3, 'mm', 1),
-            f'minimum during the exchange {_number(report["exchange_gap_least_m"], 1e3, "mm", 1)}',
+            quantity(report['exchange_gap_m'], 1e3, 'mm', 1),
+            f'minimum during the exchange {least}',
         ),
         (
             'distance of the hand, relative to the demonstration',
@@ -192,13 +183,13 @@ def _summary(report: Numbers) -> Table:
         ),
         (
             'largest overshoot of the goal',
-            _number(report['beyond_goal_max_m'], 1e3, 'mm', 1),
+            quantity(report['beyond_goal_max_m'], 1e3, 'mm', 1),
             'along the line from the start; negative: the wrist stayed short of the goal',
         ),
         *_carried_rows(report),
         (
             'lag behind the moving hand',
-            _number(lag['time_ms'], 1, 'ms', 1),
+            quantity(lag['time_ms'], 1, 'ms', 1),
             'not measurable: the hand stood still, or the wrist followed it too briefly'
             if lag['time_ms'] is None
             else f'± {lag["error_ms"]:.1f} ms; {lag["distance_mm"]:.2f} mm at '
@@ -206,15 +197,15 @@ def _summary(report: Numbers) -> Table:
         ),
         (
             'lag of the wrist behind its command',
-            _number(report['arm_lag']['time_ms'], 1, 'ms', 1),
-            f'{_number(report["arm_lag"]["rms_mm"], 1, "mm", 2)} RMS, '
-            f'{_number(report["arm_lag"]["largest_mm"], 1, "mm", 2)} maximum',
+            quantity(report['arm_lag']['time_ms'], 1, 'ms', 1),
+            f'{quantity(report["arm_lag"]["rms_mm"], 1, "mm", 2)} RMS, '
+            f'{quantity(report["arm_lag"]["largest_mm"], 1, "mm", 2)} maximum',
         ),
         _fact('time from the start of the reach to the exchange', report['reach_duration_s'], 's'),
         _fact('time from the start of the reach to the end', report['handover_duration_s'], 's'),
         (
             'peak speed of the wrist',
-            _number(report['wrist_peak_speed_m_s'], 1, 'm/s', 2),
+            quantity(report['wrist_peak_speed_m_s'], 1, 'm/s', 2),
             _share(
                 report['wrist_from_minimum_jerk_share'], 'RMS from the fitted minimum-jerk profile'
             ),
@@ -223,11 +214,11 @@ def _summary(report: Numbers) -> Table:
         _fact('peak speed of the hand', report['hand_peak_speed_m_s'], 'm/s'),
         (
             'distance to the demonstrator, RMS',
-            _number(demonstrator['rms_m'], 1e3, 'mm', 0),
-            f'{_number(demonstrator["largest_m"], 1e3, "mm", 0)} maximum, '
-            f'{_number(demonstrator["at_exchange_m"], 1e3, "mm", 0)} at the exchange',
+            quantity(demonstrator['rms_m'], 1e3, 'mm', 0),
+            f'{quantity(demonstrator["largest_m"], 1e3, "mm", 0)} maximum, '
+            f'{quantity(demonstrator["at_exchange_m"], 1e3, "mm", 0)} at the exchange',
         ),
-        ('joint limits', _yes(limits['met'], 'kept', 'NOT KEPT'), _limits_note(limits)),
+        ('joint limits', kept[limits['met']], _limits_note(limits)),
         (
             'least speed scale of the inverse kinematics',
             _share(kinematics['least_speed_share']),
@@ -235,8 +226,8 @@ def _summary(report: Numbers) -> Table:
         ),
         (
             'age of the hand pose when used, median',
-            _number(report['hand_age_median_ms'], 1, 'ms', 1),
-            f'99th percentile {_number(report["hand_age_99_ms"], 1, "ms", 1)}',
+            quantity(report['hand_age_median_ms'], 1, 'ms', 1),
+            f'99th percentile {quantity(report["hand_age_99_ms"], 1, "ms", 1)}',
         ),
     ]
     return Table((), tuple(rows))
@@ -256,7 +247,7 @@ def _carried_rows(report: Numbers) -> list[tuple[str, str, str]]:
         ),
     )
     return [
-        (name, _number(report[key], 1, 'deg', 2), remark)
+        (name, quantity(report[key], 1, 'deg', 2), remark)
         for key, name, remark in rows
         if report[key] is not None
     ]
@@ -270,7 +261,7 @@ def _trackers(report: Numbers) -> Table:
                 'all, fused' if name == FUSED else name,
                 str(seen['poses']),
                 f'{seen["rate_hz"]:.1f}',
-                *(_number(seen[key], 1e3, 'mm', 1) for key in ('rms_m', 'bias_m', 'noise_m')),
+                *(quantity(seen[key], 1e3, 'mm', 1) for key in ('rms_m', 'bias_m', 'noise_m')),
             )
             for name, seen in report['trackers'].items()
         ),
@@ -309,7 +300,7 @@ def _joint_limits(run: RunRecord, limits: RecordedLimits) -> Table:
     ]
     if limits.sources:
         quantities = ('position', 'velocity', 'acceleration')
-        rows.append(('source', *(limits.sources[quantity] for quantity in quantities)))
+        rows.append(('source', *(limits.sources[name] for name in quantities)))
     return Table(
         ('joint', 'position, rad', 'velocity, rad/s', 'acceleration, rad/s²'), tuple(rows)
     )
@@ -405,19 +396,11 @@ def _bag(report: Numbers) -> Table:
 
 
 def _fact(name: str, value: float | None, unit: str) -> tuple[str, str, str]:
-    return name, _number(value, 1, unit, 2), ''
-
-
-def _number(value: float | None, factor: float, unit: str, digits: int) -> str:
-    return '–' if value is None else f'{value * factor:.{digits}f} {unit}'
+    return name, quantity(value, 1, unit, 2), ''
 
 
 def _share(value: float | None, what: str = '') -> str:
     return '' if value is None else f'{value:.0%} {what}'.strip()
-
-
-def _yes(value: bool | None, yes: str, no: str) -> str:
-    return '–' if value is None else (yes if value else no)
 
 
 def _text(value: Any) -> str:

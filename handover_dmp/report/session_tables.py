@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from handover_dmp.report.cells import look_up, quantity
 from handover_dmp.report.page import Section, Table
 
 LEG_ROWS: tuple[tuple[str, tuple[str, ...], float, str, int], ...] = (
@@ -106,12 +107,9 @@ def session_sections(facts: Mapping[str, Any]) -> list[Section]:
 def _legs(legs: Sequence[Mapping[str, Any]]) -> Table:
     rows = []
     for name, path, factor, unit, digits in LEG_ROWS:
-        values = [_look_up(leg, path) for leg in legs]
+        values = [look_up(leg, *path) for leg in legs]
         if any(value is not None for value in values):
-            cells = (
-                '–' if value is None else f'{factor * value:.{digits}f} {unit}' for value in values
-            )
-            rows.append((name, *cells))
+            rows.append((name, *(quantity(value, factor, unit, digits) for value in values)))
     rules = (RULES.get(leg['release']['rule'], '–') for leg in legs)
     rows.append(('gripper command triggered by', *rules))
     return Table(('', *(leg['direction'] for leg in legs)), tuple(rows))
@@ -131,13 +129,6 @@ def _fluency(fluency: Mapping[str, Any]) -> Table:
         rows.append((f'{words} waited at the exchanges', *cells))
     heads = {'robot': 'partner and robot', 'person': 'partner and demonstrator (P2)'}
     return Table(('', *(heads[name] for name in who)), tuple(rows))
-
-
-def _look_up(leg: Mapping[str, Any], path: Sequence[str]) -> float | None:
-    value: Any = leg
-    for key in path:
-        value = value[key]
-    return None if value is None else float(value)
 
 
 def _states(timeline: Sequence[Mapping[str, Any]]) -> Table:
