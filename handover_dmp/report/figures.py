@@ -80,6 +80,26 @@ WIDTH = 9.0
 # time shown before the arm begins to move
 BEFORE_S = 0.3
 
+CAPTIONS = {
+    'session': "The whole session: X, Y and Z of the partner's hand (red), the robot's wrist "
+    "(blue), and the demonstrator's wrist (green, dashed). Give and take are shaded from the "
+    'start of the reach until the hands part; the dotted line is the start of the exchange.',
+    'positions': "Position over time: the partner's hand (red), the robot's wrist (blue), and the "
+    "demonstrator's wrist (green, dashed). The exchange is shaded.",
+    'trackers': 'The hand: measurements of each tracker (markers, at the time of measurement), '
+    'true position (red) and fused estimate (black). Above: the axis with the largest motion; '
+    'below: distance from the true position.',
+    'paths': 'The same paths in space, from above and from the side.',
+    'speeds': "Speeds. The thin line is the minimum-jerk profile fitted to the robot's reach.",
+    'phase': 'The movement primitive: its phase s, and the goal weight, which blends from the '
+    'learnt shape to following the hand.',
+    'joints': 'Joint positions and velocities, with their limits.',
+    'inverse_kinematics': 'Inverse kinematics: speed scale (share of the commanded speed that the '
+    'limits allowed), number of active limits, residuals, and distance from singularity.',
+    'timing': 'Timing: time between messages by their stamps, and age of the hand pose when it '
+    'was used.',
+}
+
 
 @dataclass(frozen=True)
 class Picture:
@@ -108,80 +128,26 @@ def write_figures(run: RunRecord, folder: Path) -> list[Picture]:
         The figures, in the order of a report.
 
     """
-    drawings: list[tuple[Picture, Callable[[RunRecord], Figure | None]]] = [
-        (
-            Picture(
-                'session',
-                "The whole session: X, Y and Z of the partner's hand (red), the robot's wrist "
-                "(blue), and the demonstrator's wrist (green, dashed). Give and take are shaded "
-                'from the start of the reach until the hands part; the dotted line is the start '
-                'of the exchange.',
-            ),
-            draw_session_of_run,
-        ),
-        (
-            Picture(
-                'positions',
-                "Position over time: the partner's hand (red), the robot's wrist (blue), and the "
-                "demonstrator's wrist (green, dashed). The exchange is shaded.",
-            ),
-            draw_positions,
-        ),
-        (
-            Picture(
-                'trackers',
-                'The hand: measurements of each tracker (markers, at the time of measurement), '
-                'true position (red) and fused estimate (black). Above: the axis with the largest '
-                'motion; below: distance from the true position.',
-            ),
-            draw_trackers,
-        ),
-        (Picture('paths', 'The same paths in space, from above and from the side.'), draw_paths),
-        (
-            Picture(
-                'speeds',
-                "Speeds. The thin line is the minimum-jerk profile fitted to the robot's reach.",
-            ),
-            draw_speeds,
-        ),
-        (
-            Picture(
-                'phase',
-                'The movement primitive: its phase s, and the goal weight, which blends from the '
-                'learnt shape to following the hand.',
-            ),
-            draw_phase,
-        ),
-        (
-            Picture('joints', 'Joint positions and velocities, with their limits.'),
-            draw_joints,
-        ),
-        (
-            Picture(
-                'inverse_kinematics',
-                'Inverse kinematics: speed scale (share of the commanded speed that the limits '
-                'allowed), number of active limits, residuals, and distance from singularity.',
-            ),
-            draw_inverse_kinematics,
-        ),
-        (
-            Picture(
-                'timing',
-                'Timing: time between messages by their stamps, and age of the hand pose when '
-                'it was used.',
-            ),
-            draw_timing,
-        ),
-    ]
+    drawings: dict[str, Callable[[RunRecord], Figure | None]] = {
+        'session': draw_session_of_run,
+        'positions': draw_positions,
+        'trackers': draw_trackers,
+        'paths': draw_paths,
+        'speeds': draw_speeds,
+        'phase': draw_phase,
+        'joints': draw_joints,
+        'inverse_kinematics': draw_inverse_kinematics,
+        'timing': draw_timing,
+    }
     folder.mkdir(parents=True, exist_ok=True)
     drawn = []
     with rc_context(PLOT_STYLE):
-        for picture, draw in drawings:
+        for name, draw in drawings.items():
             figure = draw(run)
             if figure is not None:
-                with replacing(folder / f'{picture.name}.png') as temporary:
+                with replacing(folder / f'{name}.png') as temporary:
                     figure.savefig(temporary, dpi=DPI)
-                drawn.append(picture)
+                drawn.append(Picture(name, CAPTIONS[name]))
     return drawn
 
 
