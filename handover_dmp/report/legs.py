@@ -26,6 +26,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from handover_dmp.common.arrays import Array
+from handover_dmp.mocap.trial import DIRECTIONS
 from handover_dmp.report.recorded_run import RunRecord
 import numpy as np
 
@@ -33,8 +34,6 @@ BEFORE_S = 0.3
 """Time before a reach that belongs to its leg, s."""
 AFTER_S = 0.2
 """Time after an exchange that belongs to its leg, s."""
-DIRECTIONS = ('give', 'take')
-"""Directions of the legs of a session, in turn."""
 WITHDRAWN = ('released', 'withdrawing', 'waiting', 'done')
 """States that follow an exchange if the object has changed hands."""
 TRACKS = (

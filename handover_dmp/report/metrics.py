@@ -120,20 +120,13 @@ def lag_behind_hand(run: RunRecord) -> Numbers:
         briefly to know the lag to 10 ms.
 
     """
-    nothing: Numbers = {
-        'time_ms': None,
-        'error_ms': None,
-        'distance_mm': None,
-        'hand_speed_m_s': None,
-        'samples': 0,
-    }
+    unknown = dict.fromkeys(('time_ms', 'error_ms', 'distance_mm', 'hand_speed_m_s'))
+    nothing: Numbers = {**unknown, 'samples': 0}
     times, speeds = velocity(run.hand_times, run.hand_positions)
     if 'goal_weight' not in run.phase or not len(times):
         return nothing
     weight = np.interp(times, run.phase_times, run.phase['goal_weight'])
-    begin = run.reaching_time_s or 0.0
-    span = run.exchange_span_s
-    end = span[1] if span else run.end_time_s
+    begin, end = run.handover_span_s
     moving = np.linalg.norm(speeds, axis=1) > MIN_HAND_SPEED
     chosen = (weight >= FEEDBACK_WEIGHT) & moving & (times >= begin) & (times <= end)
     if chosen.sum() < MIN_FEEDBACK_SAMPLES:
@@ -170,9 +163,8 @@ def lag_behind_command(run: RunRecord) -> Numbers:
     """
     nothing: Numbers = {'time_ms': None, 'rms_mm': None, 'largest_mm': None}
     times, speeds = velocity(run.command_times, run.command_positions)
-    span = run.exchange_span_s
-    end = span[1] if span else run.end_time_s
-    chosen = (times >= (run.reaching_time_s or 0.0)) & (times <= end)
+    begin, end = run.handover_span_s
+    chosen = (times >= begin) & (times <= end)
     chosen &= np.linalg.norm(speeds, axis=1) > MIN_HAND_SPEED
     if chosen.sum() < MIN_FEEDBACK_SAMPLES:
         return nothing
@@ -248,9 +240,10 @@ def joint_limits(run: RunRecord) -> Numbers:
         'velocity': (np.abs(run.joint_velocities), limits.velocity),
         'acceleration': (np.abs(accelerations), limits.acceleration),
     }
-    found: Numbers = {}
-    for name, (values, bound) in quantities.items():
-        found[name] = None if bound is None else _most_used(run.joint_names, values, bound)
+    found: Numbers = {
+        name: _most_used(run.joint_names, values, bound)
+        for name, (values, bound) in quantities.items()
+    }
     known = [one['met'] for one in found.values() if one is not None]
     return {
         'met': all(known) if known else None,
@@ -387,17 +380,16 @@ def _against_demonstration(run: RunRecord) -> Numbers:
 
     Both are measured along the line from the start of the wrist to the goal.
     """
-    begin, span = run.reaching_time_s, run.exchange_span_s
-    end = span[1] if span else run.end_time_s
-    times = run.wrist_times[(run.wrist_times >= (begin or 0.0)) & (run.wrist_times <= end)]
-    if begin is None or len(times) < 2:
+    begin, end = run.handover_span_s
+    times = run.wrist_times[(run.wrist_times >= begin) & (run.wrist_times <= end)]
+    if run.reaching_time_s is None or len(times) < 2:
         return {'hand_distance_share': None, 'beyond_goal_max_m': None}
     goals, wrist = goal_at(run, times), resample(run.wrist_times, run.wrist_positions, times)
     line = goals - wrist[0]
     distance = np.linalg.norm(line, axis=1)
     line /= np.maximum(distance, RESOLUTION_M)[:, None]
-    learnt = run.learnt_distance_m
-    met = int(np.searchsorted(times, span[0])) if span else -1
+    learnt, exchange_s = run.learnt_distance_m, run.exchange_time_s
+    met = -1 if exchange_s is None else int(np.searchsorted(times, exchange_s))
     return {
         'hand_distance_share': float(distance[met] / learnt) if learnt else None,
         'beyond_goal_max_m': float(((wrist - goals) * line).sum(axis=1).max()),
@@ -471,10 +463,8 @@ def _to_demonstrator(run: RunRecord) -> Numbers:
 
     None if the demonstrator rests meanwhile, as where the robot picked the object up later.
     """
-    unknown: Numbers = {'rms_m': None, 'largest_m': None, 'at_exchange_m': None}
-    begin = run.reaching_time_s or 0.0
-    span = run.exchange_span_s
-    end = span[1] if span else run.end_time_s
+    unknown: Numbers = dict.fromkeys(('rms_m', 'largest_m', 'at_exchange_m'))
+    begin, end = run.handover_span_s
     if len(run.demonstrator_times) < 2:
         return unknown
     begin = max(begin, run.demonstrator_times[0], run.wrist_times[0])
@@ -491,11 +481,11 @@ def _to_demonstrator(run: RunRecord) -> Numbers:
         apart: Array = np.linalg.norm(wrist - demonstrator, axis=1)
         return apart
 
-    apart = distance(times)
+    apart, met = distance(times), run.exchange_time_s
     return {
         'rms_m': float(np.sqrt((apart**2).mean())),
         'largest_m': float(apart.max()),
-        'at_exchange_m': float(distance(np.array([span[0]]))[0]) if span else None,
+        'at_exchange_m': None if met is None else float(distance(np.array([met]))[0]),
     }
 
 
@@ -560,15 +550,10 @@ def _hand_age(run: RunRecord) -> Numbers:
 
 def _inverse_kinematics(run: RunRecord) -> Numbers:
     """How well the arm could follow during reach and exchange."""
-    begin, span = run.reaching_time_s or 0.0, run.exchange_span_s
-    end = span[1] if span else run.end_time_s
+    begin, end = run.handover_span_s
     used = (run.ik_times >= begin) & (run.ik_times <= end)
-    found: Numbers = {
-        'least_speed_share': None,
-        'limited_time_share': None,
-        'largest_position_residual_m_s': None,
-        'smallest_singular_value_m': None,
-    }
+    found: Numbers = dict.fromkeys(('least_speed_share', 'limited_time_share'))
+    found |= dict.fromkeys(('largest_position_residual_m_s', 'smallest_singular_value_m'))
     if used.any() and {'speed_scale', 'active_limits'} <= set(run.ik):
         found['least_speed_share'] = float(run.ik['speed_scale'][used].min())
         found['limited_time_share'] = float((run.ik['active_limits'][used] > 0).mean())

@@ -244,6 +244,12 @@ class RunRecord:
         return begin, min([*after, self.end_time_s])
 
     @property
+    def handover_span_s(self) -> tuple[float, float]:
+        """Start of the reach and end of the exchange, s; without them, those of the run."""
+        span = self.exchange_span_s
+        return self.reaching_time_s or 0.0, span[1] if span else self.end_time_s
+
+    @property
     def handed_over(self) -> bool:
         """Whether the object changed hands."""
         return any(name == 'done' for _, name in self.states)
@@ -396,15 +402,14 @@ def _assemble(
     stamps = _seconds(stamps_ns, start_ns)
     arrivals = _seconds(arrivals_ns, start_ns)
     track = partial(_track, path, samples, stamps)
+
+    def fields(name: str, topic: Topic, what: str = 'positions') -> dict[str, Any]:
+        times, values = track(topic, 3)
+        return {f'{name}_times': times, f'{name}_{what}': values}
+
     info = _info(path, samples.values[INFO.name])
     hand_times, hand = track(hand_topic, 3)
-    fused_times, fused = track(HAND_FUSED, 3)
-    demonstrator_times, demonstrator = track(DEMONSTRATOR_POSE, 3)
     wrist_times, wrist = track(WRIST_POSE, 7)
-    command_times, command = track(POSE_COMMAND, 3)
-    twist_times, twist = track(TWIST_COMMAND, 3)
-    wrench_times, wrench = track(WRIST_WRENCH, 3)
-    object_times, object_positions = track(OBJECT_POSE, 3)
     phase_labels = samples.labels.get(PHASE.name, ())
     ik_labels = samples.labels.get(IK_STATUS.name, ())
     phase_times, phase = track(PHASE, len(phase_labels) or 1)
@@ -425,18 +430,14 @@ def _assemble(
         hand_times=hand_times,
         hand_positions=hand,
         hand_topic=hand_topic.name,
-        fused_times=fused_times,
-        fused_positions=fused,
+        **fields('fused', HAND_FUSED),
         trackers={name: track(topic, 3) for name, topic in trackers.items()},
-        demonstrator_times=demonstrator_times,
-        demonstrator_positions=demonstrator,
+        **fields('demonstrator', DEMONSTRATOR_POSE),
         wrist_times=wrist_times,
         wrist_positions=wrist[:, :3],
         wrist_quaternions=wrist[:, 3:],
-        command_times=command_times,
-        command_positions=command,
-        twist_times=twist_times,
-        twist_velocities=twist,
+        **fields('command', POSE_COMMAND),
+        **fields('twist', TWIST_COMMAND, 'velocities'),
         phase_times=phase_times,
         phase={label: phase[:, column] for column, label in enumerate(phase_labels)},
         ik_times=ik_times,
@@ -444,10 +445,8 @@ def _assemble(
         states=_told(samples, arrivals, STATE),
         gripper=_told(samples, arrivals, GRIPPER_COMMAND),
         holders=_told(samples, arrivals, OBJECT_HOLDER),
-        wrench_times=wrench_times,
-        wrench_forces=wrench,
-        object_times=object_times,
-        object_positions=object_positions,
+        **fields('wrench', WRIST_WRENCH, 'forces'),
+        **fields('object', OBJECT_POSE),
         diagnostics=tuple(_diagnostics(samples, stamps)),
         arrivals=arrivals,
         stamps=stamps,

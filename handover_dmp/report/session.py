@@ -34,7 +34,6 @@ OF_THE_WHOLE = ('states', 'topics', 'nodes', 'trackers', 'simulated_clock', 'dur
 """Measures of a run that are reported once, not for each leg."""
 RECEIVER = {'give': 'partner', 'take': 'robot'}
 """Holder of the object after a leg."""
-GIVER = {'give': 'robot', 'take': 'partner'}
 FELT_S = 0.06
 """Time before a release at which the force on the wrist is evaluated, s."""
 AT_REST_S = 0.2
