@@ -92,7 +92,7 @@ def pose_stamped(
 
 
 def pose_with_covariance_stamped(
-    time_ns: int, position: Sequence[float], deviation_m: float, frame: str = 'world'
+    time_ns: int, position: Sequence[float], deviation_m: float
 ) -> dict[str, Any]:
     """
     Return a `geometry_msgs/PoseWithCovarianceStamped` with unknown orientation.
@@ -101,22 +101,18 @@ def pose_with_covariance_stamped(
         time_ns: stamp in nanoseconds.
         position: (3,), m.
         deviation_m: standard deviation of the position on each axis, m.
-        frame: frame of the position.
 
     Returns:
         The message.
 
     """
-    pose = pose_stamped(time_ns, position, frame=frame)
+    pose = pose_stamped(time_ns, position)
     covariance = position_covariance(deviation_m)
     return {'header': pose['header'], 'pose': {'pose': pose['pose'], 'covariance': covariance}}
 
 
 def twist_stamped(
-    time_ns: int,
-    linear: Sequence[float],
-    angular: Sequence[float] = (0.0, 0.0, 0.0),
-    frame: str = 'world',
+    time_ns: int, linear: Sequence[float], angular: Sequence[float] = (0.0, 0.0, 0.0)
 ) -> dict[str, Any]:
     """
     Return a `geometry_msgs/TwistStamped`.
@@ -125,17 +121,16 @@ def twist_stamped(
         time_ns: stamp in nanoseconds.
         linear: (3,), m/s.
         angular: (3,), rad/s.
-        frame: frame of the twist.
 
     """
     return {
-        'header': header(time_ns, frame),
+        'header': header(time_ns),
         'twist': {'linear': _named(linear, 'xyz'), 'angular': _named(angular, 'xyz')},
     }
 
 
 def wrench_stamped(
-    time_ns: int, force: Sequence[float], torque: Sequence[float], frame: str = 'world'
+    time_ns: int, force: Sequence[float], torque: Sequence[float]
 ) -> dict[str, Any]:
     """
     Return a `geometry_msgs/WrenchStamped`.
@@ -144,11 +139,10 @@ def wrench_stamped(
         time_ns: stamp in nanoseconds.
         force: (3,), N.
         torque: (3,), Nm.
-        frame: frame of the wrench.
 
     """
     return {
-        'header': header(time_ns, frame),
+        'header': header(time_ns),
         'wrench': {'force': _named(force, 'xyz'), 'torque': _named(torque, 'xyz')},
     }
 
@@ -157,8 +151,7 @@ def joint_state(
     time_ns: int,
     names: Sequence[str],
     positions: Sequence[float],
-    velocities: Sequence[float] = (),
-    efforts: Sequence[float] = (),
+    velocities: Sequence[float],
 ) -> dict[str, Any]:
     """
     Return a `sensor_msgs/JointState`.
@@ -168,7 +161,6 @@ def joint_state(
         names: names of the joints.
         positions: joint positions, rad.
         velocities: joint velocities, rad/s.
-        efforts: joint torques, Nm.
 
     """
     return {
@@ -176,7 +168,6 @@ def joint_state(
         'name': list(names),
         'position': _floats(positions),
         'velocity': _floats(velocities),
-        'effort': _floats(efforts),
     }
 
 
