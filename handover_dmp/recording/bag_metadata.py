@@ -153,14 +153,9 @@ def rosbag2_information(
     }
 
 
-def dump_information(information: dict[str, Any]) -> str:
-    """Return the YAML text, which each file contains, too."""
-    return dump_plain(information)
-
-
 def write_metadata(folder: Path, information: dict[str, Any]) -> None:
     """Write `metadata.yaml` atomically."""
-    write_text(folder / METADATA_FILE, dump_information({ROOT: information}))
+    write_text(folder / METADATA_FILE, dump_plain({ROOT: information}))
 
 
 def read_metadata(folder: Path) -> dict[str, Any]:

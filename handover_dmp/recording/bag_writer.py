@@ -24,9 +24,9 @@ from time import monotonic
 from handover_dmp import __version__
 from handover_dmp.common.closing import Closing
 from handover_dmp.common.errors import DataError, UsageError
+from handover_dmp.common.plain_yaml import dump_plain
 from handover_dmp.common.settings import defaults
 from handover_dmp.recording.bag_metadata import (
-    dump_information,
     FileStatistics,
     NO_TIME,
     rosbag2_information,
@@ -123,7 +123,7 @@ class BagWriter(Closing):
     @property
     def message_count(self) -> int:
         """Return the number of messages written so far."""
-        return sum(file.message_count for file in self._ended) + self._file.message_count
+        return sum(file.message_count for file in (*self._ended, self._file.statistics))
 
     def add_topic(self, name: str, type_name: str, qos: Qos | Iterable[Qos] = COMMAND) -> None:
         """
@@ -164,42 +164,35 @@ class BagWriter(Closing):
         if name in self._topics:
             self._topics[name] = replace(self._topics[name], qos=tuple(profiles))
 
-    def write(
-        self, topic: str, data: bytes, log_time_ns: int, publish_time_ns: int | None = None
-    ) -> None:
+    def write(self, topic: str, data: bytes, log_time_ns: int) -> None:
         """
         Write one message.
 
         Args:
             topic: name of a topic that was added.
             data: the message, CDR with its header, as from a raw subscription.
-            log_time_ns: time of reception, ns.
-            publish_time_ns: time of publication, ns; default: the same.
+            log_time_ns: time of reception, ns; kept as the time of publication, too.
 
         Raises:
-            DataError: the topic is unknown, a time is negative or beyond 64 bits, or the file
+            DataError: the topic is unknown, the time is negative or beyond 64 bits, or the file
                 cannot be written, e.g. because the disk is full. After that nothing more can be
                 written; the file stays readable.
 
         """
         self._check_usable()
-        if publish_time_ns is None:
-            publish_time_ns = log_time_ns
-        if not (0 <= log_time_ns < NO_TIME and 0 <= publish_time_ns < NO_TIME):
+        if not 0 <= log_time_ns < NO_TIME:
             raise DataError(f'{self.folder}: {topic}: time out of range: {log_time_ns} ns')
         try:
             if self._splits and self._must_split(log_time_ns):
                 self._end_file()
                 self._file = self._begin_file()
-            self._file.write(topic, data, log_time_ns, publish_time_ns, self._flush_period_s)
+            self._file.write(topic, data, log_time_ns, self._flush_period_s)
         except OSError as error:
             raise self._failed(error) from error
         except KeyError as error:
             raise DataError(f'{self.folder}: topic {topic} was not added') from error
 
-    def write_message(
-        self, topic: str, message: Message, log_time_ns: int, publish_time_ns: int | None = None
-    ) -> None:
+    def write_message(self, topic: str, message: Message, log_time_ns: int) -> None:
         """
         Encode and write one message.
 
@@ -207,7 +200,6 @@ class BagWriter(Closing):
             topic: name of a topic that was added.
             message: nested dictionaries of its fields, as from `handover_dmp.recording.messages`.
             log_time_ns: time of reception, ns.
-            publish_time_ns: time of publication, ns; default: the same.
 
         Raises:
             DataError: as in `write`.
@@ -216,7 +208,7 @@ class BagWriter(Closing):
         if topic not in self._topics:
             raise DataError(f'{self.folder}: topic {topic} was not added')
         data = encoder(self._topics[topic].type_name)(message)
-        self.write(topic, data, log_time_ns, publish_time_ns)
+        self.write(topic, data, log_time_ns)
 
     def flush(self) -> None:
         """
@@ -274,11 +266,11 @@ class BagWriter(Closing):
         self._ended.append(self._file.statistics)
 
     def _describe(self, file: FileStatistics) -> str:
-        return dump_information(self._information([file]))
+        return dump_plain(self._information([file]))
 
     def _must_split(self, log_time_ns: int) -> bool:
-        first_ns = self._file.first_ns
-        if first_ns is None:
+        first_ns = self._file.statistics.first_ns
+        if first_ns == NO_TIME:
             return False
         if self._split_size and self._file.size >= self._split_size:
             return True
@@ -303,12 +295,8 @@ class _BagFile:
     """One MCAP file of a bag while it is written."""
 
     def __init__(self, path: Path, compression: str, chunk_size: int) -> None:
-        self.name = path.name
-        self.first_ns: int | None = None
-        self.message_count = 0
+        self.statistics = FileStatistics(path.name)
         self._flushed_s = monotonic()
-        self._times_ns = (NO_TIME, 0)
-        self._counts: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         self._sink = _Sink(path)
@@ -323,12 +311,6 @@ class _BagFile:
     def size(self) -> int:
         return self._sink.tell()
 
-    @property
-    def statistics(self) -> FileStatistics:
-        if not self.message_count:
-            return FileStatistics(self.name)
-        return FileStatistics(self.name, *self._times_ns, self._counts)
-
     def add_metadata(self, text: str) -> None:
         pairs = {'serialized_metadata': text}
         self._writer.add_metadata(METADATA_RECORD, pairs)
@@ -338,29 +320,20 @@ class _BagFile:
             self._schemas[topic.type_name] = self._writer.register_schema(
                 topic.type_name, SchemaEncoding.ROS2, definition.text.encode()
             )
-        self._counts[topic.name] = 0
+        profiles = tuple(qos for qos in topic.qos if isinstance(qos, Qos))
         self._channels[topic.name] = self._writer.register_channel(
             topic.name,
             MessageEncoding.CDR,
             self._schemas[topic.type_name],
             {
-                'offered_qos_profiles': dump_profiles(
-                    qos for qos in topic.qos if isinstance(qos, Qos)
-                ),
+                'offered_qos_profiles': dump_profiles(profiles),
                 'topic_type_hash': topic.type_hash,
             },
         )
 
-    def write(
-        self, topic: str, data: bytes, log_time_ns: int, publish_time_ns: int, age_s: float
-    ) -> None:
-        self._writer.add_message(self._channels[topic], log_time_ns, data, publish_time_ns)
-        if self.first_ns is None:
-            self.first_ns = log_time_ns
-        self.message_count += 1
-        self._counts[topic] += 1
-        first_ns, last_ns = self._times_ns
-        self._times_ns = min(first_ns, log_time_ns), max(last_ns, log_time_ns)
+    def write(self, topic: str, data: bytes, log_time_ns: int, age_s: float) -> None:
+        self._writer.add_message(self._channels[topic], log_time_ns, data, log_time_ns)
+        self.statistics.add(topic, log_time_ns)
         if monotonic() - self._flushed_s > age_s:
             self.flush()
 

@@ -77,7 +77,9 @@ def message_definition(type_name: str) -> MessageDefinition:
     if file is None:
         return _from_rosbags(type_name)
     description = json.loads(file.read_text(encoding='utf-8'))
-    return MessageDefinition(type_name, _full_text(type_name, description), _hash(description))
+    # the first entry is the type itself, the others are nested types
+    type_hash = description['type_hashes'][0]['hash_string']
+    return MessageDefinition(type_name, _full_text(type_name, description), type_hash)
 
 
 def search_prefixes() -> list[Path]:
@@ -100,11 +102,6 @@ def _message_text(type_name: str) -> str:
     if file is None:
         raise DataError(f'{type_name}: its package is installed without {type_name}.msg')
     return file.read_text(encoding='utf-8')
-
-
-def _hash(description: dict[str, Any]) -> str:
-    # the first entry is the type itself, the others are nested types
-    return str(description['type_hashes'][0]['hash_string'])
 
 
 def _full_text(type_name: str, description: dict[str, Any]) -> str:

@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -107,12 +106,8 @@ COMMAND = Qos()
 LATCHED = Qos(durability='transient_local')
 
 
-def dump_profiles(profiles: Iterable[Qos]) -> str:
-    """Return the YAML text that rosbag2 stores with each channel."""
-    return _dump(tuple(profiles))
-
-
 @cache
-def _dump(profiles: tuple[Qos, ...]) -> str:
+def dump_profiles(profiles: tuple[Qos, ...]) -> str:
+    """Return the YAML text that rosbag2 stores with each channel."""
     text = yaml.safe_dump([profile.as_rosbag2() for profile in profiles], sort_keys=False)
     return str(text).strip()

@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -172,7 +171,7 @@ def _rewrite(file: Path) -> None:
         writer.start(profile='ros2', library=LIBRARY)
         schemas = {0: 0}
         channels: dict[int, int] = {}
-        for record in _readable(file):
+        for record in read_mcap_records(file, Damage()):
             if isinstance(record, Schema) and record.id not in schemas:
                 schemas[record.id] = writer.register_schema(
                     record.name, record.encoding, record.data
@@ -205,7 +204,3 @@ def _rewrite(file: Path) -> None:
                 )
         # the writer finishes the file but does not close it
         writer.finish()  # type: ignore[no-untyped-call]
-
-
-def _readable(file: Path) -> Iterator[McapRecord]:
-    return read_mcap_records(file, Damage())
