@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -101,22 +100,7 @@ CAPTIONS = {
 }
 
 
-@dataclass(frozen=True)
-class Picture:
-    """
-    A figure of a report.
-
-    Attributes:
-        name: file name without suffix.
-        caption: one or two sentences on what it shows.
-
-    """
-
-    name: str
-    caption: str
-
-
-def write_figures(run: RunRecord, folder: Path) -> list[Picture]:
+def write_figures(run: RunRecord, folder: Path) -> list[str]:
     """
     Draw every figure that the run has data for.
 
@@ -125,7 +109,7 @@ def write_figures(run: RunRecord, folder: Path) -> list[Picture]:
         folder: folder for the PNG files; created if missing.
 
     Returns:
-        The figures, in the order of a report.
+        The names of the figures, without suffix, in the order of a report.
 
     """
     drawings: dict[str, Callable[[RunRecord], Figure | None]] = {
@@ -147,7 +131,7 @@ def write_figures(run: RunRecord, folder: Path) -> list[Picture]:
             if figure is not None:
                 with replacing(folder / f'{name}.png') as temporary:
                     figure.savefig(temporary, dpi=DPI)
-                drawn.append(Picture(name, CAPTIONS[name]))
+                drawn.append(name)
     return drawn
 
 

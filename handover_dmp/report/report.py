@@ -25,7 +25,7 @@ from handover_dmp.common.errors import DataError
 from handover_dmp.common.files import write_text
 from handover_dmp.recording import bag_information
 from handover_dmp.report.cells import quantity
-from handover_dmp.report.figures import Picture, write_figures
+from handover_dmp.report.figures import CAPTIONS, write_figures
 from handover_dmp.report.metrics import FUSED, measure, Numbers
 from handover_dmp.report.motion_tables import motion_tables
 from handover_dmp.report.motions import compare_motions
@@ -80,7 +80,7 @@ def write_report(
     folder = Path(output) if output is not None else report_folder(source)
     bag = bag_information(source)
     try:
-        pictures = write_figures(run, folder / 'figures')
+        figures = write_figures(run, folder / 'figures')
         names = SCENES_OF_SESSIONS if is_session(run) else SCENES
         scenes = [name for name in names if (folder / 'figures' / f'{name}.png').is_file()]
         report: Numbers = _plain(
@@ -101,10 +101,10 @@ def write_report(
                         for name, topic in sorted(bag.topics.items())
                     },
                 },
-                'figures': [picture.name for picture in pictures] + scenes,
+                'figures': figures + scenes,
             }
         )
-        page = _page(run, report, pictures, scenes)
+        page = _page(run, report, figures, scenes)
         write_text(folder / 'report.json', json.dumps(report, indent=2, allow_nan=False) + '\n')
         write_text(folder / 'report.md', as_markdown(page))
         write_text(folder / 'index.html', as_html(page, folder))
@@ -120,7 +120,7 @@ def report_folder(source: Path) -> Path:
     return source.parent / f'{source.stem if source.is_file() else source.name}_report'
 
 
-def _page(run: RunRecord, report: Numbers, pictures: list[Picture], scenes: list[str]) -> Page:
+def _page(run: RunRecord, report: Numbers, figures: list[str], scenes: list[str]) -> Page:
     about = report['run']
     title = ' '.join(str(about[key]) for key in ('exchange', 'configuration') if key in about)
     outcomes = {True: 'The object changed hands.', False: 'The object did not change hands.'}
@@ -144,8 +144,8 @@ def _page(run: RunRecord, report: Numbers, pictures: list[Picture], scenes: list
         captions = ', '.join(captions_of[name] for name in scenes)
         images = tuple(f'figures/{name}.png' for name in scenes)
         sections.append(Section('Scene', text=captions, images=images))
-    figures = tuple((f'figures/{one.name}.png', one.caption) for one in pictures)
-    sections.append(Section('Figures', figures=figures))
+    drawn = tuple((f'figures/{name}.png', CAPTIONS[name]) for name in figures)
+    sections.append(Section('Figures', figures=drawn))
     if report['trackers']:
         sections.append(Section('Trackers', tables=(_trackers(report),)))
     if run.joint_limits is not None:
