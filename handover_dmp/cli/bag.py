@@ -20,7 +20,7 @@ import argparse
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
-from handover_dmp.cli.options import add_json, save_json
+from handover_dmp.cli.options import add_json, add_setting, save_json
 from handover_dmp.common.errors import UsageError
 
 if TYPE_CHECKING:
@@ -50,12 +50,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'folder, an MCAP file, or the folder of a run',
     )
     parser.add_argument('-o', '--output', type=Path, metavar='DIR', help='folder for the bags')
-    parser.add_argument(
-        '--compression',
-        choices=['zstd', 'lz4', 'none'],
-        default='zstd',
-        help='compression of the bags (default: %(default)s)',
-    )
+    kinds = ['zstd', 'lz4', 'none']
+    add_setting(parser, '--compression', 'zstd', None, 'compression of the bags', kinds)
     add_json(parser, 'also write the outcome as JSON')
 
 

@@ -81,13 +81,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     delay = 'maximum delay to search for, in both directions'
     add_setting(parser, '--max-delay', 2.0, 'S', delay)
-    parser.add_argument(
-        '--clock',
-        choices=('stamp', 'log'),
-        default='stamp',
-        help='time of the poses of a bag: their stamps, or the time of recording (default: '
-        '%(default)s)',
-    )
+    clock = 'time of the poses of a bag: their stamps, or the time of recording'
+    add_setting(parser, '--clock', 'stamp', None, clock, ('stamp', 'log'))
     parser.add_argument(
         '--part', type=int, metavar='N', help='part of a bag whose clock was set back, from 1'
     )

@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from time import monotonic
-from typing import NamedTuple, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 from handover_dmp.cli.low_pass import add_low_pass
 from handover_dmp.cli.options import add_json, add_output, add_setting
@@ -250,14 +250,13 @@ def run(options: argparse.Namespace) -> int:
     from handover_dmp.common.files import write_text
     from handover_dmp.evaluation.report import write_evaluation
 
-    results = _evaluate(options, _protocol(options, learn))
-    evaluation, arm, sessions, figures = results
+    evaluation, arm, sessions, figures = _evaluate(options, _protocol(options, learn))
     text = write_evaluation(
         evaluation, options.data_set.name, options.output, figures, arm, sessions
     )
     if options.json is not None:
         write_text(options.json, text)
-    _show(results, text, options.seed)
+    _show(evaluation, arm, sessions, text)
     print(options.output / 'index.html')
     return 0
 
@@ -290,14 +289,9 @@ def _protocol(options: argparse.Namespace, learn: tuple[str, ...]) -> Protocol:
     )
 
 
-class _Results(NamedTuple):
-    evaluation: Evaluation
-    arm: ArmEvaluation | None
-    sessions: list[SessionOutcome]
-    figures: list[tuple[str, str]]
-
-
-def _evaluate(options: argparse.Namespace, protocol: Protocol) -> _Results:
+def _evaluate(
+    options: argparse.Namespace, protocol: Protocol
+) -> tuple[Evaluation, ArmEvaluation | None, list[SessionOutcome], list[tuple[str, str]]]:
     """Evaluate the primitive and, if asked for, the arm and the sessions; draw the figures."""
     from handover_dmp.evaluation.arm import evaluate_arm
     from handover_dmp.evaluation.cases import index_of, make_cases
@@ -342,10 +336,12 @@ def _evaluate(options: argparse.Namespace, protocol: Protocol) -> _Results:
                 arm=arm,
                 sessions=sessions,
             )
-    return _Results(evaluation, arm, sessions, figures)
+    return evaluation, arm, sessions, figures
 
 
-def _show(results: _Results, text: str, seed: int) -> None:
+def _show(
+    evaluation: Evaluation, arm: ArmEvaluation | None, sessions: list[SessionOutcome], text: str
+) -> None:
     """Print the tables, and the answers of `table.json` in sentences."""
     import json
 
@@ -357,11 +353,11 @@ def _show(results: _Results, text: str, seed: int) -> None:
 
     console = Console()
     console.width = max(console.width, WIDTH)
-    console.print(renderable(results.evaluation.rows, results.evaluation.summary))
-    for table in () if results.arm is None else arm_tables(results.arm):
+    console.print(renderable(evaluation.rows, evaluation.summary))
+    for table in () if arm is None else arm_tables(arm):
         table.show(console)
-    if results.sessions:
-        sessions_table(results.sessions, seed).show(console)
+    if sessions:
+        sessions_table(sessions, evaluation.protocol.seed).show(console)
     for question, answer in json.loads(text)['in_short'].items():
         console.print(f'[bold]{question}[/bold] {escape(answer)}', highlight=False)
 

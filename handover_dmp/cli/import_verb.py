@@ -131,21 +131,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="keep P2's way back after each exchange, in the folder way_back of the data set; "
         '`learn` then adds it to the model',
     )
-    cutting.add_argument(
-        '--near',
-        type=float,
-        metavar='M',
-        help='distance of the wrists within which they may exchange, m',
-    )
-    cutting.add_argument(
-        '--apart', type=float, metavar='M', help='distance beyond which the wrists have parted, m'
-    )
-    cutting.add_argument(
-        '--moving', type=float, metavar='SPEED', help='speed below which a wrist is at rest, m/s'
-    )
-    cutting.add_argument(
-        '--reach', type=float, metavar='SPEED', help='speed that a reach must exceed, m/s'
-    )
+    for threshold, metavar, purpose in (
+        ('--near', 'M', 'distance of the wrists within which they may exchange, m'),
+        ('--apart', 'M', 'distance beyond which the wrists have parted, m'),
+        ('--moving', 'SPEED', 'speed below which a wrist is at rest, m/s'),
+        ('--reach', 'SPEED', 'speed that a reach must exceed, m/s'),
+    ):
+        cutting.add_argument(threshold, type=float, metavar=metavar, help=purpose)
     cutting.add_argument(
         '--figure',
         type=Path,
@@ -170,7 +162,7 @@ def run(options: argparse.Namespace) -> int:
         UsageError: the options do not fit together.
 
     """
-    from handover_dmp.cli.progress import track
+    from handover_dmp.cli.progress import progress_bar
     from handover_dmp.mocap.data_set import check_no_data_set, read_data_set, write_data_set
     from handover_dmp.mocap.filtering import condition
     from handover_dmp.mocap.review import review
@@ -187,16 +179,17 @@ def run(options: argparse.Namespace) -> int:
     motions: list[tuple[WristMotion, float]] = []
     segmented: list[SegmentedMotion] = []
     sources = _sources(options)
-    for source in track(sources, 'reading'):
-        motion = _read(options, source)
-        if options.segment:
-            segmented.append(_segment(options, source, motion))
-            configuration = options.configuration or _told(options, source)[0]
-            new += segmented[-1].trials(configuration, way_back=options.way_back)
-            motions += [(motion, part.start_s) for part in segmented[-1].segments]
-        else:
-            new.append(_whole(options, source, motion))
-            motions.append((motion, float(motion.times[0])))
+    with progress_bar() as bar:
+        for source in bar.track(sources, description='reading'):
+            motion = _read(options, source)
+            if options.segment:
+                segmented.append(_segment(options, source, motion))
+                configuration = options.configuration or _told(options, source)[0]
+                new += segmented[-1].trials(configuration, way_back=options.way_back)
+                motions += [(motion, part.start_s) for part in segmented[-1].segments]
+            else:
+                new.append(_whole(options, source, motion))
+                motions.append((motion, float(motion.times[0])))
     if options.figure and not options.dry_run:
         from handover_dmp.mocap.segmentation_figure import draw_segmentation
 
@@ -406,20 +399,18 @@ def _report(
             file_name(trial), trial.source, f'{trial.duration_s:.2f}', f'{trial.rate_hz:.4g}',
             one.unit, one.up, *(f'{number:.2f}' for number in numbers), str(len(one.gaps)),
         )  # fmt: skip
-    console = Console(soft_wrap=True)
+    console = Console(soft_wrap=True, markup=False, highlight=False)
     if not console.is_terminal:
-        console = Console(soft_wrap=True, width=200)
-    console.print(table, markup=False)
+        console.width = 200
+    console.print(table)
     for one in reviews:
         for warning in one.warnings:
-            line = f'{file_name(one.trial)}: {warning}'
-            console.print(line, markup=False, highlight=False, style='yellow')
+            console.print(f'{file_name(one.trial)}: {warning}', style='yellow')
     for part in segmented:
         for at_s, reason in part.passages:
-            line = f'{part.motion.source}: at {at_s:.2f} s left out: {reason}'
-            console.print(line, markup=False, highlight=False)
+            console.print(f'{part.motion.source}: at {at_s:.2f} s left out: {reason}')
     count = f'{len(reviews)} trial' if len(reviews) == 1 else f'{len(reviews)} trials'
     end = 'nothing written (--dry-run)' if options.dry_run else 'written'
-    console.print(f'{options.output}: {count} {end}', markup=False, highlight=False)
+    console.print(f'{options.output}: {count} {end}')
     if not options.dry_run:
-        console.print(f'{options.output / "import.html"}', markup=False, highlight=False)
+        console.print(f'{options.output / "import.html"}')

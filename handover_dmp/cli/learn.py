@@ -22,7 +22,7 @@ import sys
 from typing import Any, TYPE_CHECKING
 
 from handover_dmp.cli.low_pass import add_low_pass
-from handover_dmp.cli.options import add_json, add_output, save_json
+from handover_dmp.cli.options import add_json, add_output, add_setting, save_json
 from handover_dmp.common.errors import UsageError
 
 if TYPE_CHECKING:
@@ -71,12 +71,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--formulation', choices=['stiff', 'printed'], help='K_s of (8): K, or 1 as printed'
     )
-    parser.add_argument(
-        '--regression',
-        choices=['rvm', 'ridge'],
-        default='rvm',
-        help='regression: sparse Bayesian (rvm) or ridge (default: %(default)s)',
-    )
+    regression = 'regression: sparse Bayesian (rvm) or ridge'
+    add_setting(parser, '--regression', 'rvm', None, regression, ['rvm', 'ridge'])
     parser.add_argument(
         '--basis', type=int, metavar='N', help='number of basis functions (default: 100)'
     )
@@ -152,13 +148,11 @@ def run(options: argparse.Namespace) -> int:
     used = '/'.join(str(count) for count in outcome['used_basis_functions'])
     worst = max(outcome['reproduction_error_mm'])
     way_back = f'; way back of {model.way_back.duration_s:.3f} s' if model.way_back else ''
-    Console(highlight=False).print(
+    Console(highlight=False, markup=False, soft_wrap=True).print(
         f'{options.output}: {model.source}; τ = {model.duration_s:.3f} s, {used} of '
         f'{model.basis.size} basis functions, at most {worst:.2f} mm off '
         f'{"the demonstration" if len(trials) == 1 else "a demonstration"}'
-        f'{"" if model.turn is None else "; with orientation"}{way_back}',
-        soft_wrap=True,
-        markup=False,
+        f'{"" if model.turn is None else "; with orientation"}{way_back}'
     )
     return 0
 

@@ -67,7 +67,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name, purpose in VERBS.items():
         verb_parser = verbs.add_parser(name, help=purpose, description=purpose)
         if name == verb:
-            module = import_module(f'handover_dmp.cli.{_module_name(name)}')
+            # a module cannot have the name `import`
+            file = 'import_verb' if name == 'import' else name
+            module = import_module(f'handover_dmp.cli.{file}')
             module.add_arguments(verb_parser)
             verb_parser.set_defaults(run=module.run)
     options = parser.parse_args(words)
@@ -85,7 +87,3 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print(f'handover_dmp {options.verb}: interrupted', file=sys.stderr)
         return 130
-
-
-def _module_name(verb: str) -> str:
-    return f'{verb}_verb' if verb in {'import'} else verb

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 import json
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,7 @@ def add_setting(
     default: float | str,
     metavar: str | None,
     purpose: str,
+    choices: Sequence[str] | None = None,
 ) -> None:
     """
     Declare an option with a default, which its help names; the type is that of the default.
@@ -40,6 +42,7 @@ def add_setting(
         default: its default.
         metavar: its metavar, e.g. the unit; None: the name of the option.
         purpose: help text, without the default.
+        choices: its values, if there are only some.
 
     """
     parser.add_argument(
@@ -48,6 +51,7 @@ def add_setting(
         default=default,
         metavar=metavar,
         help=f'{purpose} (default: %(default)s)',
+        choices=choices,
     )
 
 

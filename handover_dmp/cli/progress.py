@@ -16,13 +16,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import TypeVar
-
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-
-Item = TypeVar('Item')
 
 
 def progress_bar(*, hidden: bool = False) -> Progress:
@@ -46,22 +41,6 @@ def progress_bar(*, hidden: bool = False) -> Progress:
         transient=True,
         disable=hidden or not console.is_terminal,
     )
-
-
-def track(items: Sequence[Item], what: str) -> Iterator[Item]:
-    """
-    Show progress through a sequence.
-
-    Args:
-        items: items to go through.
-        what: name of the work, one word.
-
-    Yields:
-        Each item.
-
-    """
-    with progress_bar() as bar:
-        yield from bar.track(items, description=what)
 
 
 class _Bar(Progress):

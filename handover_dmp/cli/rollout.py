@@ -114,10 +114,8 @@ def run(options: argparse.Namespace) -> int:
         'final_distance_to_goal_mm': 1e3 * float(np.linalg.norm(away)),
     }
     save_json(outcome, options.json, indent=1)
-    Console(highlight=False).print(
+    Console(highlight=False, markup=False, soft_wrap=True).print(
         f'{options.output}: {outcome["samples"]} samples at {options.rate:g} Hz, '
-        f'{outcome["final_distance_to_goal_mm"]:.1f} mm from the goal at the end',
-        soft_wrap=True,
-        markup=False,
+        f'{outcome["final_distance_to_goal_mm"]:.1f} mm from the goal at the end'
     )
     return 0

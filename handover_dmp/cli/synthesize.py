@@ -123,11 +123,9 @@ def run(options: argparse.Namespace) -> int:
         }
         save(options.json, json.dumps(summary, indent=2) + '\n')
     words = what.removesuffix('s') if len(made) == 1 else what
-    Console(soft_wrap=True).print(
+    Console(highlight=False, markup=False, soft_wrap=True).print(
         f'{options.output}: {len(made)} synthetic {words} of {", ".join(configurations)}, '
-        f'{legs}, seed {options.seed}',
-        highlight=False,
-        markup=False,
+        f'{legs}, seed {options.seed}'
     )
     return 0
 
