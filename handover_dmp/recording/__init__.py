@@ -16,29 +16,19 @@
 
 from __future__ import annotations
 
-from handover_dmp.recording.bag_reader import (
-    bag_files,
-    bag_information,
-    BagInformation,
-    BagMessage,
-    read_bag,
-)
+from handover_dmp.recording.bag_reader import bag_files, bag_information, BagMessage, read_bag
 from handover_dmp.recording.bag_writer import BagWriter
-from handover_dmp.recording.message_definitions import message_definition, MessageDefinition
+from handover_dmp.recording.message_definitions import message_definition
 from handover_dmp.recording.namespaces import recorded_namespace
-from handover_dmp.recording.qos import COMMAND, LATCHED, Qos, SENSOR
-from handover_dmp.recording.repair import Repair, repair_bag
+from handover_dmp.recording.qos import LATCHED, Qos, SENSOR
+from handover_dmp.recording.repair import repair_bag
 
 __all__ = [
-    'COMMAND',
     'LATCHED',
     'SENSOR',
-    'BagInformation',
     'BagMessage',
     'BagWriter',
-    'MessageDefinition',
     'Qos',
-    'Repair',
     'bag_files',
     'bag_information',
     'message_definition',

@@ -90,11 +90,9 @@ def search_prefixes() -> list[Path]:
 
 def _interface_file(type_name: str, suffix: str) -> Path | None:
     package, _, name = type_name.split('/')
-    for prefix in search_prefixes():
-        file = prefix / 'share' / package / 'msg' / f'{name}{suffix}'
-        if file.is_file():
-            return file
-    return None
+    inner = Path('share', package, 'msg', f'{name}{suffix}')
+    files = (prefix / inner for prefix in search_prefixes())
+    return next((file for file in files if file.is_file()), None)
 
 
 def _message_text(type_name: str) -> str:
