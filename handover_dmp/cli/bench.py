@@ -77,13 +77,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='MIN',
         help='duration of soak, and maximum duration of fuzz (default: 30 and 60)',
     )
-    add_setting(
-        parser,
-        '--tolerance',
-        1.25,
-        'TIMES',
-        'factor by which a figure may get worse before `compare` fails',
-    )
+    tolerance = 'factor by which a figure may get worse before `compare` fails'
+    add_setting(parser, '--tolerance', 1.25, 'TIMES', tolerance)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -48,13 +48,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='BAG | REFERENCE.csv TRACKER.csv',
         help='a bag with both paths, or two CSV files (t,x,y,z and, if known, qx,qy,qz,qw)',
     )
-    add_output(
-        parser,
-        'FILE.yaml',
-        'parameter file for dmp and priority_ik; the figure is written beside it (default: '
-        '%(default)s)',
-        Path('tracker.yaml'),
-    )
+    parameters = 'parameter file for dmp and priority_ik; the figure is written beside it'
+    add_output(parser, 'FILE.yaml', parameters, Path('tracker.yaml'))
     parser.add_argument(
         '--reference',
         default=REFERENCE_TOPIC,

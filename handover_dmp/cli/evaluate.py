@@ -79,18 +79,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='settings as printed in the paper, unless other options override them: learn '
         'single,mean; relevance vector machine; K_s = 1; mu 0.75 and sigma 0.05',
     )
-    parser.add_argument(
-        '--learnt',
-        type=int,
-        metavar='TRIAL',
-        help='number of the trial that Figs 4 to 6 learn from (default: nearest to the mean)',
-    )
-    parser.add_argument(
-        '--tested',
-        type=int,
-        metavar='TRIAL',
-        help='number of the trial that they test against (default: a middling one)',
-    )
+    for name, use in (
+        ('--learnt', 'Figs 4 to 6 learn from (default: nearest to the mean)'),
+        ('--tested', 'they test against (default: a middling one)'),
+    ):
+        number = f'number of the trial that {use}'
+        parser.add_argument(name, type=int, metavar='TRIAL', help=number)
     parser.add_argument(
         '--leave-one-out',
         action='store_true',

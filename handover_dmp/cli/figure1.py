@@ -38,12 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='TRIAL.csv',
         help='trial whose P2 is learnt (default: a synthetic one)',
     )
-    add_output(
-        parser,
-        'FILE',
-        'picture to write, png, svg or pdf (default: %(default)s)',
-        Path('figure1.png'),
-    )
+    add_output(parser, 'FILE', 'picture to write, png, svg or pdf', Path('figure1.png'))
     parser.add_argument(
         '--mu',
         type=float,

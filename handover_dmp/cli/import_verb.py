@@ -170,11 +170,9 @@ def run(options: argparse.Namespace) -> int:
     from handover_dmp.mocap.tables import save
 
     _check(options)
-    old: list[HandoverTrial] = []
-    if options.append:
-        old = read_data_set(options.output)
-    else:
+    if not options.append:
         check_no_data_set(options.output)
+    old = read_data_set(options.output) if options.append else []
     new: list[HandoverTrial] = []
     motions: list[tuple[WristMotion, float]] = []
     segmented: list[SegmentedMotion] = []
@@ -197,7 +195,9 @@ def run(options: argparse.Namespace) -> int:
     if options.low_pass is not None:
         new = [condition(trial, trial.rate_hz, options.low_pass) for trial in new]
     if not new:
-        raise DataError(f'{", ".join(map(str, sources))}: no handover found{_why(segmented)}')
+        passages = [passage for part in segmented for passage in part.passages]
+        why = f': at {passages[0].at_s:.2f} s, {passages[0].reason}' if passages else ''
+        raise DataError(f'{", ".join(map(str, sources))}: no handover found{why}')
     new = _numbered(old, new)
     reviews = [review(trial, *motion) for trial, motion in zip(new, motions, strict=True)]
     if not options.segment:
@@ -373,13 +373,6 @@ def _numbered(old: list[HandoverTrial], new: list[HandoverTrial]) -> list[Handov
         taken.add((*case, number))
         numbered.append(replace(trial, number=number))
     return numbered
-
-
-def _why(segmented: list[SegmentedMotion]) -> str:
-    passages = [passage for part in segmented for passage in part.passages]
-    if not passages:
-        return ''
-    return f': at {passages[0].at_s:.2f} s, {passages[0].reason}'
 
 
 def _report(

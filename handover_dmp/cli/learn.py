@@ -56,18 +56,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='FILE',
         help='ROS parameter file with a dmp section, as written by `tune`; options override it',
     )
-    parser.add_argument('--stiffness', type=float, metavar='K', help='K of (8)')
-    parser.add_argument('--damping', type=float, metavar='D', help='D of (8); 0: critical, 2√K')
-    parser.add_argument(
-        '--goal-velocity-gain', type=float, metavar='KV', help='K_v of (8), s; negative: Dτ'
-    )
-    parser.add_argument('--alpha', type=float, metavar='A', help='decay rate α of the phase (4)')
-    parser.add_argument(
-        '--mu', type=float, metavar='MU', help='centre of the goal weight (7), in units of τ'
-    )
-    parser.add_argument(
-        '--sigma', type=float, metavar='S', help='width of the goal weight (7), in units of τ'
-    )
+    for name, metavar, purpose in (
+        ('--stiffness', 'K', 'K of (8)'),
+        ('--damping', 'D', 'D of (8); 0: critical, 2√K'),
+        ('--goal-velocity-gain', 'KV', 'K_v of (8), s; negative: Dτ'),
+        ('--alpha', 'A', 'decay rate α of the phase (4)'),
+        ('--mu', 'MU', 'centre of the goal weight (7), in units of τ'),
+        ('--sigma', 'S', 'width of the goal weight (7), in units of τ'),
+    ):
+        parser.add_argument(name, type=float, metavar=metavar, help=purpose)
     parser.add_argument(
         '--formulation', choices=['stiff', 'printed'], help='K_s of (8): K, or 1 as printed'
     )

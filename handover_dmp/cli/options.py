@@ -59,12 +59,12 @@ def add_output(
     parser: argparse.ArgumentParser, metavar: str, purpose: str, default: Path | None = None
 ) -> None:
     """
-    Declare `--output`, which is required if it has no default.
+    Declare `--output`, which is required if it has no default, else its help names it.
 
     Args:
         parser: parser of a verb.
         metavar: metavar of the output, e.g. `DIR`.
-        purpose: help text.
+        purpose: help text, without the default.
         default: file or folder to write.
 
     """
@@ -75,7 +75,7 @@ def add_output(
         required=default is None,
         default=default,
         metavar=metavar,
-        help=purpose,
+        help=purpose if default is None else f'{purpose} (default: %(default)s)',
     )
 
 

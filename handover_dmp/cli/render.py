@@ -63,18 +63,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='RUN',
         help='second run, shown beside the first; each has --size and the name of its folder',
     )
-    parser.add_argument(
-        '--video',
-        type=Path,
-        metavar='FILE',
-        help='MP4 file to write (default: handover.mp4 in that folder)',
-    )
-    parser.add_argument(
-        '--image',
-        type=Path,
-        metavar='FILE',
-        help='WebP or GIF file to write (default: handover.webp in that folder)',
-    )
+    for name, kind, default in (
+        ('--video', 'MP4', 'handover.mp4'),
+        ('--image', 'WebP or GIF', 'handover.webp'),
+    ):
+        purpose = f'{kind} file to write (default: {default} in that folder)'
+        parser.add_argument(name, type=Path, metavar='FILE', help=purpose)
     parser.add_argument('--no-video', action='store_true', help='write only the animated image')
     parser.add_argument('--no-image', action='store_true', help='write only the video')
     add_setting(parser, '--size', '960x720', 'WxH', 'width and height of a picture, pixels')

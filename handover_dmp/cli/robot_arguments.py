@@ -47,18 +47,10 @@ def add_frame_arguments(parser: argparse._ActionsContainer) -> None:
         parser: parser of the verb.
 
     """
-    parser.add_argument(
-        '--wrist-frame',
-        default='',
-        metavar='LINK',
-        help='link that follows the wrist (default: found from the description)',
-    )
-    parser.add_argument(
-        '--base-frame',
-        default='',
-        metavar='LINK',
-        help='first link of the arm; joints before it do not move (default: the root)',
-    )
+    wrist = 'link that follows the wrist (default: found from the description)'
+    base = 'first link of the arm; joints before it do not move (default: the root)'
+    parser.add_argument('--wrist-frame', default='', metavar='LINK', help=wrist)
+    parser.add_argument('--base-frame', default='', metavar='LINK', help=base)
 
 
 def chosen_arm(options: argparse.Namespace) -> ArmChoice:

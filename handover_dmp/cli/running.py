@@ -231,11 +231,7 @@ def _show_session(report: dict[str, Any], folder: Path) -> int:
         table.add_row(name, *(_quantity(look_up(leg, *keys), unit, factor) for leg in legs))
     table.add_row('released by', *(str(leg['release']['rule'] or '–') for leg in legs))
     console = Console(soft_wrap=True)
-    done = bool(report['handed_over'])
-    console.print(
-        '[bold green]given and taken back[/]' if done else '[bold red]not given and taken back[/]',
-        'on the ROS 2 graph' if report['nodes'] else 'in lockstep, without ROS',
-    )
+    done = _tell_outcome(console, report, 'given and taken back')
     console.print(table)
     verdict = {True: 'DROPPED', False: 'never dropped', None: 'not simulated'}[session['dropped']]
     early = ', RELEASED EARLY' if session['released_early'] else ''
@@ -281,14 +277,18 @@ def _show(report: dict[str, Any], folder: Path) -> int:
     ):
         table.add_row(name, value)
     console = Console(soft_wrap=True)
-    handed_over = bool(report['handed_over'])
-    console.print(
-        '[bold green]handed over[/]' if handed_over else '[bold red]not handed over[/]',
-        'on the ROS 2 graph' if report['nodes'] else 'in lockstep, without ROS',
-    )
+    handed_over = _tell_outcome(console, report, 'handed over')
     console.print(table)
     console.print(f'report: {folder / "index.html"}', highlight=False)
     return 0 if handed_over else 1
+
+
+def _tell_outcome(console: Any, report: dict[str, Any], success: str) -> bool:
+    """Print whether the run succeeded, and where; return whether it did."""
+    done = bool(report['handed_over'])
+    outcome = f'[bold green]{success}[/]' if done else f'[bold red]not {success}[/]'
+    console.print(outcome, 'on the ROS 2 graph' if report['nodes'] else 'in lockstep, without ROS')
+    return done
 
 
 def _quantity(value: float | None, unit: str, factor: float = 1.0) -> str:

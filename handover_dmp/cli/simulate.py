@@ -30,20 +30,11 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
-    parser.add_argument(
-        'model',
-        type=Path,
-        nargs='?',
-        metavar='MODEL.json',
-        help='learnt movement (default: learnt from the trial)',
-    )
-    parser.add_argument(
-        'recorded',
-        type=Path,
-        nargs='?',
-        metavar='TRIAL.csv',
-        help='trial to replay (default: a synthetic one)',
-    )
+    for name, metavar, purpose in (
+        ('model', 'MODEL.json', 'learnt movement (default: learnt from the trial)'),
+        ('recorded', 'TRIAL.csv', 'trial to replay (default: a synthetic one)'),
+    ):
+        parser.add_argument(name, type=Path, nargs='?', metavar=metavar, help=purpose)
     parser.add_argument('--trial', type=Path, help='same as TRIAL.csv')
     add_run_arguments(parser)
 
@@ -71,10 +62,9 @@ def _conduct(
 ) -> None:
     from handover_dmp.handover.lockstep import simulate
     from handover_dmp.runs.bag import write_run_bag
-    from handover_dmp.topics import HAND_POSE
 
     periods = simulate(scenario, lambda share: tell('handing over', share), trackers)
-    topics = [one.absolute_topic for one in trackers] or [HAND_POSE.name]
+    topics = [one.absolute_topic for one in trackers]
     write_run_bag(folder / 'bag', scenario, periods, info, topics)
 
 
@@ -87,7 +77,6 @@ def _conduct_session(
 ) -> None:
     from handover_dmp.handover.session_lockstep import simulate_session
     from handover_dmp.runs.bag import write_session_bag
-    from handover_dmp.topics import HAND_POSE
 
     mass_kg = float(info['object_mass_kg'])
     periods = simulate_session(
@@ -96,5 +85,5 @@ def _conduct_session(
         trackers,
         scenario.carried(mass_kg),
     )
-    topics = [one.absolute_topic for one in trackers] or [HAND_POSE.name]
+    topics = [one.absolute_topic for one in trackers]
     write_session_bag(folder / 'bag', scenario, periods, info, topics)

@@ -44,11 +44,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     """
     parser.add_argument('data_set', type=Path, metavar='DATASET', help='folder with trials.csv')
-    add_output(
-        parser,
-        'PARAMS.yaml',
-        'parameter file to write, for --params-file of the dmp node and for --parameters',
-    )
+    tuned = 'parameter file to write, for --params-file of the dmp node and for --parameters'
+    add_output(parser, 'PARAMS.yaml', tuned)
     add_learning_arguments(parser)
     add_setting(parser, '--candidates', 192, 'N', 'number of parameter sets to try')
     add_running_arguments(parser)

@@ -86,7 +86,7 @@ def write_run_bag(
     scenario: Scenario,
     periods: Sequence[Period],
     info: dict[str, Any],
-    topics: Sequence[str] = (HAND_POSE.name,),
+    topics: Sequence[str] = (),
 ) -> None:
     """
     Write the bag of a run.
@@ -96,17 +96,16 @@ def write_run_bag(
         scenario: the scenario.
         periods: inputs and outputs of every period.
         info: content of `/handover/info`.
-        topics: topic of the poses of each tracker.
+        topics: topic of the poses of each tracker; none: one tracker, on the default topic.
 
     Raises:
         DataError: the folder exists or cannot be written.
 
     """
     trial = scenario.trial
-    truth, demonstrator = (
-        _path(scenario, periods, path) for path in (trial.partner, trial.demonstrator)
-    )
-    people = list(zip(truth, demonstrator, strict=True))
+    partner = _path(scenario, periods, trial.partner)
+    demonstrator = _path(scenario, periods, trial.demonstrator)
+    people = list(zip(partner, demonstrator, strict=True))
     scene = _scene(scenario.model)
     _write_bag(folder, scenario.robot, scene, periods, people, info, topics)
 
@@ -116,7 +115,7 @@ def write_session_bag(
     scenario: SessionScenario,
     periods: Sequence[SessionPeriod],
     info: dict[str, Any],
-    topics: Sequence[str] = (HAND_POSE.name,),
+    topics: Sequence[str] = (),
 ) -> None:
     """
     Write the bag of a session.
@@ -126,7 +125,7 @@ def write_session_bag(
         scenario: the scenario.
         periods: inputs and outputs of every period.
         info: content of `/handover/info`.
-        topics: topic of the poses of each tracker.
+        topics: topic of the poses of each tracker; none: one tracker, on the default topic.
 
     Raises:
         DataError: the folder exists or cannot be written.
@@ -169,7 +168,7 @@ def _write_bag(
         _write(bag, INFO, string(json.dumps(info)), start_ns)
         state = holder = gripper_closed = None
         rotation = periods[0].wrist_rotation
-        heard = [replace(HAND_POSE, name=name) for name in topics]
+        heard = [replace(HAND_POSE, name=name) for name in topics] or [HAND_POSE]
         for number, (period, (hand, person)) in enumerate(zip(periods, people, strict=True)):
             time_ns = period.time_ns
             _write(bag, DEMONSTRATOR_POSE, pose_stamped(time_ns, person), time_ns)
