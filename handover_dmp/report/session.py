@@ -78,7 +78,7 @@ def session_facts(run: RunRecord) -> Numbers:
         'fluency': _fluency(run),
         'gripper': [{'time_s': time_s, 'closed': closed} for time_s, closed in run.gripper],
         'holders': [{'time_s': time_s, 'holder': holder} for time_s, holder in run.holders],
-        'dropped': _dropped(run),
+        'dropped': any(who == 'nobody' for _, who in run.holders) if run.holders else None,
         'released_early': _released_early(run),
     }
 
@@ -191,11 +191,6 @@ def _fluency(run: RunRecord) -> Numbers:
         measured = fluency_of_motions(partner[::2], other[::2], begin_s, met)
         found[name] = None if measured is None else asdict(measured)
     return found
-
-
-def _dropped(run: RunRecord) -> bool | None:
-    """Whether nobody had the object at any time."""
-    return any(who == 'nobody' for _, who in run.holders) if run.holders else None
 
 
 def _released_early(run: RunRecord) -> bool | None:
