@@ -302,9 +302,7 @@ class PriorityIkNode(HandoverNode):
 
     def _take(self, pose: PoseStamped, twist: TwistStamped | None, arrival_s: float) -> None:
         """Pass on a command; without a twist, the wrist shall come to rest there."""
-        linear, angular = np.zeros(3), np.zeros(3)
-        if twist is not None:
-            linear, angular = map(np.array, velocities_of(twist))
+        linear, angular = map(np.array, velocities_of(twist or TwistStamped()))
         target = WristTarget(np.array(position_of(pose)), linear, rotation_of(pose), angular)
         if self._controller.set_target(target, arrival_s):
             self._followed_s = nanoseconds(pose.header.stamp) / NANOSECONDS

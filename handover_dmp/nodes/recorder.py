@@ -116,13 +116,13 @@ class Recorder(HandoverNode):
         self._looks = 0
         self._failure = ''
         self._rest = Rest(values['rest_s'])
-        self._streams = {t.within(self._space) for t in TOPICS if is_left_out_at_rest(t)}
+        self._table = {topic.within(self._space): topic for topic in TOPICS}
+        self._streams = {name for name, t in self._table.items() if is_left_out_at_rest(t)}
         self._transforms: TransformRecorder | None = None
         if values['transforms']:
             self._transforms = TransformRecorder(self, load_arm(self), self._writer)
-        for topic in TOPICS:
+        for name, topic in self._table.items():
             # at once, before the offers are known, so that nothing of the start is missed
-            name = topic.within(self._space)
             if self._is_wanted(name) and topic is not INFO and is_installed(topic.type_name):
                 self._subscribe(name, topic.type_name, qos_profile(topic.quality))
         # remapped topics are recorded under their names here
@@ -178,24 +178,24 @@ class Recorder(HandoverNode):
 
     def _unheard(self) -> str:
         """Tell which of the streams to be recorded are still missing."""
-        known = {topic.within(self._space) for topic in TOPICS}
-        streams = sorted(self._wanted - known) + [
-            topic.within(self._space)
-            for topic in TOPICS
+        streams = sorted(self._wanted - self._table.keys()) + [
+            name
+            for name, topic in self._table.items()
             if topic.quality in OFTEN_SAID
             and topic is not HAND_POSE
-            and self._is_wanted(topic.within(self._space))
+            and self._is_wanted(name)
             and (topic is not CLOCK or self.lockstep)
-            and (topic not in OPTIONAL or self.count_publishers(topic.within(self._space)))
+            and (topic not in OPTIONAL or self.count_publishers(name))
         ]
-        streams += self._hands(known)
+        streams += self._hands()
         unheard = [name for name in streams if name not in self._writer.topics]
         return f'nothing yet on {", ".join(unheard)}' if unheard else ''
 
-    def _hands(self, known: set[str]) -> list[str]:
+    def _hands(self) -> list[str]:
         """Return the topics of the trackers, present or expected."""
         usual = HAND_POSE.within(self._space)
-        names = {name for name, _ in self.get_topic_names_and_types()} - known | {usual}
+        names = {name for name, _ in self.get_topic_names_and_types()}
+        names = names - self._table.keys() | {usual}
         hands = [
             name
             for name in sorted(names)
@@ -312,8 +312,10 @@ class Recorder(HandoverNode):
 
     def _by_table(self, name: str) -> tuple[Qos, ...]:
         """Return the default offer of a topic of our table, if no publisher was seen."""
-        qualities = [t.quality.value for t in TOPICS if t.within(self._space) == name]
-        return tuple(Qos(reliability, durability) for reliability, durability, _ in qualities)
+        if name not in self._table:
+            return ()
+        reliability, durability, _ = self._table[name].quality.value
+        return (Qos(reliability, durability),)
 
     def _write_info(self, text: str) -> None:
         name = INFO.within(self._space)
