@@ -16,13 +16,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 import os
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from handover_dmp.nodes.node import HandoverNode
 from handover_dmp.topics import DIAGNOSTICS, HARDWARE_ID
-from handover_dmp.tracking import TrackerReport
+from handover_dmp.tracking import GoalEstimator, TrackerReport
 from rclpy.node import Node
 
 
@@ -40,34 +40,26 @@ def full_name(node: Node) -> str:
     return str(node.get_fully_qualified_name()).lstrip('/')
 
 
-def refusals(refused: Mapping[str, int]) -> dict[str, str]:
+def of_the_hand(hand: GoalEstimator, reports: Sequence[TrackerReport]) -> dict[str, str]:
     """
-    Report how many poses of the hand were refused since the node began.
+    Report the condition of the hand and of each of its trackers.
 
     Args:
-        refused: reason to count.
-
-    Returns:
-        Name to value: the total, then each reason.
-
-    """
-    told = {f'hand refused, {reason}': str(refused[reason]) for reason in sorted(refused)}
-    return {'hand refused': str(sum(refused.values())), **told}
-
-
-def of_trackers(reports: Sequence[TrackerReport]) -> dict[str, str]:
-    """
-    Report the condition of each tracker of the hand.
-
-    Args:
+        hand: the hand, as estimated from all trackers.
         reports: reports of the trackers.
 
     Returns:
-        Name to value: rate, age, bias, share of refused poses, and their distance
-        from the hand.
+        Name to value: the time without a change, and the poses refused since the node began, all
+        and by reason; of each tracker the rate, age, bias, share of refused poses, and their
+        distance from the hand.
 
     """
-    values: dict[str, str] = {}
+    refused = hand.rejected
+    values = {
+        'hand unchanged (s)': f'{hand.unchanged_s:.3f}',
+        'hand refused': str(refused.total()),
+        **{f'hand refused, {reason}': str(refused[reason]) for reason in sorted(refused)},
+    }
     for report in reports:
         bias = ', '.join(f'{1e3 * axis:.1f}' for axis in report.bias_m)
         values |= {

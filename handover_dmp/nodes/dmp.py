@@ -64,7 +64,7 @@ from handover_dmp.nodes.conversions import (
     twist_message,
     values_of,
 )
-from handover_dmp.nodes.diagnostics import of_trackers, refusals, report_condition
+from handover_dmp.nodes.diagnostics import of_the_hand, report_condition
 from handover_dmp.nodes.gripper import Gripper, OF_GRIPPER
 from handover_dmp.nodes.hand_input import HandInputs, HandPose
 from handover_dmp.nodes.lockstep import Lockstep
@@ -620,9 +620,7 @@ class Dmp(HandoverNode):
             'state': self._controller.state.value,
             'age of the hand (s)': f'{age_s:.3f}',
             'age of the wrist (s)': f'{now_s - self._wrist_arrival_s:.3f}',
-            'hand unchanged (s)': f'{unchanged_s:.3f}',
-            **refusals(self._controller.estimator.rejected),
-            **of_trackers(trackers),
+            **of_the_hand(self._controller.estimator, trackers),
         }
         return '; '.join(f'{fault} ({count} times)' for fault, count in faults.items()), values
 

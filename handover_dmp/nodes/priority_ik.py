@@ -39,7 +39,7 @@ from handover_dmp.nodes.conversions import (
     to_joint_command,
     velocities_of,
 )
-from handover_dmp.nodes.diagnostics import of_trackers, refusals, report_condition
+from handover_dmp.nodes.diagnostics import of_the_hand, report_condition
 from handover_dmp.nodes.hand_input import HandInputs, HandPose
 from handover_dmp.nodes.lockstep import HEAD_START_S, Lockstep
 from handover_dmp.nodes.node import HandoverNode, MISSED_S
@@ -441,9 +441,7 @@ class PriorityIkNode(HandoverNode):
             **{f'age of the {name} (s)': f'{age_s:.3f}' for name, age_s in ages.items()},
             'active limits': ', '.join(self._active) or 'none',
             'messages refused': str(refused),
-            'hand unchanged (s)': f'{self._hand.unchanged_s:.3f}',
-            **refusals(self._hand.rejected),
-            **of_trackers(self._hand.report(self.now_s())),
+            **of_the_hand(self._hand, self._hand.report(self.now_s())),
             **limits_told(self._model),
         }
 
