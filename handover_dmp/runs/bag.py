@@ -178,17 +178,17 @@ def _write_bag(
                     stamp_ns, place = round(sample.stamp_s * NANOSECONDS), sample.position.tolist()
                     _write(bag, topic, pose_stamped(stamp_ns, place), time_ns)
             for topic, message in _messages(period, robot.joint_names, rotation):
-                _write(bag, topic, message, period.time_ns)
-            if period.time_ns >= next_tf_ns:
+                _write(bag, topic, message, time_ns)
+            if time_ns >= next_tf_ns:
                 next_tf_ns += round(TF_PERIOD_S * NANOSECONDS)
-                moved = transforms(period.time_ns, links.moving(period.joint_positions))
-                _write(bag, TF, moved, period.time_ns)
+                moved = transforms(time_ns, links.moving(period.joint_positions))
+                _write(bag, TF, moved, time_ns)
             markers = _markers(scene, period)
             if markers:
                 _write(bag, MARKERS, {'markers': markers}, time_ns)
             if period.command.state is not state:
                 state = period.command.state
-                _write(bag, STATE, string(state.value), period.time_ns)
+                _write(bag, STATE, string(state.value), time_ns)
             seen = period.object_state
             if seen is not None and seen.holder is not holder:
                 holder = seen.holder
@@ -232,15 +232,8 @@ def _messages(
 ) -> Iterable[tuple[Topic, Message]]:
     time_ns, command, answer = period.time_ns, period.command, period.answer
     yield CLOCK, clock(time_ns)
-    yield (
-        JOINT_STATES,
-        joint_state(
-            time_ns,
-            joint_names,
-            period.joint_positions.tolist(),
-            period.joint_velocities.tolist(),
-        ),
-    )
+    positions, velocities = period.joint_positions.tolist(), period.joint_velocities.tolist()
+    yield JOINT_STATES, joint_state(time_ns, joint_names, positions, velocities)
     yield WRIST_POSE, _pose(time_ns, period.wrist_position.tolist(), period.wrist_rotation)
     if period.estimate is not None:
         place, deviation_m = period.estimate.position, period.estimate.deviation_m
