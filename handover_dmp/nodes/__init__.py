@@ -23,7 +23,7 @@ from handover_dmp.common.threads import use_one_thread
 use_one_thread()
 
 # While `python -m handover_dmp.nodes.NAME` still loads libraries there is nothing to clean up,
-# and Python would answer Ctrl-C with a traceback. `spinning.run` takes over from here.
+# and Python would answer Ctrl-C with a traceback. `spin.run` takes over from here.
 if sys.argv[:1] == ['-m']:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda _caught, _frame: os._exit(0))

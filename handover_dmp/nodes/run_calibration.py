@@ -72,9 +72,8 @@ def move_and_record(
         raise UsageError(f'{bag}: exists already; choose another one with --bag')
     topics = [JOINT_STATES.name, JOINT_COMMAND.name, WRIST_POSE.name, tracker_topic]
     topics += [ROBOT_DESCRIPTION.name] + ([] if running else [CLOCK.name])
-    described = {
-        'robot': arm.robot, 'wrist_frame': arm.wrist_frame, 'base_frame': arm.base_frame
-    }  # fmt: skip
+    # the fields of an arm are named like the parameters of the nodes
+    described = vars(arm)
     parameters: dict[str, dict[str, Any]] = {
         'recorder': {
             'folder': str(bag.absolute()),
