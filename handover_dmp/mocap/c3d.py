@@ -196,11 +196,9 @@ def _count_frames(file: c3d.Reader, data: memoryview, frame_bytes: int, path: Pa
 
 def _told_frames(file: c3d.Reader) -> int | None:
     """Return the stated number of frames; None if it did not fit into the field."""
-    field = [_words(file, f'TRIAL:ACTUAL_{end}_FIELD') for end in ('START', 'END')]
-    if all(field):
-        first, last = field
-        if last >= first:
-            return last - first + 1
+    first, last = (_words(file, f'TRIAL:ACTUAL_{end}_FIELD') for end in ('START', 'END'))
+    if 0 < first <= last:
+        return last - first + 1
     for name in ('POINT:LONG_FRAMES', 'POINT:FRAMES'):
         frames = _number(file, name)
         if frames and frames != _SATURATED:

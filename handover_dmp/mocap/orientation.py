@@ -118,8 +118,8 @@ def orientation_at(
     if exact.all():
         return with_continuous_signs(turns[place])
     after, before = np.clip(place, 0, len(when) - 1), np.clip(place - 1, 0, len(when) - 1)
-    hidden = np.where(place == before + 1, when[after] - when[before], np.inf)
-    hidden = np.where(after == before, np.abs(when[after] - at), hidden)
+    # before the first and after the last orientation, the nearest one counts
+    hidden = np.where(after == before, np.abs(when[after] - at), when[after] - when[before])
     if (hidden[~exact] > max_hidden_s).any():
         return None
     between = np.column_stack([np.interp(at, when, column) for column in turns.T])

@@ -179,15 +179,14 @@ def _make_session(
     demonstrator.go(random, grasped_s, _PICK_UP_SHARE * pace_s, give.demonstrator.start)
 
     give_s = _sample_after(demonstrator.free_s + random.uniform(0.80, 1.20), rate_hz)
-    busy_until_s = give_s - 0.4
     if give.partner is None:
+        # P1's hand is there before the give begins
         reach_s = _PARTNER_SHARE * pace_s
         onset_s = give_s - reach_s - random.uniform(0.30, 0.60)
-        busy_until_s = onset_s - 0.1
-    partner.work(random, busy_until_s)
-    if give.partner is None:
+        partner.work(random, onset_s - 0.1)
         partner.go(random, onset_s, reach_s, give.meeting)
     else:
+        partner.work(random, give_s - 0.4)
         partner.reaches.append(_later(give.partner, give_s))
     demonstrator.reaches.append(_later(give.demonstrator, give_s))
 

@@ -86,8 +86,8 @@ def read_trackers(names: Sequence[str], seed: int = 0) -> list[TrackerPreset]:
         replace(one, sensor=replace(one.sensor, seed=one.sensor.seed + 1000 * seed + number))
         for number, one in enumerate(tracker for name in names for tracker in _read(name))
     ]
-    labels = [one.name for one in found]
-    for what, values in (('name', labels), ('topic', [one.topic for one in found])):
+    for what in ('name', 'topic'):
+        values = [getattr(one, what) for one in found]
         if len(set(values)) < len(values):
             raise UsageError(f'two trackers have one {what}: {", ".join(values)}')
     return found
