@@ -73,8 +73,10 @@ def read_plain(path: Path, largest_bytes: int) -> Any:
         if path.stat().st_size > largest_bytes:
             raise DataError(f'larger than {largest_bytes // 1000} kB')
         return load_plain(path.read_text(encoding='utf-8'))
-    except (OSError, UnicodeDecodeError) as error:
-        raise DataError(f'{path}: cannot be read: {error}') from error
+    except OSError as error:
+        raise DataError(f'{path}: cannot be read: {error.strerror}') from error
+    except UnicodeDecodeError as error:
+        raise DataError(f'{path}: cannot be read: not UTF-8: {error.reason}') from error
     except DataError as error:
         raise DataError(f'{path}: {error}') from error
 

@@ -26,8 +26,8 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from handover_dmp.common.errors import DataError, UsageError
-from handover_dmp.common.plain_yaml import load_plain
+from handover_dmp.common.errors import UsageError
+from handover_dmp.common.plain_yaml import read_plain
 from handover_dmp.common.resources import share_path
 from handover_dmp.common.ros_parameters import sections
 from handover_dmp.common.settings import defaults
@@ -35,6 +35,7 @@ from handover_dmp.tracking.sensor_model import SensorModel
 from handover_dmp.tracking.tracker import Tracker
 
 SENSOR = 'sensor.'
+LARGEST_FILE_BYTES = 200_000
 
 
 @dataclass(frozen=True)
@@ -102,11 +103,8 @@ def _read(name: str) -> list[TrackerPreset]:
             raise UsageError(
                 f'tracker {name!r} is unknown: give one of {", ".join(known)}, or a .yaml file'
             )
-    try:
-        tree = load_plain(path.read_text(encoding='utf-8'))
-    except OSError as error:
-        raise DataError(f'{path}: {error.strerror}') from error
-    values = {key: value for section in sections(tree) for key, value in section.values.items()}
+    found = sections(read_plain(path, LARGEST_FILE_BYTES))
+    values = {key: value for section in found for key, value in section.values.items()}
     names = list(dict.fromkeys(key.partition('.')[0] for key in values if '.' in key))
     if not names:
         raise UsageError(

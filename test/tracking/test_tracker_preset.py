@@ -67,6 +67,21 @@ def test_what_is_not_there(names, kind, words):
 
 
 @pytest.mark.parametrize(
+    ('content', 'words'),
+    [
+        (b'a: \xff\xfe', 'cannot be read'),
+        (b'a: [1, ', 'not proper YAML'),
+        (b'#' * 300_000, 'larger than'),
+    ],
+)
+def test_what_is_no_yaml_is_named(tmp_path, content, words):
+    file = tmp_path / 'lab.yaml'
+    file.write_bytes(content)
+    with pytest.raises(DataError, match=f'lab.yaml: .*{words}'):
+        read_trackers([str(file)])
+
+
+@pytest.mark.parametrize(
     ('text', 'words'),
     [
         ('eye: {noise: 0.1}', 'eye.noise is not a parameter'),
