@@ -19,10 +19,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
-from handover_dmp.common.settings import setting
 from handover_dmp.robot.collision import ClosingSpeed, CollisionModel, NearPair
 from handover_dmp.robot.model import RobotModel
-from handover_dmp.robot.tasks import HalfSpace, IkInput
+from handover_dmp.robot.tasks import HalfSpace, ik_setting, IkInput
 import numpy as np
 
 
@@ -31,15 +30,10 @@ class _Clearance:
     """Common part: bodies close in no faster than they can brake."""
 
     model: RobotModel
-    collision_distance: float = setting(
-        'priority_ik',
-        'collision_distance',
-        'Minimum distance between links, and to the forearm, m',
-        0.0,
-        1.0,
+    collision_distance: float = ik_setting(
+        'collision_distance', 'Minimum distance between links, and to the forearm, m', 0.0, 1.0
     )
-    collision_deceleration: float = setting(
-        'priority_ik',
+    collision_deceleration: float = ik_setting(
         'collision_deceleration',
         'Deceleration of a link on its way to another link or to the forearm, m/s²',
         0.01,
@@ -82,8 +76,7 @@ class ForearmLimit(_Clearance):
 
     """
 
-    collision_activation: float = setting(
-        'priority_ik',
+    collision_activation: float = ik_setting(
         'collision_activation',
         'Distance to the forearm below which the motion of a link is limited, m',
         0.0,

@@ -20,14 +20,13 @@ from dataclasses import dataclass
 import math
 
 from handover_dmp.common.arrays import Array
-from handover_dmp.common.settings import setting
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.singularity import (
     limit_outward_speed,
     singular_slope,
     smallest_singular_direction,
 )
-from handover_dmp.robot.tasks import IkInput
+from handover_dmp.robot.tasks import ik_setting, IkInput
 import numpy as np
 
 
@@ -45,37 +44,29 @@ class DirectionTask:
     """
 
     model: RobotModel
-    position_gain: float = setting(
-        'priority_ik',
-        'position_gain',
-        'Proportional gain of the wrist position error, 1/s',
-        0.0,
-        200.0,
+    position_gain: float = ik_setting(
+        'position_gain', 'Proportional gain of the wrist position error, 1/s', 0.0, 200.0
     )
-    feedback_deceleration: float = setting(
-        'priority_ik',
+    feedback_deceleration: float = ik_setting(
         'feedback_deceleration',
         'Deceleration that bounds the correction of the position error, m/s²: the correction is '
         'never faster than this can stop',
         0.01,
         100.0,
     )
-    singularity_activation: float = setting(
-        'priority_ik',
+    singularity_activation: float = ik_setting(
         'singularity_activation',
         'Smallest singular value below which the outward speed is limited, m',
         0.0,
         2.0,
     )
-    singularity_min: float = setting(
-        'priority_ik',
+    singularity_min: float = ik_setting(
         'singularity_min',
         'Smallest singular value with which the arm rests at the end of its reach, m',
         0.0,
         2.0,
     )
-    singularity_rate: float = setting(
-        'priority_ik',
+    singularity_rate: float = ik_setting(
         'singularity_rate',
         'Rate at which the smallest singular value approaches singularity_min, 1/s',
         0.0,

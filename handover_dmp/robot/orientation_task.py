@@ -21,9 +21,8 @@ import math
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import UsageError
-from handover_dmp.common.settings import setting
 from handover_dmp.robot.model import RobotModel
-from handover_dmp.robot.tasks import IkInput
+from handover_dmp.robot.tasks import ik_setting, IkInput
 import numpy as np
 import pinocchio as pin
 
@@ -47,23 +46,17 @@ class OrientationTask:
     """
 
     model: RobotModel
-    orientation: str = setting(
-        'priority_ik',
+    orientation: str = ik_setting(
         'orientation',
         "Orientation task: none, full (the target's rotation), level (what is up in the home "
         "configuration stays up), upright (what is up in the target's rotation stays up) or "
         "point (the wrist's z axis points at the partner's hand)",
         choices=ORIENTATIONS,
     )
-    orientation_gain: float = setting(
-        'priority_ik',
-        'orientation_gain',
-        'Proportional gain of the orientation error, 1/s',
-        0.0,
-        200.0,
+    orientation_gain: float = ik_setting(
+        'orientation_gain', 'Proportional gain of the orientation error, 1/s', 0.0, 200.0
     )
-    orientation_speed: float = setting(
-        'priority_ik',
+    orientation_speed: float = ik_setting(
         'orientation_speed',
         'Maximum angular speed for the correction of the orientation, rad/s',
         0.0,

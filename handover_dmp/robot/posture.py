@@ -20,10 +20,9 @@ from dataclasses import dataclass
 import math
 
 from handover_dmp.common.arrays import Array
-from handover_dmp.common.settings import setting
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.partner import Partner
-from handover_dmp.robot.tasks import IkInput
+from handover_dmp.robot.tasks import ik_setting, IkInput
 import numpy as np
 
 MAX_SPEED_SHARE = 0.5
@@ -43,15 +42,10 @@ class Posture:
     """
 
     model: RobotModel
-    posture_gain: float = setting(
-        'priority_ik',
-        'posture_gain',
-        'Proportional gain towards the home configuration, 1/s',
-        0.0,
-        50.0,
+    posture_gain: float = ik_setting(
+        'posture_gain', 'Proportional gain towards the home configuration, 1/s', 0.0, 50.0
     )
-    limit_margin: float = setting(
-        'priority_ik',
+    limit_margin: float = ik_setting(
         'limit_margin',
         'Distance to a position limit below which the joint is pushed away from it, rad',
         0.0,
@@ -95,19 +89,14 @@ class ElbowClearance:
     """
 
     model: RobotModel
-    elbow_distance: float = setting(
-        'priority_ik',
+    elbow_distance: float = ik_setting(
         'elbow_distance',
         'Distance between elbow and partner below which the elbow is moved away, m',
         0.0,
         2.0,
     )
-    elbow_gain: float = setting(
-        'priority_ik',
-        'elbow_gain',
-        'Proportional gain of the missing distance of the elbow, 1/s',
-        0.0,
-        50.0,
+    elbow_gain: float = ik_setting(
+        'elbow_gain', 'Proportional gain of the missing distance of the elbow, 1/s', 0.0, 50.0
     )
 
     def __post_init__(self) -> None:

@@ -20,10 +20,9 @@ from dataclasses import dataclass
 import math
 
 from handover_dmp.common.arrays import Array
-from handover_dmp.common.settings import setting
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.partner import Partner
-from handover_dmp.robot.tasks import HalfSpace, IkInput
+from handover_dmp.robot.tasks import HalfSpace, ik_setting, IkInput
 import numpy as np
 
 NAMES = ('approach', 'speed near hand')
@@ -44,22 +43,16 @@ class SeparationLimit:
     """
 
     model: RobotModel
-    separation_distance: float = setting(
-        'priority_ik',
+    separation_distance: float = ik_setting(
         'separation_distance',
         'Distance to the hand within which separation_speed holds, m',
         0.0,
         5.0,
     )
-    separation_speed: float = setting(
-        'priority_ik',
-        'separation_speed',
-        'Maximum speed of the wrist relative to the hand, m/s',
-        0.0,
-        5.0,
+    separation_speed: float = ik_setting(
+        'separation_speed', 'Maximum speed of the wrist relative to the hand, m/s', 0.0, 5.0
     )
-    separation_deceleration: float = setting(
-        'priority_ik',
+    separation_deceleration: float = ik_setting(
         'separation_deceleration',
         'Deceleration of the wrist on its way to that distance, m/s²',
         0.01,

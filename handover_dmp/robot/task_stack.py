@@ -22,14 +22,14 @@ from typing import Any
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import UsageError
-from handover_dmp.common.settings import defaults, parameters_of, setting
+from handover_dmp.common.settings import defaults, parameters_of
 from handover_dmp.robot.collision_limits import ForearmLimit, SelfCollisionLimit
 from handover_dmp.robot.direction_task import DirectionTask
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.orientation_task import OrientationTask
 from handover_dmp.robot.posture import ElbowClearance, Posture
 from handover_dmp.robot.separation import SeparationLimit
-from handover_dmp.robot.tasks import Limit, Preference, Task
+from handover_dmp.robot.tasks import ik_setting, Limit, Preference, Task
 
 SWITCHES: dict[str, Any] = {
     'separation': SeparationLimit,
@@ -43,27 +43,24 @@ SWITCHES: dict[str, Any] = {
 class StackOptions:
     """Options that belong to no single task or limit."""
 
-    separation: bool = setting(
-        'priority_ik', 'separation', 'Whether the wrist slows down near the hand (ISO/TS 15066)'
+    separation: bool = ik_setting(
+        'separation', 'Whether the wrist slows down near the hand (ISO/TS 15066)'
     )
-    self_collision: bool = setting(
-        'priority_ik', 'self_collision', 'Whether the links are kept apart from each other'
+    self_collision: bool = ik_setting(
+        'self_collision', 'Whether the links are kept apart from each other'
     )
-    forearm_collision: bool = setting(
-        'priority_ik',
+    forearm_collision: bool = ik_setting(
         'forearm_collision',
         "Whether the links are kept away from the partner's forearm, if partner/elbow is "
         'published',
     )
-    braking_share: float = setting(
-        'priority_ik',
+    braking_share: float = ik_setting(
         'braking_share',
         'Share β of the acceleration limit with which a joint brakes before its position limit',
         0.01,
         1.0,
     )
-    orientation_slows_to: float = setting(
-        'priority_ik',
+    orientation_slows_to: float = ik_setting(
         'orientation_slows_to',
         'Share of its speed to which the wrist may be slowed so that its orientation keeps up; '
         '1: it is not slowed',

@@ -23,14 +23,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import NamedTuple, Protocol
 
 from handover_dmp.common.arrays import Array
+from handover_dmp.common.settings import setting
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.partner import Partner
 from handover_dmp.robot.singularity import smallest_singular_value
 import numpy as np
 import pinocchio as pin
+
+ik_setting = partial(setting, 'priority_ik')
+"""Makes a field whose default is a parameter of the inverse kinematics."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,13 +27,12 @@ from math import nan
 from typing import NamedTuple
 
 from handover_dmp.common.arrays import Array
-from handover_dmp.common.settings import setting
 from handover_dmp.robot.joint_states import all_finite, JointStateReader
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.partner import Partner
 from handover_dmp.robot.priority_ik import IkSolution, PriorityIk
 from handover_dmp.robot.singularity import smallest_singular_value
-from handover_dmp.robot.tasks import WristTarget
+from handover_dmp.robot.tasks import ik_setting, WristTarget
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -54,29 +53,25 @@ HELD_ROTATION = 1e-3
 class WristControllerOptions:
     """Time-outs of the inputs."""
 
-    joint_state_timeout_s: float = setting(
-        'priority_ik',
+    joint_state_timeout_s: float = ik_setting(
         'joint_state_timeout_s',
         'Age of the joint states, by arrival, beyond which the arm brakes without feedback, s',
         0.005,
         10.0,
     )
-    command_timeout_s: float = setting(
-        'priority_ik',
+    command_timeout_s: float = ik_setting(
         'command_timeout_s',
         'Age of the wrist command, by arrival, beyond which the arm brakes, s',
         0.005,
         10.0,
     )
-    hand_timeout_s: float = setting(
-        'priority_ik',
+    hand_timeout_s: float = ik_setting(
         'hand_timeout_s',
         'Age of the hand, by arrival, beyond which its position counts as unknown, s',
         0.005,
         10.0,
     )
-    hold_distance_m: float = setting(
-        'priority_ik',
+    hold_distance_m: float = ik_setting(
         'hold_distance_m',
         'Distance to a standing target below which the wrist holds still, m',
         0.0,

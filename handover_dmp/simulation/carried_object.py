@@ -32,9 +32,12 @@ from typing import Any, NamedTuple
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import UsageError
 from handover_dmp.common.quiet_pybullet import pybullet
-from handover_dmp.common.settings import setting
 from handover_dmp.simulation.gripper_joint import GripperJoint
-from handover_dmp.simulation.partner_grip import PartnerGrip, PartnerGripOptions
+from handover_dmp.simulation.partner_grip import (
+    object_setting,
+    PartnerGrip,
+    PartnerGripOptions,
+)
 from handover_dmp.simulation.world import World
 import numpy as np
 
@@ -113,72 +116,47 @@ class CarriedObjectOptions:
 
     """
 
-    mass_kg: float = setting(
-        'robot_sim',
-        'object.mass_kg',
-        'Mass of the object, kg; 0: no object',
-        0.0,
-        50.0,
-        read_only=True,
+    mass_kg: float = object_setting(
+        'object.mass_kg', 'Mass of the object, kg; 0: no object', 0.0, 50.0
     )
-    size: Sequence[float] = setting(
-        'robot_sim',
-        'object.size',
-        'Size of the box that gives the inertia of the object, (3,), m',
-        read_only=True,
+    size: Sequence[float] = object_setting(
+        'object.size', 'Size of the box that gives the inertia of the object, (3,), m'
     )
-    position: Sequence[float] = setting(
-        'robot_sim',
+    position: Sequence[float] = object_setting(
         'object.position',
         'Position of the centre of the object relative to the wrist that holds it at the start, '
         '(3,), m; mirrored if the partner holds it',
-        read_only=True,
     )
-    holder: str = setting(
-        'robot_sim',
+    holder: str = object_setting(
         'object.holder',
         'Holder of the object at the start: robot, partner or table',
         choices=('robot', 'partner', 'table'),
-        read_only=True,
     )
-    table: Sequence[float] = setting(
-        'robot_sim',
+    table: Sequence[float] = object_setting(
         'object.table',
         'Position of the centre of the object on the table, if the table is its holder at the '
         'start, (3,), m',
-        read_only=True,
     )
-    reach_m: float = setting(
-        'robot_sim',
+    reach_m: float = object_setting(
         'object.reach_m',
         'Maximum distance from the wrist to the centre of an object that the gripper can grasp, m',
         0.001,
         5.0,
-        read_only=True,
     )
-    grip_s: float = setting(
-        'robot_sim',
+    grip_s: float = object_setting(
         'object.grip_s',
         'Time within which the closed gripper draws the object to its position in the gripper, s',
         0.01,
         60.0,
-        read_only=True,
     )
-    grip_speed: float = setting(
-        'robot_sim',
+    grip_speed: float = object_setting(
         'object.grip_speed',
         'Maximum speed with which the gripper draws the object, m/s',
         0.001,
         5.0,
-        read_only=True,
     )
-    noise_n: float = setting(
-        'robot_sim',
-        'object.noise_n',
-        'Standard deviation of the force sensor on each axis, N',
-        0.0,
-        10.0,
-        read_only=True,
+    noise_n: float = object_setting(
+        'object.noise_n', 'Standard deviation of the force sensor on each axis, N', 0.0, 10.0
     )
     partner: PartnerGripOptions = field(default_factory=PartnerGripOptions)
 

@@ -26,6 +26,7 @@ pulls.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from math import sqrt
 
 from handover_dmp.common.arrays import Array
@@ -33,6 +34,8 @@ from handover_dmp.common.errors import UsageError
 from handover_dmp.common.settings import setting
 import numpy as np
 
+object_setting = partial(setting, 'robot_sim', read_only=True)
+"""Makes a field for the object or for who holds it: a parameter of `robot_sim`."""
 FORGOTTEN_S = 0.02
 """Time without a new position after which the hand stands still, s."""
 SMOOTHING_S = 0.03
@@ -61,71 +64,52 @@ class PartnerGripOptions:
 
     """
 
-    reach_m: float = setting(
-        'robot_sim',
+    reach_m: float = object_setting(
         'partner.reach_m',
         'Maximum distance from the hand (the wrist) to the centre of an object that the partner '
         'can take, m',
         0.001,
         5.0,
-        read_only=True,
     )
-    speed: float = setting(
-        'robot_sim',
+    speed: float = object_setting(
         'partner.speed',
         'Maximum speed of the object relative to the hand at which the partner takes it, m/s',
         0.001,
         5.0,
-        read_only=True,
     )
-    reaction_s: float = setting(
-        'robot_sim',
+    reaction_s: float = object_setting(
         'partner.reaction_s',
         'Reaction time of the partner, before taking an object in reach and before feeling the '
         "robot's grip, s",
         0.001,
         5.0,
-        read_only=True,
     )
-    grip_s: float = setting(
-        'robot_sim',
+    grip_s: float = object_setting(
         'partner.grip_s',
         "Time within which the partner's grip and share of the weight grow or fade, s",
         0.001,
         5.0,
-        read_only=True,
     )
-    stiffness: float = setting(
-        'robot_sim',
-        'partner.stiffness',
-        "Stiffness of the partner's arm, N/m",
-        1.0,
-        10000.0,
-        read_only=True,
+    stiffness: float = object_setting(
+        'partner.stiffness', "Stiffness of the partner's arm, N/m", 1.0, 10000.0
     )
-    share: float = setting(
-        'robot_sim',
+    share: float = object_setting(
         'partner.share',
         'Share of the weight that the robot must carry before the partner lets go',
         0.01,
         1.0,
-        read_only=True,
     )
-    pulls_after_s: float = setting(
-        'robot_sim',
+    pulls_after_s: float = object_setting(
         'partner.pulls_after_s',
         'Time that the hand waits for what both hold before it pulls, s',
         0.001,
         60.0,
-        read_only=True,
     )
-    slip_m: float = setting(
-        'robot_sim',
+    slip_m: float = object_setting(
         'partner.slip_m',
         'Distance from the grasp at which the object slips out of the hand, m',
         0.001,
         1.0,
-        read_only=True,
     )
 
     def __post_init__(self) -> None:
