@@ -243,19 +243,16 @@ class CarriedObject:
 
         """
         self.options = options
-        self._client = {'physicsClientId': world.client}
+        self._engine = world.engine
         self._weight_n = options.mass_kg * -world.options.gravity
         self._grip = PartnerGrip(options.mass_kg, -world.options.gravity, options.partner)
-        self._body = int(
-            pybullet.createMultiBody(options.mass_kg, -1, -1, [0, 0, 0], **self._client)
-        )
-        pybullet.changeDynamics(
+        self._body = int(self._engine.createMultiBody(options.mass_kg, -1, -1, [0, 0, 0]))
+        self._engine.changeDynamics(
             self._body,
             -1,
             localInertiaDiagonal=options.inertia.tolist(),
             linearDamping=0,
             angularDamping=0,
-            **self._client,
         )
         self._gripper = GripperJoint(
             world, self._body, max(options.size), options.grip_s, options.grip_speed
@@ -313,13 +310,13 @@ class CarriedObject:
     @property
     def pose(self) -> tuple[Array, Array]:
         """Pose of the object: position, (3,), m, and quaternion x, y, z, w, (4,)."""
-        position, quaternion = pybullet.getBasePositionAndOrientation(self._body, **self._client)
+        position, quaternion = self._engine.getBasePositionAndOrientation(self._body)
         return np.array(position), np.array(quaternion)
 
     @property
     def velocity(self) -> Array:
         """Velocity of its centre, (3,), m/s."""
-        return np.array(pybullet.getBaseVelocity(self._body, **self._client)[0])
+        return np.array(self._engine.getBaseVelocity(self._body)[0])
 
     def wrench(self, wrist: Array) -> Wrench:
         """
@@ -401,7 +398,7 @@ class CarriedObject:
             self._place(self.pose[0])
             return
         position, quaternion = self.pose
-        linear, angular = pybullet.getBaseVelocity(self._body, **self._client)
+        linear, angular = self._engine.getBaseVelocity(self._body)
         lift_n = -float(self._felt[2]) if self._gripper.holds else None
         held = self._grip.holds
         force = self._grip.force(position, np.array(linear), lift_n, time_step_s)
@@ -415,9 +412,8 @@ class CarriedObject:
 
     def _apply(self, force: Array, position: Array, quaternion: Array, angular: Array) -> None:
         """Pull on the object, and restore its orientation at the grip."""
-        body, client = self._body, self._client
-        pybullet.applyExternalForce(
-            body, -1, force.tolist(), position.tolist(), pybullet.WORLD_FRAME, **client
+        self._engine.applyExternalForce(
+            self._body, -1, force.tolist(), position.tolist(), pybullet.WORLD_FRAME
         )
         turn: Any = pybullet.getDifferenceQuaternion(quaternion.tolist(), self._quaternion)
         axis, angle = pybullet.getAxisAngleFromQuaternion(turn)
@@ -425,8 +421,8 @@ class CarriedObject:
         spring = HAND_TURNS**2 * angle * np.array(axis) - 2.0 * HAND_TURNS * angular
         rotation = np.array(pybullet.getMatrixFromQuaternion(quaternion.tolist())).reshape(3, 3)
         torque = rotation @ (self.options.inertia * (rotation.T @ spring))
-        pybullet.applyExternalTorque(
-            body, -1, (self._grip.strength * torque).tolist(), pybullet.WORLD_FRAME, **client
+        self._engine.applyExternalTorque(
+            self._body, -1, (self._grip.strength * torque).tolist(), pybullet.WORLD_FRAME
         )
 
     def _is_on_table(self, position: Array) -> bool:
@@ -461,7 +457,5 @@ class CarriedObject:
     def _place(self, position: Array) -> None:
         """Put the object at a position, at rest."""
         quaternion = self.pose[1].tolist()
-        pybullet.resetBasePositionAndOrientation(
-            self._body, position.tolist(), quaternion, **self._client
-        )
-        pybullet.resetBaseVelocity(self._body, [0, 0, 0], [0, 0, 0], **self._client)
+        self._engine.resetBasePositionAndOrientation(self._body, position.tolist(), quaternion)
+        self._engine.resetBaseVelocity(self._body, [0, 0, 0], [0, 0, 0])

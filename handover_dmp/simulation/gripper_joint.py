@@ -57,7 +57,7 @@ class GripperJoint:
         self._body = body
         self._radius_m = 0.5 * size_m
         self._grip_s, self._speed = grip_s, speed
-        self._client = {'physicsClientId': world.client}
+        self._engine = world.engine
         self._joint: int | None = None
         self._away = np.zeros(3)
         self.hold_at(np.zeros(3))
@@ -70,7 +70,7 @@ class GripperJoint:
     @property
     def place(self) -> Array:
         """Position at which the joint acts on the object, (3,), m, in `world`."""
-        body = pybullet.getBasePositionAndOrientation(self._body, **self._client)
+        body = self._engine.getBasePositionAndOrientation(self._body)
         if not np.any(self._away):
             return np.array(body[0])
         return np.array(pybullet.multiplyTransforms(*body, self._away.tolist(), UPRIGHT)[0])
@@ -88,7 +88,7 @@ class GripperJoint:
 
     def take_hold(self) -> None:
         """Grasp the object at its present pose, and begin to draw it to its position."""
-        body = pybullet.getBasePositionAndOrientation(self._body, **self._client)
+        body = self._engine.getBasePositionAndOrientation(self._body)
         into_object = pybullet.invertTransform(*body)
         held_at = pybullet.multiplyTransforms(*self._flange(), *self._place)
         away, turn = pybullet.multiplyTransforms(*into_object, *held_at)
@@ -98,19 +98,19 @@ class GripperJoint:
         self._duration_s = max(self._grip_s, PEAK * way_m / self._speed)
         self._since_s = 0.0
         self._joint = int(
-            pybullet.createConstraint(
+            self._engine.createConstraint(
                 self._robot, self._link, self._body, -1, pybullet.JOINT_FIXED, [0, 0, 0],
-                self._place[0], away, self._place[1], turn, **self._client,
+                self._place[0], away, self._place[1], turn,
             )
         )  # fmt: skip
-        pybullet.changeConstraint(self._joint, maxForce=JOINT_FORCE_N, **self._client)
+        self._engine.changeConstraint(self._joint, maxForce=JOINT_FORCE_N)
 
     def let_go(self) -> None:
         """Release the object."""
         joint, self._joint = self._joint, None
         self._away = np.zeros(3)
         if joint is not None:
-            pybullet.removeConstraint(joint, **self._client)
+            self._engine.removeConstraint(joint)
 
     def draw(self, time_step_s: float) -> None:
         """
@@ -126,22 +126,19 @@ class GripperJoint:
         u = min(self._since_s / self._duration_s, 1.0)
         left = 1.0 - u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
         self._away = left * self._first_away
-        pybullet.changeConstraint(
+        self._engine.changeConstraint(
             self._joint,
             self._away.tolist(),
             exponential((left * self._turned).tolist()),
             maxForce=JOINT_FORCE_N,
-            **self._client,
         )
 
     def transmitted(self) -> Array:
         """Return force and torque on the wrist in the last step, (6,), N and Nm; 0 if open."""
         if self._joint is None:
             return np.zeros(6)
-        return np.array(pybullet.getConstraintState(self._joint, **self._client))
+        return np.array(self._engine.getConstraintState(self._joint))
 
     def _flange(self) -> tuple[Any, Any]:
-        link = pybullet.getLinkState(
-            self._robot, self._link, computeForwardKinematics=True, **self._client
-        )
+        link = self._engine.getLinkState(self._robot, self._link, computeForwardKinematics=True)
         return link[0], link[1]

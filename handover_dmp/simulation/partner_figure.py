@@ -31,6 +31,7 @@ from handover_dmp.common.arrays import Array
 from handover_dmp.common.quiet_pybullet import pybullet, silenced
 from handover_dmp.common.settings import setting
 from handover_dmp.robot.descriptions import example_robot_data_folder
+from handover_dmp.simulation.engine import Engine
 from handover_dmp.simulation.stances import Stance, UPRIGHT
 import numpy as np
 import pinocchio as pin
@@ -509,34 +510,31 @@ class PartnerFigure:
 class FigureBodies:
     """A figure in a PyBullet world: massless bodies without collision shapes, set to poses."""
 
-    def __init__(self, figure: PartnerFigure, client: int) -> None:
+    def __init__(self, figure: PartnerFigure, engine: Engine) -> None:
         """
         Put the figure into a world.
 
         Args:
             figure: the figure.
-            client: PyBullet's number of the world.
+            engine: the world.
 
         """
         self.figure = figure
-        self._client = client
+        self._engine = engine
         with silenced():
             self._bodies = [self._body(part) for part in figure.parts]
         self._shift: Array | None = None
 
     def _body(self, part: BodyPart) -> int:
-        shape = pybullet.createVisualShapeArray(
+        shape = self._engine.createVisualShapeArray(
             shapeTypes=[pybullet.GEOM_MESH] * len(part.meshes),
             fileNames=[mesh.path for mesh in part.meshes],
             meshScales=[mesh.scale for mesh in part.meshes],
             visualFramePositions=[mesh.position for mesh in part.meshes],
             visualFrameOrientations=[mesh.orientation for mesh in part.meshes],
-            physicsClientId=self._client,
         )
-        body = pybullet.createMultiBody(
-            baseMass=0, baseVisualShapeIndex=shape, physicsClientId=self._client
-        )
-        pybullet.changeVisualShape(body, -1, rgbaColor=part.colour, physicsClientId=self._client)
+        body = self._engine.createMultiBody(baseMass=0, baseVisualShapeIndex=shape)
+        self._engine.changeVisualShape(body, -1, rgbaColor=part.colour)
         return int(body)
 
     def show(self, hand: Array, start: Array | None = None) -> PartnerPosture:
@@ -556,10 +554,8 @@ class FigureBodies:
         stepped = self._shift is None or not np.allclose(self._shift, posture.shift, atol=1e-5)
         for part, body in zip(self.figure.parts, self._bodies, strict=True):
             if stepped or part.joint:
-                position, orientation = self.figure.part_pose(part, posture)
-                pybullet.resetBasePositionAndOrientation(
-                    body, position, orientation, physicsClientId=self._client
-                )
+                pose = self.figure.part_pose(part, posture)
+                self._engine.resetBasePositionAndOrientation(body, *pose)
         if stepped:
             self._shift = posture.shift
         return posture

@@ -25,7 +25,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 from xml.etree import ElementTree
 
 from handover_dmp.common.arrays import Array
@@ -33,8 +32,10 @@ from handover_dmp.common.closing import Closing
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.quiet_pybullet import pybullet, silenced
 from handover_dmp.common.settings import setting
+from handover_dmp.robot.chain import ends_of
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.plain_description import moved_links
+from handover_dmp.simulation.engine import Engine
 from handover_dmp.simulation.partner_figure import FigureBodies, PartnerFigure
 import numpy as np
 
@@ -84,10 +85,7 @@ class World(Closing):
         """
         self.model = model
         self.options = options or WorldOptions()
-        with silenced():
-            self.client = int(pybullet.connect(pybullet.DIRECT))
-        if self.client < 0:
-            raise DataError('PyBullet cannot create another world: close some first')
+        self.engine = Engine()
         try:
             self._fill(figure)
         except BaseException:
@@ -96,27 +94,26 @@ class World(Closing):
         self.reset(model.home)
 
     def _fill(self, figure: PartnerFigure | None) -> None:
-        pybullet.setTimeStep(self.options.time_step_s, physicsClientId=self.client)
-        pybullet.setGravity(0, 0, self.options.gravity, physicsClientId=self.client)
+        engine = self.engine
+        engine.setTimeStep(self.options.time_step_s)
+        engine.setGravity(0, 0, self.options.gravity)
         # The equations of the motors are coupled, more so for nearly coaxial joints. PyBullet's
         # default iterative solver stops with errors of up to 1e-3 rad/s; this one is exact, and
         # faster.
         with silenced():
-            pybullet.setPhysicsEngineParameter(
-                constraintSolverType=pybullet.CONSTRAINT_SOLVER_LCP_DANTZIG,
-                physicsClientId=self.client,
+            engine.setPhysicsEngineParameter(
+                constraintSolverType=pybullet.CONSTRAINT_SOLVER_LCP_DANTZIG
             )
-        self.robot = load_robot(self.model, moving_masses(self.model), self.client)
-        self.joints = joint_numbers(self.model, self.robot, self.client)
+        self.robot = load_robot(self.model, moving_masses(self.model), engine)
+        self.joints = joint_numbers(self.model, self.robot, engine)
         self._forces = [float(effort) for effort in self.model.limits.effort]
         self._undamp()
-        self.bodies = FigureBodies(figure, self.client) if figure is not None else None
+        self.bodies = FigureBodies(figure, engine) if figure is not None else None
 
     def _undamp(self) -> None:
-        kwargs = {'physicsClientId': self.client}
-        for link in range(-1, pybullet.getNumJoints(self.robot, **kwargs)):
-            pybullet.changeDynamics(
-                self.robot, link, linearDamping=0, angularDamping=0, jointDamping=0, **kwargs
+        for link in range(-1, self.engine.getNumJoints(self.robot)):
+            self.engine.changeDynamics(
+                self.robot, link, linearDamping=0, angularDamping=0, jointDamping=0
             )
 
     def reset(self, positions: Sequence[float] | Array) -> None:
@@ -128,9 +125,7 @@ class World(Closing):
 
         """
         for joint, position in zip(self.joints, positions, strict=True):
-            pybullet.resetJointState(
-                self.robot, joint, float(position), 0.0, physicsClientId=self.client
-            )
+            self.engine.resetJointState(self.robot, joint, float(position), 0.0)
 
     def drive(self, velocities: Sequence[float]) -> None:
         """
@@ -140,18 +135,17 @@ class World(Closing):
             velocities: (n,), rad/s, in the model's order.
 
         """
-        pybullet.setJointMotorControlArray(
+        self.engine.setJointMotorControlArray(
             self.robot,
             self.joints,
             pybullet.VELOCITY_CONTROL,
             targetVelocities=velocities,
             forces=self._forces,
-            physicsClientId=self.client,
         )
 
     def step(self) -> None:
         """Make one time step."""
-        pybullet.stepSimulation(physicsClientId=self.client)
+        self.engine.stepSimulation()
 
     def read(self) -> tuple[list[float], list[float]]:
         """
@@ -161,7 +155,7 @@ class World(Closing):
             Positions, rad, and velocities, rad/s, (n,) each, in the model's order.
 
         """
-        states = pybullet.getJointStates(self.robot, self.joints, physicsClientId=self.client)
+        states = self.engine.getJointStates(self.robot, self.joints)
         return [state[0] for state in states], [state[1] for state in states]
 
     def show_hand(self, hand: Array) -> None:
@@ -187,9 +181,7 @@ class World(Closing):
 
         """
         number = self.joints[self.model.joint_names.index(name)]
-        state = pybullet.getLinkState(
-            self.robot, number, computeForwardKinematics=True, physicsClientId=self.client
-        )
+        state = self.engine.getLinkState(self.robot, number, computeForwardKinematics=True)
         rotation = pybullet.getMatrixFromQuaternion(state[5])
         return np.array(state[4]), np.array(rotation).reshape(3, 3)
 
@@ -211,9 +203,7 @@ class World(Closing):
         in_its_order = [float(positions[i]) for i in order]
         try:
             with silenced():
-                found = pybullet.calculateMassMatrix(
-                    self.robot, in_its_order, physicsClientId=self.client
-                )
+                found = self.engine.calculateMassMatrix(self.robot, in_its_order)
         except (pybullet.error, SystemError) as error:
             path = self.model.urdf_path
             raise DataError(f'{path}: PyBullet cannot compute the mass matrix') from error
@@ -222,9 +212,7 @@ class World(Closing):
 
     def close(self) -> None:
         """Delete this world from PyBullet; a second call does nothing."""
-        client, self.client = self.client, -1
-        if client >= 0:
-            pybullet.disconnect(physicsClientId=client)
+        self.engine.close()
 
 
 def moving_masses(model: RobotModel) -> str:
@@ -242,7 +230,7 @@ def moving_masses(model: RobotModel) -> str:
     """
     robot = ElementTree.fromstring(model.chain_text)
     links = {link.get('name', ''): link for link in robot.findall('link')}
-    joints = {_end(joint, 'child'): joint for joint in robot.findall('joint')}
+    joints = {ends_of(joint)[1]: joint for joint in robot.findall('joint')}
     kept: set[str] = set()
 
     def keep(name: str) -> None:
@@ -250,11 +238,11 @@ def moving_masses(model: RobotModel) -> str:
         while name not in kept:
             kept.add(name)
             if name in joints:
-                name = _end(joints[name], 'parent')
+                name = ends_of(joints[name])[0]
 
     chain = [joint for joint in joints.values() if joint.get('name') in model.joint_names]
     for joint in chain:
-        keep(_end(joint, 'child'))
+        keep(ends_of(joint)[1])
     for name in moved_links(robot, chain):
         mass = links[name].find('inertial/mass')
         if mass is not None and float(mass.get('value', '0')) > 0.0:
@@ -268,20 +256,14 @@ def moving_masses(model: RobotModel) -> str:
     return ElementTree.tostring(robot, encoding='unicode')
 
 
-def _end(joint: ElementTree.Element, end: str) -> str:
-    """Return the link at an end of a joint."""
-    element = joint.find(end)
-    return '' if element is None else element.get('link', '')
-
-
-def load_robot(model: RobotModel, description: str, client: int) -> int:
+def load_robot(model: RobotModel, description: str, engine: Engine) -> int:
     """
     Load a robot into a world, on its base.
 
     Args:
         model: the robot.
         description: its URDF for PyBullet.
-        client: PyBullet's number of the world.
+        engine: the world.
 
     Returns:
         PyBullet's number of the robot.
@@ -298,28 +280,27 @@ def load_robot(model: RobotModel, description: str, client: int) -> int:
             file = Path(folder) / 'robot.urdf'
             file.write_text(ElementTree.tostring(robot, encoding='unicode'), encoding='utf-8')
             return int(
-                pybullet.loadURDF(
+                engine.loadURDF(
                     str(file),
                     basePosition=[float(x) for x in model.base.position],
                     baseOrientation=model.base.quaternion,
                     useFixedBase=True,
                     # otherwise it computes inertia from the shapes
                     flags=pybullet.URDF_USE_INERTIA_FROM_FILE,
-                    physicsClientId=client,
                 )
             )
     except pybullet.error as error:
         raise DataError(f'{model.urdf_path}: PyBullet cannot load it ({error})') from error
 
 
-def joint_numbers(model: RobotModel, robot: int, client: int) -> list[int]:
+def joint_numbers(model: RobotModel, robot: int, engine: Engine) -> list[int]:
     """
     Find the joints of a robot by name; PyBullet's order may differ from the model's.
 
     Args:
         model: the robot.
         robot: PyBullet's number of it.
-        client: PyBullet's number of the world.
+        engine: the world.
 
     Returns:
         PyBullet's number of each joint, in the model's order.
@@ -329,8 +310,8 @@ def joint_numbers(model: RobotModel, robot: int, client: int) -> list[int]:
 
     """
     found: dict[str, int] = {}
-    for number in range(pybullet.getNumJoints(robot, physicsClientId=client)):
-        info: Any = pybullet.getJointInfo(robot, number, physicsClientId=client)
+    for number in range(engine.getNumJoints(robot)):
+        info = engine.getJointInfo(robot, number)
         if info[2] in (pybullet.JOINT_REVOLUTE, pybullet.JOINT_PRISMATIC):
             found[info[1].decode()] = number
     missing = [name for name in model.joint_names if name not in found]

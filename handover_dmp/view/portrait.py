@@ -20,8 +20,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from handover_dmp.common.quiet_pybullet import pybullet, silenced
 from handover_dmp.robot.model import RobotModel
+from handover_dmp.simulation.engine import Engine
 from handover_dmp.simulation.world import joint_numbers, load_robot
 from handover_dmp.view.camera_image import camera_image, Pixels
 from handover_dmp.view.drawn_robot import drawn_description
@@ -59,22 +59,18 @@ def draw_portrait(model: RobotModel) -> Pixels:
         (height, width, 3), red, green and blue.
 
     """
-    with silenced():
-        client = int(pybullet.connect(pybullet.DIRECT))
-    try:
+    with Engine() as engine:
         with TemporaryDirectory() as folder:
             sphere, cylinder = Path(folder) / 'sphere.obj', Path(folder) / 'cylinder.obj'
             write_unit_sphere(sphere)
             write_unit_cylinder(cylinder)
-            robot = load_robot(model, refine(drawn_description(model), sphere, cylinder), client)
-        for number, q in zip(joint_numbers(model, robot, client), model.home, strict=True):
-            pybullet.resetJointState(robot, number, float(q), physicsClientId=client)
-        camera = _camera(robot, client)
+            robot = load_robot(model, refine(drawn_description(model), sphere, cylinder), engine)
+        for number, q in zip(joint_numbers(model, robot, engine), model.home, strict=True):
+            engine.resetJointState(robot, number, float(q))
+        camera = _camera(robot, engine)
         pixels, seen = camera_image(
-            camera.width, camera.height, camera.view, camera.projection, client, **LIGHT
+            camera.width, camera.height, camera.view, camera.projection, engine.client, **LIGHT
         )
-    finally:
-        pybullet.disconnect(physicsClientId=client)
     picture = np.where(seen[..., None] >= 0, pixels[..., :3], BACKGROUND).astype(np.uint8)
     picture = _framed(picture, seen >= 0)
     small = Image.fromarray(picture).resize((SIDE, SIDE), Image.Resampling.LANCZOS)
@@ -92,10 +88,10 @@ def _framed(picture: Pixels, arm: NDArray[np.bool_]) -> Pixels:
     return wide[tuple(slice(start, start + 2 * half) for start in first)]
 
 
-def _camera(robot: int, client: int) -> Camera:
+def _camera(robot: int, engine: Engine) -> Camera:
     """Place the camera in front and to the side of the arm, so that it sees all of it."""
-    links = range(-1, pybullet.getNumJoints(robot, physicsClientId=client))
-    boxes = np.array([pybullet.getAABB(robot, link, physicsClientId=client) for link in links])
+    links = range(-1, engine.getNumJoints(robot))
+    boxes = np.array([engine.getAABB(robot, link) for link in links])
     low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
     middle, radius = (low + high) / 2.0, float(np.linalg.norm(high - low)) / 2.0
     distance = max(MARGIN * radius / np.sin(np.radians(16.0)), 0.3)

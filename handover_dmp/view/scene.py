@@ -26,6 +26,7 @@ from dataclasses import dataclass
 import itertools
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.closing import Closing
@@ -34,6 +35,7 @@ from handover_dmp.common.quiet_pybullet import pybullet, silenced
 from handover_dmp.common.settings import setting
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.simulation.carried_object import TABLE_SIDE_M
+from handover_dmp.simulation.engine import Engine
 from handover_dmp.simulation.partner_figure import FigureBodies, PartnerFigure
 from handover_dmp.simulation.stances import LYING, Stance, UPRIGHT
 from handover_dmp.simulation.world import joint_numbers, load_robot
@@ -73,7 +75,8 @@ GRIP_S = 0.3
 """Time in which the gripper pulls the object to its pose in the grip, s."""
 PALM_M = 0.09  # from the wrist along the fingers
 TRAIL_RADIUS_M = 0.008
-OUT_OF_SIGHT = (0.0, 0.0, -1000.0)
+IN_SIGHT, OUT_OF_SIGHT = (0.0, 0.0, 0.0), (0.0, 0.0, -1000.0)
+UNTURNED = (0.0, 0.0, 0.0, 1.0)
 SHADOW_PIXELS = 256
 SHADOW_M, WIDE_SHADOW_M = 1.6, 2.6
 """Half the side of the square with shadows, m, without and with surroundings."""
@@ -257,27 +260,33 @@ class Scene(Closing):
         self._arm = np.array([p.joints for p in self.figure.postures(self._hand_path)])
         self._surroundings = surroundings
         self._pieces: list[int] = []
-        self._client = -1
-        with silenced():
-            self._client = int(pybullet.connect(pybullet.DIRECT))
-            self._bodies = FigureBodies(self.figure, self._client)
+        self._engine = Engine()
+        self._bodies = FigureBodies(self.figure, self._engine)
         with TemporaryDirectory() as folder:
             self._sphere = Path(folder) / 'sphere.obj'
             self._cylinder = Path(folder) / 'cylinder.obj'
             write_unit_sphere(self._sphere)
             write_unit_cylinder(self._cylinder)
             fine = refine(drawn_description(model), self._sphere, self._cylinder)
-            self._robot = load_robot(model, fine, self._client)
+            self._robot = load_robot(model, fine, self._engine)
             self._furnish()
-        self._numbers = joint_numbers(model, self._robot, self._client)
+        self._numbers = joint_numbers(model, self._robot, self._engine)
         self._trails = self._lay_trails()
         self._backdrops: dict[tuple[int, int], _Backdrop] = {}
 
     def _furnish(self) -> None:
-        """Create the pedestal, and the object at a preliminary pose."""
+        """Create pedestal and surroundings, the object at a preliminary pose, and its table."""
+        x, y, _ = self.model.base.position
         for radius, low, high in self.pedestal:
-            self._pedestal(radius, low, high)
-        self._surround()
+            body = self._cylinder_body(radius, high - low, PEDESTAL_COLOUR)
+            self._put(body, [x, y, self.floor_height_m + (low + high) / 2])
+        for piece, position, orientation in self.around:
+            if piece.is_round:
+                body = self._cylinder_body(piece.size[0] / 2, piece.size[1], piece.colour)
+            else:
+                body = self._box_body(piece.size, piece.colour)
+            self._put(body, position, orientation)
+            self._pieces.append(body)
         self._plan_grasp()
         self._lay_on_table()
 
@@ -289,16 +298,6 @@ class Scene(Closing):
             return ()
         foot, column, plate = PEDESTAL_RADIUS_M, 0.10, 0.16
         return (foot, 0.0, 0.02), (column, 0.02, rise - 0.02), (plate, rise - 0.02, rise)
-
-    def _pedestal(self, radius: float, low: float, high: float) -> None:
-        x, y, _ = self.model.base.position
-        body = self._cylinder_body(radius, high - low, PEDESTAL_COLOUR)
-        pybullet.resetBasePositionAndOrientation(
-            body,
-            [x, y, self.floor_height_m + (low + high) / 2],
-            [0, 0, 0, 1],
-            physicsClientId=self._client,
-        )
 
     @property
     def around(self) -> list[tuple[Piece, Array, Array]]:
@@ -317,40 +316,30 @@ class Scene(Closing):
             for piece in self._surroundings.pieces
         ]
 
-    def _surround(self) -> None:
-        for piece, position, orientation in self.around:
-            if piece.is_round:
-                body = self._cylinder_body(piece.size[0] / 2, piece.size[1], piece.colour)
-            else:
-                body = self._box_body(piece.size, piece.colour)
-            pybullet.resetBasePositionAndOrientation(
-                body, position, orientation, physicsClientId=self._client
-            )
-            self._pieces.append(body)
-
     def _box_body(self, size: Sequence[float], colour: Colour) -> int:
-        shape = pybullet.createVisualShape(
-            pybullet.GEOM_BOX,
-            halfExtents=[side / 2 for side in size],
-            rgbaColor=(*colour, 1.0),
-            physicsClientId=self._client,
-        )
-        return int(
-            pybullet.createMultiBody(baseVisualShapeIndex=shape, physicsClientId=self._client)
-        )
+        return self._body(pybullet.GEOM_BOX, colour, halfExtents=[side / 2 for side in size])
 
     def _cylinder_body(self, radius: float, length: float, colour: Colour) -> int:
-        with silenced():
-            shape = pybullet.createVisualShape(
-                pybullet.GEOM_MESH,
-                fileName=str(self._cylinder),
-                meshScale=[radius, radius, length],
-                rgbaColor=(*colour, 1.0),
-                physicsClientId=self._client,
-            )
-        return int(
-            pybullet.createMultiBody(baseVisualShapeIndex=shape, physicsClientId=self._client)
+        return self._body(
+            pybullet.GEOM_MESH,
+            colour,
+            fileName=str(self._cylinder),
+            meshScale=[radius, radius, length],
         )
+
+    def _body(self, kind: int, colour: Colour, **shape: Any) -> int:
+        """Create a body in the origin, of one shape of PyBullet."""
+        with silenced():
+            number = self._engine.createVisualShape(kind, rgbaColor=(*colour, 1.0), **shape)
+        return int(self._engine.createMultiBody(baseVisualShapeIndex=number))
+
+    def _put(
+        self,
+        body: int,
+        position: Sequence[float] | Array,
+        orientation: Sequence[float] | Array = UNTURNED,
+    ) -> None:
+        self._engine.resetBasePositionAndOrientation(body, position, orientation)
 
     def _plan_grasp(self) -> None:
         """
@@ -400,9 +389,7 @@ class Scene(Closing):
             place = np.array([*held.position[:2], self.floor_height_m + height])
             self.table += ((Piece((0.0, 0.0, 0.0), size, TABLE_COLOUR), place),)
             body = self._box_body(size, TABLE_COLOUR)
-            pybullet.resetBasePositionAndOrientation(
-                body, place, [0, 0, 0, 1], physicsClientId=self._client
-            )
+            self._put(body, place)
             self._pieces.append(body)
 
     def _between(self, time_s: float) -> tuple[_Pose, _Pose, float, Array]:
@@ -460,9 +447,7 @@ class Scene(Closing):
         """
         joints = self.joint_positions(time_s)
         for number, position in zip(self._numbers, joints, strict=True):
-            pybullet.resetJointState(
-                self._robot, number, float(position), physicsClientId=self._client
-            )
+            self._engine.resetJointState(self._robot, number, float(position))
         posture = self._bodies.show(
             _at(time_s, self.times, self._hand_path), _at(time_s, self.times, self._arm)
         )
@@ -470,11 +455,9 @@ class Scene(Closing):
         pose = self._object_at(time_s, self._flange_pose(time_s), hand)
         turn = Rotation.from_matrix(pose.rotation).as_quat()
         for body, part in zip(self._object, self.object_parts, strict=True):
-            place = pose.position + pose.rotation @ np.array(part.middle)
-            pybullet.resetBasePositionAndOrientation(
-                body, place, turn, physicsClientId=self._client
-            )
-        self._draw_trails(time_s)
+            self._put(body, pose.position + pose.rotation @ np.array(part.middle), turn)
+        for trail in self._trails:
+            self._put(trail.body, IN_SIGHT if trail.until_s <= time_s else OUT_OF_SIGHT)
 
     def _object_at(self, time_s: float, flange: _Pose, hand: _Pose) -> _Pose:
         """Place the object in the grasp of its holder."""
@@ -493,9 +476,7 @@ class Scene(Closing):
     @property
     def object_pose(self) -> tuple[Array, Array]:
         """Shown pose of the object: position, (3,), m, and quaternion x, y, z, w."""
-        position, orientation = pybullet.getBasePositionAndOrientation(
-            self._object[0], physicsClientId=self._client
-        )
+        position, orientation = self._engine.getBasePositionAndOrientation(self._object[0])
         return np.array(position), np.array(orientation)
 
     def _lay_trails(self) -> list[_TrailPiece]:
@@ -510,40 +491,20 @@ class Scene(Closing):
             corners = _spaced(path, TRAIL_RADIUS_M)
             for first in range(0, len(corners) - 1, 2):
                 piece = corners[first: first + 3]  # fmt: skip
-                body = self._tube_body(path[piece], colour)
-                if body is not None:
-                    pieces.append(_TrailPiece(body, float(self.times[piece[-1]])))
+                surface = tube(path[piece], TRAIL_RADIUS_M)
+                if surface is None:
+                    continue
+                vertices, normals, indices = (part.tolist() for part in surface)
+                body = self._body(
+                    pybullet.GEOM_MESH,
+                    colour,
+                    vertices=vertices,
+                    normals=normals,
+                    indices=indices,
+                )
+                self._put(body, OUT_OF_SIGHT)
+                pieces.append(_TrailPiece(body, float(self.times[piece[-1]])))
         return pieces
-
-    def _tube_body(self, path: Array, colour: Colour) -> int | None:
-        surface = tube(path, TRAIL_RADIUS_M)
-        if surface is None:
-            return None
-        vertices, normals, indices = surface
-        shape = pybullet.createVisualShape(
-            pybullet.GEOM_MESH,
-            vertices=vertices.tolist(),
-            normals=normals.tolist(),
-            indices=indices.tolist(),
-            rgbaColor=(*colour, 1.0),
-            physicsClientId=self._client,
-        )
-        return int(
-            pybullet.createMultiBody(
-                baseVisualShapeIndex=shape,
-                basePosition=OUT_OF_SIGHT,
-                physicsClientId=self._client,
-            )
-        )
-
-    def _draw_trails(self, time_s: float) -> None:
-        for piece in self._trails:
-            pybullet.resetBasePositionAndOrientation(
-                piece.body,
-                [0, 0, 0] if piece.until_s <= time_s else OUT_OF_SIGHT,
-                [0, 0, 0, 1],
-                physicsClientId=self._client,
-            )
 
     def camera(self, width: int, height: int) -> Camera:
         """
@@ -621,11 +582,8 @@ class Scene(Closing):
         clouds = [self._hand_path, self._wrist_path]
         for index in np.linspace(0, len(self.times) - 1, 12).astype(int):
             self.show(float(self.times[index]))
-            for number in range(
-                -1, pybullet.getNumJoints(self._robot, physicsClientId=self._client)
-            ):
-                low, high = pybullet.getAABB(self._robot, number, physicsClientId=self._client)
-                clouds.append(np.array([low, high]))
+            for number in range(-1, self._engine.getNumJoints(self._robot)):
+                clouds.append(np.array(self._engine.getAABB(self._robot, number)))
         corners = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
         clouds += [place + corners * piece.size for piece, place in self.table]
         clouds += [
@@ -708,7 +666,7 @@ class Scene(Closing):
             height,
             camera.view,
             camera.projection,
-            self._client,
+            self._engine.client,
             lightDirection=[light[0], light[1], light[2] + 1.2],
             lightColor=[1.0, 1.0, 1.0],
             lightAmbientCoeff=0.50,
@@ -734,16 +692,14 @@ class Scene(Closing):
             pybullet.computeProjectionMatrixFOV(
                 2 * float(np.degrees(np.arctan(tangent))), 1.0, 10.0, 21.0
             ),
-            self._client,
+            self._engine.client,
         )
         cover = (seen >= 0).astype(float)
         return np.asarray(gaussian_filter(cover, SHADOW_BLUR_M * SHADOW_PIXELS / (2 * half)))
 
     def close(self) -> None:
         """Free the scene in PyBullet; a second call does nothing."""
-        client, self._client = self._client, -1
-        if client >= 0:
-            pybullet.disconnect(physicsClientId=client)
+        self._engine.close()
 
 
 @dataclass(frozen=True)

@@ -353,7 +353,7 @@ def test_figure_follows_the_hand_at_its_own_rate():
             return super().show(hand, start)
 
     with SimulatedArm(MODEL, figure=figure) as arm:
-        arm.world.bodies = Counted(figure, arm.world.client)
+        arm.world.bodies = Counted(figure, arm.world.engine)
         for point in path:
             arm.show_hand(point)
             arm.show_hand(np.array([np.nan, 0.0, 0.0]))

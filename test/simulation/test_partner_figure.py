@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import csv
 
-from handover_dmp.common.quiet_pybullet import pybullet, silenced
+from handover_dmp.simulation.engine import Engine
 from handover_dmp.simulation.partner_figure import ARM_JOINTS, FigureBodies, PartnerFigure
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -64,20 +64,16 @@ def test_wrist_follows_recorded_people(kth_folder):
 def test_shown_meshes_are_where_the_posture_says():
     """Ask PyBullet's body of the hand, not the figure's own word for it."""
     figure = PartnerFigure(reach(), PARTNER)
-    with silenced():
-        client = pybullet.connect(pybullet.DIRECT)
-    try:
-        bodies = FigureBodies(figure, client)
+    with Engine() as engine:
+        bodies = FigureBodies(figure, engine)
         for point in reach(5):
             bodies.show(point)
             places = [
-                pybullet.getBasePositionAndOrientation(body, physicsClientId=client)[0]
-                for body in range(pybullet.getNumBodies(physicsClientId=client))
+                engine.getBasePositionAndOrientation(body)[0]
+                for body in range(engine.getNumBodies())
             ]
             nearest = min(np.linalg.norm(np.array(place) - point) for place in places)
             assert nearest < 2e-6
-    finally:
-        pybullet.disconnect(client)
 
 
 def test_joints_stay_within_their_limits_and_move_smoothly():
