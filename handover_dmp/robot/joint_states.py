@@ -20,6 +20,7 @@ from collections.abc import Sequence
 from math import isfinite, isnan
 
 from handover_dmp.common.arrays import Array
+from handover_dmp.robot.model import RobotModel
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -111,6 +112,73 @@ class JointStateReader:
             if {prefix + name for name in self._wanted} <= set(names):
                 return f'{fault}: set joint_prefix to {prefix!r}'
         return fault
+
+
+class MeasuredArm:
+    """
+    Base of what controls an arm by its joint states, which may be wrong or late.
+
+    Attributes:
+        model: the arm.
+        joint_states: finds its joints.
+
+    """
+
+    def __init__(self, model: RobotModel, joint_prefix: str) -> None:
+        self.model = model
+        self.joint_states = JointStateReader(model.joint_names, joint_prefix)
+        self._forget_joint_states()
+
+    def _forget_joint_states(self) -> None:
+        self._positions: Array | None = None
+        self._measured_velocities = np.zeros(self.model.dof)
+        self._joint_fault = 'no joint states yet'
+        self._joint_arrival_s = float('-inf')
+
+    def set_joint_state(
+        self,
+        names: Sequence[str],
+        positions: ArrayLike,
+        velocities: ArrayLike,
+        arrival_s: float,
+    ) -> bool:
+        """
+        Process measured joint states, in any order, possibly with other joints.
+
+        Args:
+            names: names of the joints.
+            positions: rad, one per name.
+            velocities: rad/s, one per name or none at all; NaN if not measured.
+            arrival_s: time of arrival, s.
+
+        Returns:
+            Whether they were used.
+
+        """
+        found = self.joint_states.read(names, positions, velocities)
+        if isinstance(found, str):
+            # ignore those of a gripper or another arm, once this arm's have arrived
+            if self._positions is None or self.joint_states.concerns(names):
+                self._joint_fault = found
+            return False
+        self._joint_fault = ''
+        self._positions, measured_velocities = found
+        if measured_velocities is not None:
+            self._measured_velocities = measured_velocities
+        self._joint_arrival_s = arrival_s
+        return True
+
+    def _joint_state_fault(self, now_s: float, timeout_s: float) -> str:
+        """Return the fault of the joint states; empty if there is none."""
+        age_s = now_s - self._joint_arrival_s
+        if not self._joint_fault and age_s > timeout_s:
+            return f'joint states are {age_s:.3f} s old'
+        return self._joint_fault
+
+    @property
+    def _measured(self) -> Array:
+        assert self._positions is not None
+        return self._positions
 
 
 def _shown(names: Sequence[str]) -> str:

@@ -28,7 +28,7 @@ from typing import NamedTuple
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.settings import defaults, parameters_of, setting
-from handover_dmp.robot.joint_states import JointStateReader
+from handover_dmp.robot.joint_states import MeasuredArm
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.velocity_driver import (
     ArmOptions,
@@ -38,7 +38,6 @@ from handover_dmp.robot.velocity_driver import (
     VelocityDriver,
 )
 import numpy as np
-from numpy.typing import ArrayLike
 
 BOUNDS_EVERY_S = 0.005
 STEPS = 5
@@ -82,7 +81,7 @@ class PositionCommand(NamedTuple):
     reason: str
 
 
-class PositionCommander:
+class PositionCommander(MeasuredArm):
     """Integrates joint velocities while it is safe."""
 
     def __init__(
@@ -103,50 +102,16 @@ class PositionCommander:
             joint_prefix: prefix of the driver's joint names.
 
         """
-        self.model = model
+        super().__init__(model, joint_prefix)
         self.options = options or PositionCommanderOptions()
-        self.joint_states = JointStateReader(model.joint_names, joint_prefix)
         usual = parameters_of(ArmOptions, defaults('velocity_to_position'))
         self._driver = VelocityDriver(model, arm_options or ArmOptions(**usual))
-        self._measured: Array | None = None
-        self._joint_fault = 'no joint states yet'
-        self._joint_arrival_s = float('-inf')
         self._engaged = False
 
     @property
     def report(self) -> ArmReport:
         """Report on the commands since the last reset."""
         return self._driver.report
-
-    def set_joint_state(
-        self,
-        names: Sequence[str],
-        positions: ArrayLike,
-        velocities: ArrayLike,
-        arrival_s: float,
-    ) -> bool:
-        """
-        Process measured joint states, in any order, possibly with other joints.
-
-        Args:
-            names: names of the joints.
-            positions: rad, one per name.
-            velocities: rad/s, one per name or none at all.
-            arrival_s: time of arrival, s.
-
-        Returns:
-            Whether they were used.
-
-        """
-        found = self.joint_states.read(names, positions, velocities)
-        if isinstance(found, str):
-            if self._measured is None or self.joint_states.concerns(names):
-                self._joint_fault = found
-            return False
-        self._joint_fault = ''
-        self._measured, _ = found
-        self._joint_arrival_s = arrival_s
-        return True
 
     def command(self, velocities: Sequence[float] | Array, arrival_s: float) -> CommandOutcome:
         """
@@ -160,7 +125,7 @@ class PositionCommander:
             The outcome.
 
         """
-        if not self._engaged and self._measured is not None and not self._fault(arrival_s):
+        if not self._engaged and not self._fault(arrival_s):
             self._driver.start_from(self._measured)
             self._engaged = self._driver.report.state is ArmState.READY
         return self._driver.command(velocities, arrival_s)
@@ -213,14 +178,9 @@ class PositionCommander:
             self._driver.steps(dt / bounds / STEPS, STEPS)
 
     def _fault(self, now_s: float) -> str:
-        """Return the fault of the joint states; empty if there is none."""
-        age_s = now_s - self._joint_arrival_s
-        if not self._joint_fault and age_s > self.options.joint_state_timeout_s:
-            return f'joint states are {age_s:.3f} s old'
-        return self._joint_fault
+        return self._joint_state_fault(now_s, self.options.joint_state_timeout_s)
 
     def _ahead(self) -> str:
-        assert self._measured is not None
         ahead = np.abs(self._driver.reference - self._measured)
         worst = int(ahead.argmax())
         if ahead[worst] <= self.options.lead_limit_rad:

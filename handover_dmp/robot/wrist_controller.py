@@ -21,20 +21,18 @@ reordered, incomplete or late, commands that stop, hands that are lost. Free of 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import nan
 from typing import NamedTuple
 
 from handover_dmp.common.arrays import Array
-from handover_dmp.robot.joint_states import all_finite, JointStateReader
+from handover_dmp.robot.joint_states import all_finite, MeasuredArm
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.partner import Partner
 from handover_dmp.robot.priority_ik import IkSolution, PriorityIk
 from handover_dmp.robot.singularity import smallest_singular_value
 from handover_dmp.robot.tasks import ik_setting, WristTarget
 import numpy as np
-from numpy.typing import ArrayLike
 
 STALLED = 0.03
 """Share of the wrist's speed below which the arm stops instead."""
@@ -126,7 +124,7 @@ class JointCommand(NamedTuple):
         }
 
 
-class WristController:
+class WristController(MeasuredArm):
     """Makes an arm follow wrist commands by priority inverse kinematics, while it is safe."""
 
     def __init__(
@@ -147,18 +145,14 @@ class WristController:
             joint_prefix: prefix of the driver's joint names.
 
         """
-        self.model = model
-        self.joint_states = JointStateReader(model.joint_names, joint_prefix)
+        super().__init__(model, joint_prefix)
         self.ik = ik
         self.options = options or WristControllerOptions()
         self.reset()
 
     def reset(self) -> None:
         """Forget every input."""
-        self._positions: Array | None = None
-        self._measured_velocities = np.zeros(self.model.dof)
-        self._joint_fault = 'no joint states yet'
-        self._joint_arrival_s = float('-inf')
+        self._forget_joint_states()
         self._commanded: Array | None = None
         self._target: WristTarget | None = None
         self._target_arrival_s = float('-inf')
@@ -191,39 +185,6 @@ class WristController:
             'wrist command': now_s - self._target_arrival_s,
             'hand': now_s - self._hand_arrival_s,
         }
-
-    def set_joint_state(
-        self,
-        names: Sequence[str],
-        positions: ArrayLike,
-        velocities: ArrayLike,
-        arrival_s: float,
-    ) -> bool:
-        """
-        Process measured joint states, in any order, possibly with other joints.
-
-        Args:
-            names: names of the joints.
-            positions: rad, one per name.
-            velocities: rad/s, one per name or none at all; NaN if not measured.
-            arrival_s: time of arrival, s.
-
-        Returns:
-            Whether they were used.
-
-        """
-        found = self.joint_states.read(names, positions, velocities)
-        if isinstance(found, str):
-            # ignore those of a gripper or another arm, once this arm's have arrived
-            if self._positions is None or self.joint_states.concerns(names):
-                self._joint_fault = found
-            return False
-        self._joint_fault = ''
-        self._positions, measured_velocities = found
-        if measured_velocities is not None:
-            self._measured_velocities = measured_velocities
-        self._joint_arrival_s = arrival_s
-        return True
 
     def set_target(self, target: WristTarget, arrival_s: float) -> bool:
         """
@@ -298,11 +259,8 @@ class WristController:
             Joint velocities, or the reason for none.
 
         """
-        if self._joint_fault:
-            return self.stop(self._joint_fault, dt)
-        age = now_s - self._joint_arrival_s
-        if age > self.options.joint_state_timeout_s:
-            return self.stop(f'joint states are {age:.3f} s old', dt)
+        if fault := self._joint_state_fault(now_s, self.options.joint_state_timeout_s):
+            return self.stop(fault, dt)
         if self._commanded is None:
             self._commanded = self._measured_velocities
         if self._target is None:
@@ -313,7 +271,7 @@ class WristController:
         hand = self._partner(now_s)
         if self._holds(self._target):
             return self._brake('', dt)
-        solution = self.ik.solve(self._measured(), self._commanded, self._target, dt, hand=hand)
+        solution = self.ik.solve(self._measured, self._commanded, self._target, dt, hand=hand)
         self._stalled = self._stalls(solution.speed_scale, self._target, hand, dt)
         if self._stalled:
             return self._brake('wrist command out of reach: singularity or limit', dt)
@@ -348,7 +306,7 @@ class WristController:
         turning = target.angular_velocity
         if any(target.velocity.tolist()) or (turning is not None and any(turning.tolist())):
             return False
-        place, rotation = self.model.wrist_pose(self._measured())
+        place, rotation = self.model.wrist_pose(self._measured)
         turned = self.ik.stack.off(rotation, target.rotation)
         near = float(np.linalg.norm(place - target.position)) < self.options.hold_distance_m
         return near and turned < HELD_ROTATION
@@ -368,19 +326,15 @@ class WristController:
         crept = self._creeps_s > MAX_CREEP_S
         if not (self._stalled or crept or speed_scale < STALLED):
             return False
-        positions = self._measured()
+        positions = self._measured
         at_ease = self.ik.solve(positions, np.zeros(len(positions)), target, AT_EASE_S, hand=hand)
         if self._stalled:
             return at_ease.speed_scale < GOES_ON * slowest
         return crept or at_ease.speed_scale < STALLED
 
-    def _measured(self) -> Array:
-        assert self._positions is not None
-        return self._positions
-
     def _brake(self, reason: str, dt: float) -> JointCommand:
         assert self._commanded is not None
-        positions = self._measured()
+        positions = self._measured
         self._commanded = self.ik.brake(positions, self._commanded, dt)
         singular_value = smallest_singular_value(self.model.wrist_jacobian(positions)[:3])
         return JointCommand(self._commanded, reason, smallest_singular_value=singular_value)
