@@ -249,8 +249,5 @@ def _hard_range(
     value = defaults.position_rad
     what = f'position limits {was} are placeholders, replaced by ±{value:.4g} rad (default)'
     placeholders.setdefault(f'{what}: joint', []).append(str(joint.get('name')))
-    if lower_says or upper_says:
-        source = f'{FILE}, {DEFAULT}'
-    else:
-        source = DEFAULT
+    source = f'{FILE}, {DEFAULT}' if lower_says or upper_says else DEFAULT
     return lower if lower_says else -value, upper if upper_says else value, source

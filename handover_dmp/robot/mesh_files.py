@@ -66,7 +66,7 @@ def find_mesh(name: str, folder: Path | None) -> Path | None:
         scheme, rest = '', name
     if scheme in ('package', 'model'):
         package, _, inner = rest.partition('/')
-        candidates = _in_package(package, inner, folder)
+        candidates = (place / inner for place in _package_folders(package, folder))
     elif scheme in ('', 'file'):
         candidates = _by_path(rest, folder)
     else:
@@ -83,10 +83,6 @@ def _by_path(path: str, folder: Path | None) -> Iterator[Path]:
         yield Path(path)
     elif folder is not None:
         yield from (above / path for above in _folders(folder))
-
-
-def _in_package(package: str, inner: str, folder: Path | None) -> Iterator[Path]:
-    yield from (place / inner for place in _package_folders(package, folder))
 
 
 def _package_folders(package: str, folder: Path | None) -> Iterator[Path]:

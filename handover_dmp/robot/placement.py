@@ -355,13 +355,13 @@ def _distance_cost(wrist_path: _WristPath, shoulder: Array, reach: float) -> flo
         + float(np.mean(np.abs(distances - 0.65)))
         + max(0.0, 0.3 - level)
         + 5.0 * missing
-        - LEFT_BONUS
-        * float(
-            np.sign(
-                np.round((shoulder - wrist_path.points.mean(axis=0)) @ wrist_path.leftwards, 9)
-            )
-        )
+        - _left_bonus(wrist_path, shoulder)
     )
+
+
+def _left_bonus(wrist_path: _WristPath, shoulder: Array) -> float:
+    aside = float((shoulder - wrist_path.points.mean(axis=0)) @ wrist_path.leftwards)
+    return LEFT_BONUS * float(np.sign(np.round(aside, 9)))
 
 
 def _behind_start(wrist_path: _WristPath, shoulder: Array) -> float:
@@ -419,9 +419,7 @@ def _tried(
     shoulder = np.array(base.position) + base.rotation @ own
     short = max(0.0, BEHIND_START - _behind_start(wrist_path, shoulder))
     score = min(ease) + 0.1 * float(np.mean(ease)) - 3.0 * short
-    aside = float((shoulder - wrist_path.points.mean(axis=0)) @ wrist_path.leftwards)
-    score += LEFT_BONUS * float(np.sign(np.round(aside, 9)))
-    return _Trial(score, base, 0.0)
+    return _Trial(score + _left_bonus(wrist_path, shoulder), base, 0.0)
 
 
 def _moved(wrist: _Wrist, posture: Array, point: Array) -> tuple[Array, float]:

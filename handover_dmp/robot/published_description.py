@@ -60,9 +60,9 @@ def shown_root(text: str, frame: str) -> str:
         The name of its root; another name if the frame has the same.
 
     """
-    root = root_link(text)
+    own = root = root_link(text)
     names = {link.get('name', '') for link in parse_xml(text).findall('link')}
-    while root in (frame, *(names - {root_link(text)})):
+    while root in (frame, *(names - {own})):
         root = f'arm_{root}'
     return root
 
@@ -92,11 +92,8 @@ def published_description(text: str, folder: Path, frame: str) -> str:
     old, new = root_link(text), shown_root(text, frame)
     if new != old:
         changed = True
-        for link in tree.findall('link'):
-            if link.get('name') == old:
-                link.set('name', new)
-        for joint in tree.findall('joint'):
-            for parent in joint.findall('parent'):
-                if parent.get('link') == old:
-                    parent.set('link', new)
+        for path, key in (('link', 'name'), ('joint/parent', 'link')):
+            for element in tree.findall(path):
+                if element.get(key) == old:
+                    element.set(key, new)
     return ElementTree.tostring(tree, encoding='unicode') if changed else text

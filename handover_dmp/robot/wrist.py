@@ -60,7 +60,8 @@ def choose_wrist(tree: Element, base_frame: str | None, origin: str) -> tuple[st
         RobotDescriptionError: there are several candidates; the error names them.
 
     """
-    chains = {link: _chain(tree, link, base_frame, origin) for link in _links(tree)}
+    links = [link.get('name', '') for link in tree.findall('link')]
+    chains = {link: _chain(tree, link, base_frame, origin) for link in links}
     moved = [link for link, chain in chains.items() if chain]
     parents = {ends_of(joint)[0] for joint in tree.findall('joint')}
     ends = [link for link in moved if link not in parents]
@@ -89,10 +90,6 @@ def choose_wrist(tree: Element, base_frame: str | None, origin: str) -> tuple[st
     )
 
 
-def _links(tree: Element) -> list[str]:
-    return [link.get('name', '') for link in tree.findall('link')]
-
-
 def _chain(tree: Element, link: str, base_frame: str | None, origin: str) -> tuple[Element, ...]:
     """Return the joints that move a link; none if the base does not carry it."""
     try:
@@ -106,18 +103,11 @@ def _may_be_jaw(chain: tuple[Element, ...]) -> bool:
     last, before = chain[-1], chain[:-1]
     if GRIPPER.search(f'{last.get("name")} {ends_of(last)[1]}') or last.find('mimic') is not None:
         return True
-    if last.get('type') == 'prismatic' and _travel(last) < JAW_TRAVEL_M:
+    travel = _limit(last, 'upper') - _limit(last, 'lower')
+    if last.get('type') == 'prismatic' and travel < JAW_TRAVEL_M:
         return True
-    strongest = max(map(_effort, before), default=0.0)
-    return len(chain) > MAX_JOINTS or 0.0 < _effort(last) < JAW_EFFORT * strongest
-
-
-def _travel(joint: Element) -> float:
-    return _limit(joint, 'upper') - _limit(joint, 'lower')
-
-
-def _effort(joint: Element) -> float:
-    return _limit(joint, 'effort')
+    strongest = max((_limit(joint, 'effort') for joint in before), default=0.0)
+    return len(chain) > MAX_JOINTS or 0.0 < _limit(last, 'effort') < JAW_EFFORT * strongest
 
 
 def _limit(joint: Element, key: str) -> float:
