@@ -299,10 +299,10 @@ class PartnerFigure:
         self.floor_height_m = (
             self._likely_floor(path[-1]) if floor_height_m is None else floor_height_m
         )
-        self.heading, self._pelvis = self._place(path, np.asarray(partner, dtype=float))
-        upright = pin.rpy.rpyToMatrix(np.pi / 2, 0.0, self.heading)
-        self._root = pin.SE3(upright @ self._anatomy.pitched, self._pelvis)
-        self.shoulder = pin.SE3(upright, self._pelvis).act(self._anatomy.shoulder)
+        self.heading, self.pelvis = self._place(path, np.asarray(partner, dtype=float))
+        self._upright: Array = pin.rpy.rpyToMatrix(np.pi / 2, 0.0, self.heading)
+        self._root = pin.SE3(self._upright @ self._anatomy.pitched, self.pelvis)
+        self.shoulder = pin.SE3(self._upright, self.pelvis).act(self._anatomy.shoulder)
         self._joints = self._anatomy.ease.copy()
 
     @property
@@ -311,15 +311,9 @@ class PartnerFigure:
         return self._anatomy.parts
 
     @property
-    def pelvis(self) -> Array:
-        """Position of the pelvis, (3,), m, in `world`."""
-        return self._pelvis
-
-    @property
     def trunk(self) -> Array:
         """Direction from the pelvis to the neck, (3,), a unit vector in `world`."""
-        upright = pin.rpy.rpyToMatrix(np.pi / 2, 0.0, self.heading)
-        return np.asarray(upright @ self._anatomy.trunk)
+        return np.asarray(self._upright @ self._anatomy.trunk)
 
     @property
     def height_m(self) -> float:
@@ -329,10 +323,9 @@ class PartnerFigure:
     @property
     def outline(self) -> Array:
         """Corners of a box around the figure without the acting arm, (8, 3), m, in `world`."""
-        upright = pin.rpy.rpyToMatrix(np.pi / 2, 0.0, self.heading)
         ends = np.stack([self._anatomy.low, self._anatomy.high])
         corners = np.stack(np.meshgrid(*ends.T, indexing='ij'), axis=-1).reshape(-1, 3)
-        return np.asarray(self._pelvis + corners @ upright.T)
+        return np.asarray(self.pelvis + corners @ self._upright.T)
 
     def _likely_floor(self, exchange_position: Array) -> float:
         """Distinguish a room frame, with its floor at z = 0, from a frame between two chests."""
@@ -367,11 +360,8 @@ class PartnerFigure:
         front = np.stack([np.cos(heading), np.sin(heading)], axis=1)
         right = np.stack([front[:, 1], -front[:, 0]], axis=1)
         shoulder = path[-1, :2] - forward[:, None] * front + inward[:, None] * right
-        from_habit = (
-            (forward - self.options.reach_at_exchange_m) ** 2
-            + (inward - 0.08) ** 2
-            + 0.15 * turn**2
-        )
+        off_m = forward - self.options.reach_at_exchange_m
+        from_habit = off_m**2 + (inward - 0.08) ** 2 + 0.15 * turn**2
         cost = from_habit + self._discomfort(samples, shoulder, front, right)
         best = int(np.argmin(cost))
         shoulder_forward, _, shoulder_right = self._anatomy.shoulder
