@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import ExitStack
+from contextlib import contextmanager, ExitStack
 from dataclasses import dataclass, field, replace
 from multiprocessing import get_context
 from pathlib import Path
@@ -127,7 +127,7 @@ def film(
         film_size = len(sources) * options.width, options.height
         write = None
         if video is not None:
-            write = stack.enter_context(_VideoFile(video, options, film_size))
+            write = stack.enter_context(_video_file(video, options, film_size))
         stages = [
             stack.enter_context(set_up(each, options.arm, options.namespace)) for each in sources
         ]
@@ -139,8 +139,14 @@ def film(
             titled = options if beside is None else replace(options, title=each.resolve().name)
             moments = times + times[-1:] * (count - len(times))
             if jobs > 1:
-                painters = _Painters(each, titled, max(1, jobs // len(sources)))
-                columns.append(stack.enter_context(painters).paint(moments))
+                painters = ProcessPoolExecutor(
+                    max(1, jobs // len(sources)),
+                    get_context('spawn'),
+                    _begin_painting,
+                    (each, titled),
+                )
+                stack.callback(painters.shutdown, cancel_futures=True)
+                columns.append(painters.map(_paint_one, moments))
             else:
                 columns.append(paint(stage, titled, moments))
         pictures = (np.hstack(row) for row in zip(*columns, strict=True))
@@ -233,47 +239,39 @@ def _with_one_palette(pictures: Sequence[Image.Image]) -> list[Image.Image]:
     return [p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures]
 
 
-class _VideoFile:
-    """An MP4 file that appears when it is complete; call it with one picture after another."""
-
-    def __init__(self, path: Path, options: Film, size: tuple[int, int]) -> None:
+@contextmanager
+def _video_file(
+    path: Path, options: Film, size: tuple[int, int]
+) -> Iterator[Callable[[Pixels], None]]:
+    """Open an MP4 file that appears when it is complete; yield what adds a picture to it."""
+    try:
+        import imageio_ffmpeg
+    except ImportError as error:
+        raise UsageError('videos need the encoder: pip install imageio-ffmpeg') from error
+    with ExitStack() as stack:
         try:
-            import imageio_ffmpeg
-        except ImportError as error:
-            raise UsageError('videos need the encoder: pip install imageio-ffmpeg') from error
-        self._library = imageio_ffmpeg
-        self._path = path
-        self._options = options
-        self._size = size
-        self._stack = ExitStack()
-
-    def __enter__(self) -> _VideoFile:
-        try:
-            temporary = self._stack.enter_context(replacing(self._path))
+            temporary = stack.enter_context(replacing(path))
         except OSError as error:
-            raise DataError(f'{self._path}: cannot be written: {error.strerror}') from error
-        options = self._options
-        self._encoder = self._library.write_frames(
+            raise DataError(f'{path}: cannot be written: {error.strerror}') from error
+        encoder = imageio_ffmpeg.write_frames(
             str(temporary),
-            self._size,
+            size,
             fps=options.rate_hz,
             quality=QUALITY,
             macro_block_size=2,
             ffmpeg_log_level='error',
         )
-        self._encoder.send(None)
-        return self
-
-    def __call__(self, picture: Pixels) -> None:
-        try:
-            self._encoder.send(np.ascontiguousarray(picture))
-        except OSError as error:
-            raise DataError(f'{self._path}: {_last_line(error)}') from error
-
-    def __exit__(self, *error: Any) -> None:
         # Closed before the file is renamed, because the encoder writes the index at the end.
-        self._encoder.close()
-        self._stack.__exit__(*error)
+        stack.callback(encoder.close)
+        encoder.send(None)
+
+        def write(picture: Pixels) -> None:
+            try:
+                encoder.send(np.ascontiguousarray(picture))
+            except OSError as error:
+                raise DataError(f'{path}: {_last_line(error)}') from error
+
+        yield write
 
 
 def _last_line(error: OSError) -> str:
@@ -281,29 +279,11 @@ def _last_line(error: OSError) -> str:
     return lines[-1].strip() if lines else 'the encoder ended'
 
 
-class _Painters:
-    """Drawing processes; each sets the scene up once."""
-
-    def __init__(self, source: Path, options: Film, jobs: int) -> None:
-        self._pool = ProcessPoolExecutor(
-            jobs, get_context('spawn'), _begin_painting, (source, options)
-        )
-
-    def __enter__(self) -> _Painters:
-        return self
-
-    def __exit__(self, *error: Any) -> None:
-        self._pool.shutdown(cancel_futures=True)
-
-    def paint(self, times: Sequence[float]) -> Iterator[Pixels]:
-        """Draw pictures, in order."""
-        return self._pool.map(_paint_one, times)
-
-
 _mine: list[tuple[Stage, Film]] = []
 
 
 def _begin_painting(source: Path, options: Film) -> None:
+    """Set the scene up once in a drawing process."""
     import atexit
 
     stack = ExitStack()
