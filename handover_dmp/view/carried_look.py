@@ -22,32 +22,12 @@ from math import isfinite
 from typing import Any
 
 from handover_dmp.common.arrays import Point
-
-Colour = tuple[float, float, float]
+from handover_dmp.view.piece import Colour, Piece
 
 ROD_COLOUR: Colour = (0.98, 0.80, 0.15)
 STEEL: Colour = (0.78, 0.80, 0.82)
 HANDLE_SHARE = 0.4
 """Of a knife."""
-
-
-@dataclass(frozen=True)
-class ObjectPart:
-    """
-    A box, or a cylinder along z.
-
-    Attributes:
-        middle: (3,), m, in the axes of the object.
-        size: (3,), m, along x, y and z; for a cylinder, diameter, diameter and length.
-        colour: red, green, blue, 0 to 1.
-        is_round: whether it is a cylinder.
-
-    """
-
-    middle: Point
-    size: Point
-    colour: Colour
-    is_round: bool = False
 
 
 @dataclass(frozen=True)
@@ -63,12 +43,12 @@ class CarriedLook:
 
     """
 
-    parts: tuple[ObjectPart, ...]
+    parts: tuple[Piece, ...]
     length_m: float | None = None
     stands: bool = False
     depth_m: float = 0.0
 
-    def parts_of(self, length_m: float) -> tuple[ObjectPart, ...]:
+    def parts_of(self, length_m: float) -> tuple[Piece, ...]:
         """
         Return the parts in their final size.
 
@@ -105,16 +85,16 @@ def look_of(told: Any, radius_m: float) -> CarriedLook:
     if shape == 'cup' and size is not None:
         width, _, height = size
         grip = (0.015, 0.012, 0.6 * height)
-        parts: tuple[ObjectPart, ...] = (
-            ObjectPart((0.0, 0.0, 0.0), size, colour, is_round=True),
-            ObjectPart((0.0, 0.5 * width + 0.025, 0.0), grip, colour),
-            ObjectPart((0.0, 0.5 * width + 0.012, 0.25 * height), (0.015, 0.03, 0.012), colour),
-            ObjectPart((0.0, 0.5 * width + 0.012, -0.25 * height), (0.015, 0.03, 0.012), colour),
+        parts: tuple[Piece, ...] = (
+            Piece((0.0, 0.0, 0.0), size, colour, is_round=True),
+            Piece((0.0, 0.5 * width + 0.025, 0.0), grip, colour),
+            Piece((0.0, 0.5 * width + 0.012, 0.25 * height), (0.015, 0.03, 0.012), colour),
+            Piece((0.0, 0.5 * width + 0.012, -0.25 * height), (0.015, 0.03, 0.012), colour),
         )
         return CarriedLook(parts, stands=True)
     if shape == 'box' and size is not None:
         width, height, depth = size
-        body = ObjectPart((0.0, 0.0, 0.0), (depth, width, height), colour)
+        body = Piece((0.0, 0.0, 0.0), (depth, width, height), colour)
         return CarriedLook((body,), stands=True, depth_m=depth)
     if shape == 'knife' and size is not None:
         width, thickness, length = size
@@ -122,13 +102,13 @@ def look_of(told: Any, radius_m: float) -> CarriedLook:
         blade = (0.004, 1.3 * width, length - handle)
         parts = (
             # inside the blade, so that the first part is around the middle
-            ObjectPart((0.0, 0.0, 0.0), (0.006, 0.5 * width, 0.02), STEEL),
-            ObjectPart((0.0, 0.0, -0.5 * handle), blade, STEEL),
-            ObjectPart((0.0, 0.0, 0.5 * (length - handle)), (thickness, width, handle), colour),
+            Piece((0.0, 0.0, 0.0), (0.006, 0.5 * width, 0.02), STEEL),
+            Piece((0.0, 0.0, -0.5 * handle), blade, STEEL),
+            Piece((0.0, 0.0, 0.5 * (length - handle)), (thickness, width, handle), colour),
         )
         return CarriedLook(parts, length)
     rod = (2.0 * radius_m, 2.0 * radius_m, 1.0)
-    return CarriedLook((ObjectPart((0.0, 0.0, 0.0), rod, colour, is_round=True),))
+    return CarriedLook((Piece((0.0, 0.0, 0.0), rod, colour, is_round=True),))
 
 
 def _three(given: Any, high: float) -> Point | None:

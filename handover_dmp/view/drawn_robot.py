@@ -20,9 +20,11 @@ from typing import Any
 from xml.etree import ElementTree
 
 from handover_dmp.common.arrays import Array
+from handover_dmp.robot.chain import ends_of
 from handover_dmp.robot.collision import link_capsules
 from handover_dmp.robot.model import RobotModel
 from handover_dmp.robot.plain_description import add_capsule
+from handover_dmp.robot.published_description import root_link
 import numpy as np
 
 ROD_RADIUS_M = 0.03
@@ -70,17 +72,8 @@ def _joint_of(model: RobotModel, link: str) -> int:
 
 def _carriers(robot: ElementTree.Element, model: RobotModel) -> list[str]:
     """Return the links for added shapes: a fixed one, then one for each joint."""
-    children = {}
-    for joint in robot.findall('joint'):
-        child = joint.find('child')
-        if child is not None:
-            children[joint.get('name')] = child.get('link', '')
-    root = next(
-        link.get('name', '')
-        for link in robot.findall('link')
-        if link.get('name') not in children.values()
-    )
-    return [root, *(children[name] for name in model.joint_names)]
+    children = {joint.get('name'): ends_of(joint)[1] for joint in robot.findall('joint')}
+    return [root_link(model.chain_text), *(children[name] for name in model.joint_names)]
 
 
 def _stand_ins(model: RobotModel, joint: int) -> list[tuple[Array, Array, float]]:
@@ -89,13 +82,9 @@ def _stand_ins(model: RobotModel, joint: int) -> list[tuple[Array, Array, float]
     if capsules:
         return [(item.start, item.end, item.radius) for item in capsules]
     chain = model.pinocchio_model
-    if joint == 0:
-        begin = chain.frames[1].placement.translation
-        end = chain.jointPlacements[1].translation
+    begin = chain.frames[1].placement.translation if joint == 0 else np.zeros(3)
+    if joint < model.dof:
+        end = chain.jointPlacements[joint + 1].translation
     else:
-        begin = np.zeros(3)
-        if joint < model.dof:
-            end = chain.jointPlacements[joint + 1].translation
-        else:
-            end = chain.frames[model.wrist_frame_id].placement.translation
+        end = chain.frames[model.wrist_frame_id].placement.translation
     return [(begin.copy(), end.copy(), ROD_RADIUS_M)]

@@ -35,9 +35,12 @@ from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import DataError, UsageError
 from handover_dmp.common.files import write_text
 from handover_dmp.view.drawn_robot import drawn_description
+from handover_dmp.view.piece import Piece
 from handover_dmp.view.scene import (
     FIELD_OF_VIEW_DEG,
     HAND_COLOUR,
+    lengths_along,
+    ORIGIN,
     PEDESTAL_COLOUR,
     tube,
     WRIST_COLOUR,
@@ -150,30 +153,27 @@ class _Drawing:
         root['/Grid'].set_property('visible', False)
         root['floor'].set_object(self._floor(scene.floor_height_m, camera.target))
         for index, (radius, low, high) in enumerate(scene.pedestal):
-            middle = (low + high) / 2 + scene.floor_height_m
             x, y, _ = self._stage.robot.base.position
-            node = root[f'pedestal/{index}']
-            node.set_object(_cylinder(radius, high - low), self._material(PEDESTAL_COLOUR))
-            node.set_transform(_pose(np.array([x, y, middle]), NO_TURN))
+            place = np.array([x, y, (low + high) / 2 + scene.floor_height_m])
+            piece = Piece(ORIGIN, (2 * radius, 2 * radius, high - low), PEDESTAL_COLOUR, True)
+            self._draw_piece(f'pedestal/{index}', piece, place)
         for index, (piece, position, turn) in enumerate(scene.around):
-            node = root[f'around/{index}']
-            length, depth, height = piece.size
-            shape = (
-                _cylinder(length / 2, depth)
-                if piece.is_round
-                else self._geometry.Box([length, depth, height])
-            )
-            node.set_object(shape, self._material(piece.colour))
-            node.set_transform(_pose(position, turn))
+            self._draw_piece(f'around/{index}', piece, position, turn)
         for index, (piece, position) in enumerate(scene.table):
-            node = root[f'table/{index}']
-            node.set_object(self._geometry.Box(list(piece.size)), self._material(piece.colour))
-            node.set_transform(_pose(position, NO_TURN))
+            self._draw_piece(f'table/{index}', piece, position)
         away = FARTHER * (camera.eye - camera.target)  # the control bar covers a part of the page
         eye = root['/Cameras/default/rotated/<object>']
         # The viewer's camera has its own axes, y up.
         eye.set_property('position', [away[0], away[2], -away[1]])
         eye.set_property('fov', FIELD_OF_VIEW_DEG)
+
+    def _draw_piece(self, path: str, piece: Piece, position: Array, turn: Array = NO_TURN) -> None:
+        """Draw a box or a cylinder at a pose."""
+        x, _, z = piece.size
+        shape = _cylinder(x / 2, z) if piece.is_round else self._geometry.Box(list(piece.size))
+        node = self._root[path]
+        node.set_object(shape, self._material(piece.colour))
+        node.set_transform(_pose(position, turn))
 
     def _floor(self, height_m: float, centre: Array) -> Any:
         # Line by line and cell by cell: some browsers skip objects that reach behind the camera.
@@ -235,12 +235,8 @@ class _Drawing:
         for index, part in enumerate(figure.parts):
             node = self._root[f'person/{index}']
             node.set_object(self._surface(part), self._material(part.colour))
-        node = self._root['object']
         for index, piece in enumerate(scene.object_parts):
-            round_one = _cylinder(piece.size[0] / 2, piece.size[2]) if piece.is_round else None
-            shape = round_one or self._geometry.Box(list(piece.size))
-            node[str(index)].set_object(shape, self._material(piece.colour))
-            node[str(index)].set_transform(_pose(np.array(piece.middle), NO_TURN))
+            self._draw_piece(f'object/{index}', piece, np.array(piece.middle))
         person: list[list[tuple[Array, Array]]] = [[] for _ in figure.parts]
         rod = []
         for time_s in self._times:
@@ -252,7 +248,7 @@ class _Drawing:
             posture = figure.posture(hand)
             for part, poses in zip(figure.parts, person, strict=True):
                 poses.append(figure.part_pose(part, posture))
-        self._move(node, rod)
+        self._move(self._root['object'], rod)
         for index, poses in enumerate(person):
             self._move(self._root[f'person/{index}'], poses)
 
@@ -287,13 +283,10 @@ class _Drawing:
             self._material(colour),
         )
         # The page draws more and more of them.
-        path_length = _path_length(path[shown])
-        share = np.interp(
-            self._times, scene.times[shown], path_length / max(path_length[-1], 1e-9)
-        )
-        self.trails[node.path.lower()] = (
-            (3 * np.floor(share * len(triangles))).astype(int).tolist()
-        )
+        lengths = lengths_along(path[shown])
+        share = np.interp(self._times, scene.times[shown], lengths / max(lengths[-1], 1e-9))
+        counts = 3 * np.floor(share * len(triangles))
+        self.trails[node.path.lower()] = counts.astype(int).tolist()
 
     def _move(self, node: Any, poses: list[tuple[Array, Array]]) -> None:
         """Animate a node through poses; a node that never moves is placed once."""
@@ -343,12 +336,6 @@ def _pose(position: Array, turn: Array) -> Array:
     matrix[:3, :3] = Rotation.from_quat(turn).as_matrix()
     matrix[:3, 3] = position
     return matrix
-
-
-def _path_length(path: Array) -> Array:
-    """Return the length of a path up to each of its points, m."""
-    steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
-    return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def _page(stage: Stage, commands: _Commands, trails: dict[str, list[int]]) -> str:

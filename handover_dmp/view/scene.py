@@ -42,15 +42,15 @@ from handover_dmp.simulation.world import joint_numbers, load_robot
 from handover_dmp.view.camera_image import camera_image
 from handover_dmp.view.carried_look import look_of
 from handover_dmp.view.drawn_robot import drawn_description
+from handover_dmp.view.piece import Colour, Piece
 from handover_dmp.view.primitives import refine, write_unit_cylinder, write_unit_sphere
-from handover_dmp.view.surroundings import Piece, Surroundings
+from handover_dmp.view.surroundings import Surroundings
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.spatial.transform import Rotation
 
 Image = NDArray[np.uint8]
-Colour = tuple[float, float, float]
 
 HAND_COLOUR: Colour = (1.00, 0.16, 0.18)
 WRIST_COLOUR: Colour = (0.12, 0.48, 1.00)
@@ -75,7 +75,7 @@ GRIP_S = 0.3
 """Time in which the gripper pulls the object to its pose in the grip, s."""
 PALM_M = 0.09  # from the wrist along the fingers
 TRAIL_RADIUS_M = 0.008
-IN_SIGHT, OUT_OF_SIGHT = (0.0, 0.0, 0.0), (0.0, 0.0, -1000.0)
+ORIGIN, OUT_OF_SIGHT = (0.0, 0.0, 0.0), (0.0, 0.0, -1000.0)
 UNTURNED = (0.0, 0.0, 0.0, 1.0)
 SHADOW_PIXELS = 256
 SHADOW_M, WIDE_SHADOW_M = 1.6, 2.6
@@ -166,16 +166,9 @@ class Camera:
         up = np.cross(right, ahead)
         half = np.tan(np.radians(FIELD_OF_VIEW_DEG) / 2)
         rows = half * (1.0 - 2.0 * (np.arange(self.height) + 0.5) / self.height)
-        columns = (
-            half
-            * (self.width / self.height)
-            * (2.0 * (np.arange(self.width) + 0.5) / self.width - 1.0)
-        )
-        return np.asarray(
-            ahead
-            + columns[None, :, None] * right[None, None, :]
-            + rows[:, None, None] * up[None, None, :]
-        )
+        wide = half * (self.width / self.height)
+        columns = wide * (2.0 * (np.arange(self.width) + 0.5) / self.width - 1.0)
+        return np.asarray(ahead + columns[:, None] * right + rows[:, None, None] * up)
 
 
 class Scene(Closing):
@@ -278,13 +271,10 @@ class Scene(Closing):
         """Create pedestal and surroundings, the object at a preliminary pose, and its table."""
         x, y, _ = self.model.base.position
         for radius, low, high in self.pedestal:
-            body = self._cylinder_body(radius, high - low, PEDESTAL_COLOUR)
-            self._put(body, [x, y, self.floor_height_m + (low + high) / 2])
+            piece = Piece(ORIGIN, (2 * radius, 2 * radius, high - low), PEDESTAL_COLOUR, True)
+            self._put(self._solid(piece), [x, y, self.floor_height_m + (low + high) / 2])
         for piece, position, orientation in self.around:
-            if piece.is_round:
-                body = self._cylinder_body(piece.size[0] / 2, piece.size[1], piece.colour)
-            else:
-                body = self._box_body(piece.size, piece.colour)
+            body = self._solid(piece)
             self._put(body, position, orientation)
             self._pieces.append(body)
         self._plan_grasp()
@@ -316,16 +306,13 @@ class Scene(Closing):
             for piece in self._surroundings.pieces
         ]
 
-    def _box_body(self, size: Sequence[float], colour: Colour) -> int:
-        return self._body(pybullet.GEOM_BOX, colour, halfExtents=[side / 2 for side in size])
-
-    def _cylinder_body(self, radius: float, length: float, colour: Colour) -> int:
-        return self._body(
-            pybullet.GEOM_MESH,
-            colour,
-            fileName=str(self._cylinder),
-            meshScale=[radius, radius, length],
-        )
+    def _solid(self, piece: Piece) -> int:
+        """Create the body of a piece in the origin."""
+        x, y, z = piece.size
+        if piece.is_round:
+            file, scale = str(self._cylinder), [x / 2, y / 2, z]
+            return self._body(pybullet.GEOM_MESH, piece.colour, fileName=file, meshScale=scale)
+        return self._body(pybullet.GEOM_BOX, piece.colour, halfExtents=[x / 2, y / 2, z / 2])
 
     def _body(self, kind: int, colour: Colour, **shape: Any) -> int:
         """Create a body in the origin, of one shape of PyBullet."""
@@ -359,12 +346,7 @@ class Scene(Closing):
         if np.isfinite(self.back_time_s):
             self._grasp_back = self._grasp_at(self.back_time_s, not self._robot_gives)
         self.object_parts = self._look.parts_of(self.object_length_m)
-        self._object = [
-            self._cylinder_body(part.size[0] / 2, part.size[2], part.colour)
-            if part.is_round
-            else self._box_body(part.size, part.colour)
-            for part in self.object_parts
-        ]
+        self._object = [self._solid(part) for part in self.object_parts]
 
     def _lay_on_table(self) -> None:
         """Lay the object on a table, at the flange's position at the pick-up."""
@@ -387,8 +369,9 @@ class Scene(Closing):
             ((TABLE_LEG_M, TABLE_LEG_M, top - TABLE_TOP_M), 0.5 * (top - TABLE_TOP_M)),
         ):
             place = np.array([*held.position[:2], self.floor_height_m + height])
-            self.table += ((Piece((0.0, 0.0, 0.0), size, TABLE_COLOUR), place),)
-            body = self._box_body(size, TABLE_COLOUR)
+            piece = Piece(ORIGIN, size, TABLE_COLOUR)
+            self.table += ((piece, place),)
+            body = self._solid(piece)
             self._put(body, place)
             self._pieces.append(body)
 
@@ -457,7 +440,7 @@ class Scene(Closing):
         for body, part in zip(self._object, self.object_parts, strict=True):
             self._put(body, pose.position + pose.rotation @ np.array(part.middle), turn)
         for trail in self._trails:
-            self._put(trail.body, IN_SIGHT if trail.until_s <= time_s else OUT_OF_SIGHT)
+            self._put(trail.body, ORIGIN if trail.until_s <= time_s else OUT_OF_SIGHT)
 
     def _object_at(self, time_s: float, flange: _Pose, hand: _Pose) -> _Pose:
         """Place the object in the grasp of its holder."""
@@ -526,21 +509,14 @@ class Scene(Closing):
             self.figure.stance, (ASIDE_DEG, self.options.elevation_deg)
         )
         # the pelvis of a lying or bent person is beside the line between the two
-        between = self._wrist_path[-1] - self.figure.pelvis
-        facing = (
-            float(np.arctan2(between[1], between[0]))
-            if self.figure.stance is UPRIGHT
-            else self.figure.heading
-        )
+        facing = self.figure.heading
+        if self.figure.stance is UPRIGHT:
+            between = self._wrist_path[-1] - self.figure.pelvis
+            facing = float(np.arctan2(between[1], between[0]))
         azimuth = facing - np.radians(aside_deg + self._past_the_robot(facing, aside_deg))
         elevation = np.radians(elevation_deg)
-        back = np.array(
-            [
-                np.cos(azimuth) * np.cos(elevation),
-                np.sin(azimuth) * np.cos(elevation),
-                np.sin(elevation),
-            ]
-        )
+        level = np.cos(elevation)
+        back = np.array([np.cos(azimuth) * level, np.sin(azimuth) * level, np.sin(elevation)])
         target = (points.min(axis=0) + points.max(axis=0)) / 2
         near, far = 0.5, 25.0
         for _ in range(30):
@@ -587,7 +563,7 @@ class Scene(Closing):
         corners = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
         clouds += [place + corners * piece.size for piece, place in self.table]
         clouds += [
-            place + Rotation.from_quat(turn).apply(corners * piece.lying)
+            place + Rotation.from_quat(turn).apply(corners * piece.size)
             for piece, place, turn in self.around
         ]
         person, base, floor = self.figure.pelvis, self.model.base.position, self.floor_height_m
@@ -645,10 +621,9 @@ class Scene(Closing):
     @property
     def middle_time_s(self) -> float:
         """Time at which the robot's wrist was half way to the exchange, s."""
-        steps = np.linalg.norm(np.diff(self._wrist_path, axis=0), axis=1)
-        path_length = np.concatenate([[0.0], np.cumsum(steps)])
-        half = 0.5 * float(np.interp(self.exchange_time_s, self.times, path_length))
-        return float(self.times[np.searchsorted(path_length, half)])
+        lengths = lengths_along(self._wrist_path)
+        half = 0.5 * float(np.interp(self.exchange_time_s, self.times, lengths))
+        return float(self.times[np.searchsorted(lengths, half)])
 
     def _centre(self) -> Array:
         middle = (self.figure.pelvis[:2] + np.array(self.model.base.position[:2])) / 2
@@ -757,15 +732,11 @@ class _Backdrop:
         self.shadow_half_m = shadow_half_m
         rays = camera.rays()
         upward = rays[..., 2] / np.linalg.norm(rays, axis=2)
-        sky = (
-            SKY_HORIZON
-            + (SKY_TOP - SKY_HORIZON)
-            * np.clip(upward / np.sin(np.radians(25.0)), 0.0, 1.0)[..., None]
-        )
+        share = np.clip(upward / np.sin(np.radians(25.0)), 0.0, 1.0)
+        sky = SKY_HORIZON + (SKY_TOP - SKY_HORIZON) * share[..., None]
         falling = rays[..., 2] < -1e-6
-        reach = np.where(
-            falling, (floor_height_m - camera.eye[2]) / np.where(falling, rays[..., 2], -1.0), 0.0
-        )
+        fall = np.where(falling, rays[..., 2], -1.0)
+        reach = np.where(falling, (floor_height_m - camera.eye[2]) / fall, 0.0)
         x = camera.eye[0] + reach * rays[..., 0]
         y = camera.eye[1] + reach * rays[..., 1]
         away = np.hypot(x - centre[0], y - centre[1])
@@ -780,13 +751,8 @@ class _Backdrop:
         scale = SHADOW_PIXELS / (2 * self.shadow_half_m)
         rows = (self.shadow_half_m - (y - centre[1])) * scale - 0.5
         columns = (x - centre[0] + self.shadow_half_m) * scale - 0.5
-        inside = (
-            falling
-            & (rows > 0)
-            & (rows < SHADOW_PIXELS)
-            & (columns > 0)
-            & (columns < SHADOW_PIXELS)
-        )
+        first, last = np.minimum(rows, columns), np.maximum(rows, columns)
+        inside = falling & (first > 0) & (last < SHADOW_PIXELS)
         self._inside = inside
         self._coordinates = np.stack([rows[inside], columns[inside]])
         self._depth = 0.45 * fade[inside]
@@ -802,13 +768,8 @@ class _Backdrop:
 def _ring(centre: Sequence[float] | Array, radius: float, height: float) -> Array:
     """Return points around a vertical axis, (12, 3)."""
     angle = np.linspace(0, 2 * np.pi, 12, endpoint=False)
-    return np.column_stack(
-        [
-            centre[0] + radius * np.cos(angle),
-            centre[1] + radius * np.sin(angle),
-            np.full(12, height),
-        ]
-    )
+    x, y = centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle)
+    return np.column_stack([x, y, np.full(12, height)])
 
 
 def _line(coordinate: Array, pixel: Array) -> Array:
@@ -841,6 +802,21 @@ def _spaced(path: Array, distance: float) -> list[int]:
         if np.linalg.norm(point - path[numbers[-1]]) > distance:
             numbers.append(number)
     return numbers
+
+
+def lengths_along(path: Array) -> Array:
+    """
+    Measure a path.
+
+    Args:
+        path: (n, 3), m.
+
+    Returns:
+        (n,), m, its length up to each of its points.
+
+    """
+    steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def tube(

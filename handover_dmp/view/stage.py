@@ -128,9 +128,7 @@ def set_up(
     model = model.placed(_base(record, model))
     times = record.joint_times
     joints = record.joint_positions[:, _order(record, model)]
-    hand = np.column_stack(
-        [np.interp(times, record.hand_times, axis) for axis in record.hand_positions.T]
-    )
+    hand = _interpolated(times, record.hand_times, record.hand_positions)
     wrist = np.array([model.wrist_pose(q)[0] for q in joints])
     configuration = str(record.info.get('configuration') or '')
     first_s, back_s = _passes(record)
@@ -149,6 +147,11 @@ def set_up(
         carried=record.info.get('object'),
     ) as scene:
         yield Stage(record, model, scene, hand, wrist)
+
+
+def _interpolated(times: Array, at: Array, positions: Array) -> Array:
+    """Interpolate recorded positions, (n, 3), at other times."""
+    return np.column_stack([np.interp(times, at, axis) for axis in positions.T])
 
 
 def _passes(record: RunRecord) -> tuple[float | None, float | None]:
@@ -217,19 +220,10 @@ def _base(record: RunRecord, model: RobotModel) -> BasePlacement:
     at_origin = model.placed(BasePlacement())
     joints = record.joint_positions[:, _order(record, model)]
     reached = np.array([at_origin.wrist_pose(q)[0] for q in joints])
-    measured = np.column_stack(
-        [
-            np.interp(record.joint_times, record.wrist_times, axis)
-            for axis in record.wrist_positions.T
-        ]
-    )
+    measured = _interpolated(record.joint_times, record.wrist_times, record.wrist_positions)
     here, there = reached - reached.mean(axis=0), measured - measured.mean(axis=0)
-    yaw = float(
-        np.arctan2(
-            np.sum(here[:, 0] * there[:, 1] - here[:, 1] * there[:, 0]),
-            np.sum(here[:, :2] * there[:, :2]),
-        )
-    )
+    across = np.sum(here[:, 0] * there[:, 1] - here[:, 1] * there[:, 0])
+    yaw = float(np.arctan2(across, np.sum(here[:, :2] * there[:, :2])))
     turn = BasePlacement(yaw=yaw).rotation
     x, y, z = measured.mean(axis=0) - turn @ reached.mean(axis=0)
     return BasePlacement((float(x), float(y), float(z)), yaw)

@@ -20,39 +20,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import pi
 
-from handover_dmp.common.arrays import Point
-
-Colour = tuple[float, float, float]
+from handover_dmp.view.piece import Colour, Piece
 
 BODYWORK: Colour = (0.60, 0.66, 0.72)
 IRON: Colour = (0.36, 0.38, 0.41)
 TYRE: Colour = (0.16, 0.16, 0.17)
 POST: Colour = (0.42, 0.50, 0.58)
-
-
-@dataclass(frozen=True)
-class Piece:
-    """
-    A box, or a cylinder that lies along y.
-
-    Attributes:
-        middle: (3,), m, in the axes of the surroundings.
-        size: (3,), m, along x, y and z; for a cylinder, diameter, length and diameter.
-        colour: red, green, blue, 0 to 1.
-        is_round: whether it is a cylinder.
-
-    """
-
-    middle: Point
-    size: Point
-    colour: Colour
-    is_round: bool = False
-
-    @property
-    def lying(self) -> Point:
-        """Return its size along its own axes, m: of a cylinder the last is along it."""
-        x, y, z = self.size
-        return (x, z, y) if self.is_round else self.size
 
 
 @dataclass(frozen=True)
@@ -64,7 +37,7 @@ class Surroundings:
     `turn` to the left; z up.
 
     Attributes:
-        pieces: the pieces.
+        pieces: the pieces; cylinders lie along y.
         turn: angle, rad.
 
     """
@@ -74,8 +47,8 @@ class Surroundings:
 
 
 def _wheel(x: float, y: float, z: float) -> tuple[Piece, Piece]:
-    tyre = Piece((x, y, z), (0.60, 0.20, 0.60), TYRE, is_round=True)
-    return tyre, Piece((x, y, z), (0.34, 0.21, 0.34), IRON, is_round=True)
+    tyre = Piece((x, y, z), (0.60, 0.60, 0.20), TYRE, is_round=True)
+    return tyre, Piece((x, y, z), (0.34, 0.34, 0.21), IRON, is_round=True)
 
 
 CAR = Surroundings(
