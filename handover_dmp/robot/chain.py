@@ -27,7 +27,7 @@ from handover_dmp.robot import descriptions
 from handover_dmp.robot.descriptions import ArmEntry
 from handover_dmp.robot.effective_limits import effective_limits, EffectiveLimits, KnownLimits
 from handover_dmp.robot.errors import RobotDescriptionError
-from handover_dmp.robot.plain_description import parse_xml
+from handover_dmp.robot.plain_description import parse_xml, pose_of, written
 import numpy as np
 import pinocchio as pin
 
@@ -276,7 +276,7 @@ def moving_joints(
         RobotDescriptionError: `base_frame` does not carry the link.
 
     """
-    carriers = _carriers(tree)
+    carriers = {ends_of(joint)[1]: joint for joint in tree.findall('joint')}
     chain: list[Element] = []
     above = link
     while above in carriers and above != base_frame:
@@ -290,11 +290,6 @@ def moving_joints(
             '--base-frame (node parameter base_frame)'
         )
     return tuple(chain)
-
-
-def _carriers(tree: Element) -> dict[str, Element]:
-    """Index the joints by the link that they carry."""
-    return {ends_of(joint)[1]: joint for joint in tree.findall('joint')}
 
 
 def ends_of(joint: Element) -> tuple[str, str]:
@@ -336,13 +331,13 @@ def hold_still(tree: Element, chain: Sequence[Element]) -> None:
             continue
         if origin is None:
             origin = ElementTree.SubElement(joint, 'origin')
-        along = np.array(_vector(axis, 'xyz', '1 0 0'))
+        text = '1 0 0' if axis is None else axis.get('xyz', '1 0 0')
+        along = np.array([float(word) for word in text.split()])
         way = values[name] * along / (np.linalg.norm(along) or 1.0)
         moved = pin.SE3(np.eye(3), way) if kind == 'prismatic' else pin.SE3(pin.exp3(way), 0 * way)
-        turn = pin.rpy.rpyToMatrix(np.array(_vector(origin, 'rpy', '0 0 0')))
-        place = pin.SE3(turn, np.array(_vector(origin, 'xyz', '0 0 0'))) * moved
-        origin.set('xyz', ' '.join(map(repr, place.translation.tolist())))
-        origin.set('rpy', ' '.join(map(repr, pin.rpy.matrixToRpy(place.rotation).tolist())))
+        place = pose_of(origin) * moved
+        origin.set('xyz', written(place.translation))
+        origin.set('rpy', written(pin.rpy.matrixToRpy(place.rotation)))
 
 
 def _neutral(joint: Element, held: Mapping[str, Element], passed: int) -> float:
@@ -359,11 +354,6 @@ def _neutral(joint: Element, held: Mapping[str, Element], passed: int) -> float:
         return 0.0
     lower, upper = float(limit.get('lower', 0.0)), float(limit.get('upper', 0.0))
     return min(max(0.0, lower), upper) if lower <= upper else 0.0
-
-
-def _vector(element: Element | None, key: str, default: str) -> list[float]:
-    text = default if element is None else element.get(key, default)
-    return [float(word) for word in text.split()]
 
 
 def check_tree(tree: Element, origin: str) -> None:

@@ -23,7 +23,7 @@ description contains nothing that they interpret differently, and the changes ar
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -236,7 +236,7 @@ def _plain_shape(
             unreadable.setdefault(name, why)
             return UNREADABLE
         shape.set('filename', str(path))
-        shape.set('scale', _written(scale))
+        shape.set('scale', written(scale))
         return ''
     if shape.tag not in SIZES:
         return f'a shape <{shape.tag}> that the engines do not support, left out'
@@ -252,9 +252,7 @@ def _split_capsules(link: Element) -> None:
         capsule = part.find('geometry/capsule')
         if capsule is None:
             continue
-        origin = part.find('origin')
-        given = {} if origin is None else origin.attrib
-        placed = _pose(given.get('xyz', '0 0 0'), given.get('rpy', '0 0 0'))
+        placed = pose_of(part.find('origin'))
         half = np.array([0.0, 0.0, float(capsule.get('length', '')) / 2])
         radius = float(capsule.get('radius', ''))
         for piece in add_capsule(link, part.tag, placed.act(-half), placed.act(half), radius):
@@ -285,14 +283,14 @@ def add_capsule(
     if length > 0.0:
         upright = np.array([0.0, 0.0, 1.0])
         turn = pin.Quaternion.FromTwoVectors(upright, axis / length).toRotationMatrix()
-    rpy = _written(pin.rpy.matrixToRpy(turn).tolist())
+    rpy = written(pin.rpy.matrixToRpy(turn))
     pieces = []
     for shape, place in (('cylinder', (start + end) / 2), ('sphere', start), ('sphere', end)):
         sizes = {'radius': repr(radius)}
         if shape == 'cylinder':
             sizes['length'] = repr(length)
         piece = ElementTree.SubElement(link, tag)
-        ElementTree.SubElement(piece, 'origin', xyz=_written(place.tolist()), rpy=rpy)
+        ElementTree.SubElement(piece, 'origin', xyz=written(place), rpy=rpy)
         ElementTree.SubElement(ElementTree.SubElement(piece, 'geometry'), shape, sizes)
         pieces.append(piece)
     return tuple(pieces)
@@ -317,7 +315,6 @@ def _inertia_of(inertial: Element | None) -> tuple[float, str, Array, str]:
     if inertial is None:
         return *nothing, ''
     origin, mass, inertia = (inertial.find(tag) for tag in ('origin', 'mass', 'inertia'))
-    place = {} if origin is None else origin.attrib
     kg = _numbers('' if mass is None else mass.get('value', ''))
     told = {} if inertia is None else inertia.attrib
     values = [_numbers(told.get(key, '0')) for key in MOMENTS]
@@ -329,8 +326,9 @@ def _inertia_of(inertial: Element | None) -> tuple[float, str, Array, str]:
     if kg[0] == 0.0:
         return *nothing, 'inertia without mass, left out' if any(moments_given) else ''
     moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    turn = _pose('0 0 0', place.get('rpy', '0 0 0')).rotation
-    return kg[0], place.get('xyz', '0 0 0'), turn @ moments @ turn.T, ''
+    turn = pose_of(origin).rotation
+    centre = '0 0 0' if origin is None else origin.get('xyz', '0 0 0')
+    return kg[0], centre, turn @ moments @ turn.T, ''
 
 
 def _physical(moments: Array) -> Array:
@@ -409,9 +407,21 @@ def assume_inertia(robot: Element, links: Sequence[str]) -> str:
     )
 
 
-def _pose(xyz: str, rpy: str) -> Any:
-    roll, pitch, yaw = _numbers(rpy)
-    return pin.SE3(pin.rpy.rpyToMatrix(roll, pitch, yaw), np.array(_numbers(xyz)))
+def pose_of(origin: Element | None) -> Any:
+    """
+    Read the pose in an `<origin>`.
+
+    Args:
+        origin: the element; None: no displacement.
+
+    Returns:
+        The pose, a `pinocchio.SE3`.
+
+    """
+    given = {} if origin is None else origin.attrib
+    roll, pitch, yaw = _numbers(given.get('rpy', '0 0 0'))
+    place = np.array(_numbers(given.get('xyz', '0 0 0')))
+    return pin.SE3(pin.rpy.rpyToMatrix(roll, pitch, yaw), place)
 
 
 def _numbers(text: str) -> list[float]:
@@ -423,5 +433,15 @@ def _numbers(text: str) -> list[float]:
     return numbers if all(map(isfinite, numbers)) else []
 
 
-def _written(numbers: Sequence[float]) -> str:
+def written(numbers: Iterable[float]) -> str:
+    """
+    Write the numbers of an attribute, without loss.
+
+    Args:
+        numbers: the numbers.
+
+    Returns:
+        The text.
+
+    """
     return ' '.join(repr(float(number)) for number in numbers)
