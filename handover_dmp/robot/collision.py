@@ -114,15 +114,8 @@ def link_capsules(model: RobotModel) -> tuple[LinkCapsule, ...]:
     for item in geometry.geometryObjects:
         start, end, radius = _capsule(item.geometry, np.asarray(item.meshScale).ravel())
         link = model.pinocchio_model.frames[item.parentFrame].name
-        capsules.append(
-            LinkCapsule(
-                link,
-                int(item.parentJoint),
-                item.placement.act(start),
-                item.placement.act(end),
-                radius,
-            )
-        )
+        joint, place = int(item.parentJoint), item.placement
+        capsules.append(LinkCapsule(link, joint, place.act(start), place.act(end), radius))
     kept: list[LinkCapsule] = []
     for capsule in sorted(capsules, key=lambda item: -_volume(item)):
         if not any(_contains(other, capsule) for other in kept):
@@ -456,9 +449,8 @@ def _contains(outer: LinkCapsule, inner: LinkCapsule) -> bool:
     axis = outer.end - outer.start
     square = float(axis @ axis)
     for point in (inner.start, inner.end):
-        share = (
-            0.0 if square == 0.0 else float(np.clip((point - outer.start) @ axis / square, 0, 1))
-        )
+        along = (point - outer.start) @ axis
+        share = 0.0 if square == 0.0 else float(np.clip(along / square, 0, 1))
         away = float(np.linalg.norm(point - outer.start - share * axis))
         if away + inner.radius > outer.radius + 1e-9:
             return False

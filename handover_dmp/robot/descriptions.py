@@ -288,10 +288,14 @@ def urdf_file(robot: str | Path) -> Path:
         return path.resolve()
     collection, _, rest = entry.urdf.partition('/')
     if collection == 'pybullet_data':
-        return _existing(pybullet_data_folder() / rest, entry.name)
-    if collection == 'example-robot-data':
-        return _existing(example_robot_data_folder() / rest, entry.name)
-    return share_path(entry.urdf)
+        path = pybullet_data_folder() / rest
+    elif collection == 'example-robot-data':
+        path = example_robot_data_folder() / rest
+    else:
+        return share_path(entry.urdf)
+    if not path.is_file():
+        raise RobotDescriptionError(f'{path}: the URDF of {entry.name} does not exist')
+    return path
 
 
 def pybullet_data_folder() -> Path:
@@ -333,12 +337,6 @@ def example_robot_data_folder() -> Path:
     raise RobotDescriptionError(
         'example-robot-data is not installed: pip install example-robot-data'
     )
-
-
-def _existing(path: Path, name: str) -> Path:
-    if not path.is_file():
-        raise RobotDescriptionError(f'{path}: the URDF of {name} does not exist')
-    return path
 
 
 def _entry(name: str, entry: dict[str, Any]) -> ArmEntry:

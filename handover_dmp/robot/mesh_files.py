@@ -66,7 +66,8 @@ def find_mesh(name: str, folder: Path | None) -> Path | None:
         scheme, rest = '', name
     if scheme in ('package', 'model'):
         package, _, inner = rest.partition('/')
-        candidates = (place / inner for place in _package_folders(package, folder))
+        folders = _package_folders(package, folder)
+        candidates: Iterator[Path] = (place / inner for place in folders)
     elif scheme in ('', 'file'):
         candidates = _by_path(rest, folder)
     else:

@@ -453,10 +453,8 @@ def _home(known: Sequence[float | None], limits: JointLimits, model: Any, wrist_
         data = model.createData()
 
         def manipulability(q: Array) -> float:
-            jacobian = pin.computeFrameJacobian(model, data, q, wrist_id, pin.LOCAL_WORLD_ALIGNED)[
-                :3
-            ]
-            return float(np.linalg.svd(jacobian, compute_uv=False)[-1])
+            jacobian = pin.computeFrameJacobian(model, data, q, wrist_id, pin.LOCAL_WORLD_ALIGNED)
+            return float(np.linalg.svd(jacobian[:3], compute_uv=False)[-1])
 
         configurations = middle + samples * half
         home = configurations[int(np.argmax([manipulability(q) for q in configurations]))]
