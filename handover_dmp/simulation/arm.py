@@ -106,13 +106,12 @@ class SimulatedArm(Closing):
             UsageError: the length is wrong, or a number is not finite or beyond the limits.
 
         """
-        limits = self.model.limits
         home = self.model.home if positions is None else np.array(positions, dtype=float)
         if home.shape != (self.model.dof,) or not np.all(np.isfinite(home)):
             raise UsageError(
                 f'a configuration of {self.model.name} needs {self.model.dof} finite numbers'
             )
-        if np.any(home < limits.lower - 1e-9) or np.any(home > limits.upper + 1e-9):
+        if not self.model.limits.inside(home, 1e-9):
             raise UsageError(f'the configuration is beyond the joint limits of {self.model.name}')
         self.world.reset(home)
         self._driver.reset(home)

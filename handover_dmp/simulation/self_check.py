@@ -28,6 +28,7 @@ import pinocchio as pin
 POSITION_TOLERANCE_M = 1e-6
 ROTATION_TOLERANCE_RAD = 5e-6  # PyBullet reports rotations in single precision
 MASS_TOLERANCE = 1e-6
+POSTURES = 20
 
 
 class ModelMismatchError(DataError):
@@ -57,14 +58,13 @@ class ModelAgreement:
     mass_joints: tuple[str, str]
 
 
-def compare_models(model: RobotModel, world: World, *, postures: int = 20) -> ModelAgreement:
+def compare_models(model: RobotModel, world: World) -> ModelAgreement:
     """
-    Compare kinematics and inertia of the two engines at random configurations.
+    Compare kinematics and inertia of the two engines at random configurations, always the same.
 
     Args:
         model: the robot in Pinocchio.
         world: the robot in PyBullet; it is in its home configuration afterwards.
-        postures: number of configurations; the same ones every time.
 
     Returns:
         The largest differences.
@@ -75,15 +75,14 @@ def compare_models(model: RobotModel, world: World, *, postures: int = 20) -> Mo
     names = model.joint_names
     position, rotation = np.zeros(model.dof), np.zeros(model.dof)
     mass = np.zeros((model.dof, model.dof))
-    for joints in random.uniform(low, high, (postures, model.dof)):
+    for joints in random.uniform(low, high, (POSTURES, model.dof)):
         world.reset(joints)
         poses, matrix = _planned(model, joints)
         for i, (name, pose) in enumerate(zip(names, poses, strict=True)):
             there, turned = world.joint_pose(name)
+            turn = pin.log3(pose.rotation.T @ turned)
             position[i] = max(position[i], float(np.linalg.norm(there - pose.translation)))
-            rotation[i] = max(
-                rotation[i], float(np.linalg.norm(pin.log3(pose.rotation.T @ turned)))
-            )
+            rotation[i] = max(rotation[i], float(np.linalg.norm(turn)))
         difference = np.abs(world.mass_matrix(joints) - matrix) / np.abs(matrix).max()
         mass = np.maximum(mass, difference)
     world.reset(model.home)
