@@ -24,6 +24,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
+from functools import partial
 from math import inf, isfinite, sqrt
 
 from handover_dmp.common.arrays import Array
@@ -32,6 +33,8 @@ from handover_dmp.robot.interpolator import JointInterpolator
 from handover_dmp.robot.model import RobotModel
 import numpy as np
 
+sim_setting = partial(setting, 'robot_sim', read_only=True)
+"""Makes a field whose default is a parameter of `robot_sim`, fixed once the node runs."""
 # Share of the acceleration limit used to plan braking before a position limit; the rest covers the
 # lag of the jerk-limited interpolation.
 END_STOP_SHARE = 0.5
@@ -43,28 +46,22 @@ END_STOP_MARGIN_RAD = 1e-5
 class ArmOptions:
     """Conditions under which the arm stops by itself."""
 
-    command_timeout_s: float = setting(
-        'robot_sim',
+    command_timeout_s: float = sim_setting(
         'command_timeout_s',
         'Time without a valid command after which the arm brakes, s',
         0.001,
         10.0,
-        read_only=True,
     )
-    resume_required: bool = setting(
-        'robot_sim',
+    resume_required: bool = sim_setting(
         'resume_required',
         'Whether an arm that was stopped in motion stays stopped until ~/resume is called',
-        read_only=True,
     )
-    resume_within_s: float = setting(
-        'robot_sim',
+    resume_within_s: float = sim_setting(
         'resume_within_s',
         'Silence after which the arm still continues without ~/resume once commands are back, s; '
         'covers short stalls of a busy machine',
         0.0,
         60.0,
-        read_only=True,
     )
 
 

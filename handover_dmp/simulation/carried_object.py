@@ -32,12 +32,9 @@ from typing import Any, NamedTuple
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import UsageError
 from handover_dmp.common.quiet_pybullet import pybullet
+from handover_dmp.robot.velocity_driver import sim_setting
 from handover_dmp.simulation.gripper_joint import GripperJoint
-from handover_dmp.simulation.partner_grip import (
-    object_setting,
-    PartnerGrip,
-    PartnerGripOptions,
-)
+from handover_dmp.simulation.partner_grip import PartnerGrip, PartnerGripOptions
 from handover_dmp.simulation.world import World
 import numpy as np
 
@@ -116,46 +113,46 @@ class CarriedObjectOptions:
 
     """
 
-    mass_kg: float = object_setting(
+    mass_kg: float = sim_setting(
         'object.mass_kg', 'Mass of the object, kg; 0: no object', 0.0, 50.0
     )
-    size: Sequence[float] = object_setting(
+    size: Sequence[float] = sim_setting(
         'object.size', 'Size of the box that gives the inertia of the object, (3,), m'
     )
-    position: Sequence[float] = object_setting(
+    position: Sequence[float] = sim_setting(
         'object.position',
         'Position of the centre of the object relative to the wrist that holds it at the start, '
         '(3,), m; mirrored if the partner holds it',
     )
-    holder: str = object_setting(
+    holder: str = sim_setting(
         'object.holder',
         'Holder of the object at the start: robot, partner or table',
         choices=('robot', 'partner', 'table'),
     )
-    table: Sequence[float] = object_setting(
+    table: Sequence[float] = sim_setting(
         'object.table',
         'Position of the centre of the object on the table, if the table is its holder at the '
         'start, (3,), m',
     )
-    reach_m: float = object_setting(
+    reach_m: float = sim_setting(
         'object.reach_m',
         'Maximum distance from the wrist to the centre of an object that the gripper can grasp, m',
         0.001,
         5.0,
     )
-    grip_s: float = object_setting(
+    grip_s: float = sim_setting(
         'object.grip_s',
         'Time within which the closed gripper draws the object to its position in the gripper, s',
         0.01,
         60.0,
     )
-    grip_speed: float = object_setting(
+    grip_speed: float = sim_setting(
         'object.grip_speed',
         'Maximum speed with which the gripper draws the object, m/s',
         0.001,
         5.0,
     )
-    noise_n: float = object_setting(
+    noise_n: float = sim_setting(
         'object.noise_n', 'Standard deviation of the force sensor on each axis, N', 0.0, 10.0
     )
     partner: PartnerGripOptions = field(default_factory=PartnerGripOptions)

@@ -26,16 +26,13 @@ pulls.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from math import sqrt
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.common.errors import UsageError
-from handover_dmp.common.settings import setting
+from handover_dmp.robot.velocity_driver import sim_setting
 import numpy as np
 
-object_setting = partial(setting, 'robot_sim', read_only=True)
-"""Makes a field for the object or for who holds it: a parameter of `robot_sim`."""
 FORGOTTEN_S = 0.02
 """Time without a new position after which the hand stands still, s."""
 SMOOTHING_S = 0.03
@@ -64,48 +61,48 @@ class PartnerGripOptions:
 
     """
 
-    reach_m: float = object_setting(
+    reach_m: float = sim_setting(
         'partner.reach_m',
         'Maximum distance from the hand (the wrist) to the centre of an object that the partner '
         'can take, m',
         0.001,
         5.0,
     )
-    speed: float = object_setting(
+    speed: float = sim_setting(
         'partner.speed',
         'Maximum speed of the object relative to the hand at which the partner takes it, m/s',
         0.001,
         5.0,
     )
-    reaction_s: float = object_setting(
+    reaction_s: float = sim_setting(
         'partner.reaction_s',
         'Reaction time of the partner, before taking an object in reach and before feeling the '
         "robot's grip, s",
         0.001,
         5.0,
     )
-    grip_s: float = object_setting(
+    grip_s: float = sim_setting(
         'partner.grip_s',
         "Time within which the partner's grip and share of the weight grow or fade, s",
         0.001,
         5.0,
     )
-    stiffness: float = object_setting(
+    stiffness: float = sim_setting(
         'partner.stiffness', "Stiffness of the partner's arm, N/m", 1.0, 10000.0
     )
-    share: float = object_setting(
+    share: float = sim_setting(
         'partner.share',
         'Share of the weight that the robot must carry before the partner lets go',
         0.01,
         1.0,
     )
-    pulls_after_s: float = object_setting(
+    pulls_after_s: float = sim_setting(
         'partner.pulls_after_s',
         'Time that the hand waits for what both hold before it pulls, s',
         0.001,
         60.0,
     )
-    slip_m: float = object_setting(
+    slip_m: float = sim_setting(
         'partner.slip_m',
         'Distance from the grasp at which the object slips out of the hand, m',
         0.001,
