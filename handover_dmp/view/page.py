@@ -135,8 +135,8 @@ class _Drawing:
         self._draw_room()
         self._draw_robot()
         self._draw_person_and_object()
-        self._draw_trail('hand', self._stage.hand_path, HAND_COLOUR)
-        self._draw_trail('wrist', self._stage.wrist_path, WRIST_COLOUR)
+        self._draw_trail('hand', self._stage.scene.hand_path, HAND_COLOUR)
+        self._draw_trail('wrist', self._stage.scene.wrist_path, WRIST_COLOUR)
         motion = self._animation.Animation(self._clips)
         self._root.set_animation(motion, play=False, repetitions=1)
 
@@ -242,9 +242,7 @@ class _Drawing:
         for time_s in self._times:
             scene.show(float(time_s))
             rod.append(scene.object_pose)
-            hand = np.array(
-                [np.interp(time_s, scene.times, axis) for axis in self._stage.hand_path.T]
-            )
+            hand = np.array([np.interp(time_s, scene.times, axis) for axis in scene.hand_path.T])
             posture = figure.posture(hand)
             for part, poses in zip(figure.parts, person, strict=True):
                 poses.append(figure.part_pose(part, posture))

@@ -25,7 +25,7 @@ from handover_dmp.simulation.engine import Engine
 from handover_dmp.simulation.world import joint_numbers, load_robot
 from handover_dmp.view.camera_image import camera_image, Pixels
 from handover_dmp.view.drawn_robot import drawn_description
-from handover_dmp.view.primitives import refine, write_unit_cylinder, write_unit_sphere
+from handover_dmp.view.primitives import refine, write_unit_meshes
 from handover_dmp.view.scene import Camera
 import numpy as np
 from numpy.typing import NDArray
@@ -61,10 +61,8 @@ def draw_portrait(model: RobotModel) -> Pixels:
     """
     with Engine() as engine:
         with TemporaryDirectory() as folder:
-            sphere, cylinder = Path(folder) / 'sphere.obj', Path(folder) / 'cylinder.obj'
-            write_unit_sphere(sphere)
-            write_unit_cylinder(cylinder)
-            robot = load_robot(model, refine(drawn_description(model), sphere, cylinder), engine)
+            fine = refine(drawn_description(model), *write_unit_meshes(Path(folder)))
+            robot = load_robot(model, fine, engine)
         for number, q in zip(joint_numbers(model, robot, engine), model.home, strict=True):
             engine.resetJointState(robot, number, float(q))
         camera = _camera(robot, engine)

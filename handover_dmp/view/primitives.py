@@ -30,31 +30,26 @@ import numpy as np
 SIDES = 48
 
 
-def write_unit_sphere(path: Path) -> None:
+def write_unit_meshes(folder: Path) -> tuple[Path, Path]:
     """
-    Write a sphere of radius 1 as a Wavefront OBJ file.
+    Write a unit sphere and a unit cylinder as Wavefront OBJ files.
 
     Args:
-        path: the file.
+        folder: folder of the files.
+
+    Returns:
+        The sphere, of radius 1; the cylinder, of radius 1 and length 1 along z around the origin.
 
     """
+    sphere, cylinder = folder / 'sphere.obj', folder / 'cylinder.obj'
     latitude = np.linspace(-np.pi / 2, np.pi / 2, SIDES // 2 + 1)
     profile = np.column_stack([np.cos(latitude), np.sin(latitude)])
-    _write_revolved(path, profile, profile)
-
-
-def write_unit_cylinder(path: Path) -> None:
-    """
-    Write a cylinder of radius 1 and length 1 along z around the origin as a Wavefront OBJ file.
-
-    Args:
-        path: the file.
-
-    """
+    _write_revolved(sphere, profile, profile)
     # Each edge twice, so that ends and side are shaded separately.
     profile = np.array([[0.0, -0.5], [1.0, -0.5], [1.0, -0.5], [1.0, 0.5], [1.0, 0.5], [0.0, 0.5]])
     normals = np.array([[0.0, -1.0], [0.0, -1.0], [1.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
-    _write_revolved(path, profile, normals)
+    _write_revolved(cylinder, profile, normals)
+    return sphere, cylinder
 
 
 def _write_revolved(path: Path, profile: Array, normals: Array) -> None:

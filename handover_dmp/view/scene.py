@@ -43,7 +43,7 @@ from handover_dmp.view.camera_image import camera_image
 from handover_dmp.view.carried_look import look_of
 from handover_dmp.view.drawn_robot import drawn_description
 from handover_dmp.view.piece import Colour, Piece
-from handover_dmp.view.primitives import refine, write_unit_cylinder, write_unit_sphere
+from handover_dmp.view.primitives import refine, write_unit_meshes
 from handover_dmp.view.surroundings import Surroundings
 import numpy as np
 from numpy.typing import NDArray
@@ -176,6 +176,11 @@ class Scene(Closing):
     The scene of a recorded handover, with a camera that sees all of it.
 
     Use it as a context manager or call `close`; otherwise PyBullet keeps the world.
+
+    Attributes:
+        hand_path: (n, 3), m, of the partner's wrist at `times`.
+        wrist_path: (n, 3), m, of the robot's wrist at the same times.
+
     """
 
     def __init__(
@@ -185,7 +190,6 @@ class Scene(Closing):
         joint_positions: Array,
         hand_path: Array,
         *,
-        wrist_path: Array | None = None,
         direction: str = 'give',
         exchange_time_s: float | None = None,
         back_time_s: float | None = None,
@@ -204,7 +208,6 @@ class Scene(Closing):
             times: (n,), s, increasing.
             joint_positions: (n, dof), rad, of the robot.
             hand_path: (n, 3), m, of the partner's wrist, in `world`.
-            wrist_path: (n, 3), m, of the robot's wrist; None: computed from `joint_positions`.
             direction: `give` (the robot has the object first) or `take` (the partner has it).
             exchange_time_s: time at which the object changes hands, s; None: never.
             back_time_s: time at which it changes hands again, in a session, s; None: never.
@@ -233,16 +236,11 @@ class Scene(Closing):
         self.pick_up_time_s = -np.inf if pick_up_time_s is None else pick_up_time_s
         self._robot_gives = direction == 'give'
         self._joints = np.asarray(joint_positions, dtype=float)
-        self._hand_path = np.asarray(hand_path, dtype=float)
-        poses = [model.wrist_pose(q) for q in self._joints]
-        self._wrist_path = (
-            np.array([position for position, _ in poses])
-            if wrist_path is None
-            else np.asarray(wrist_path, dtype=float)
-        )
+        self.hand_path = np.asarray(hand_path, dtype=float)
+        self.wrist_path = np.array([model.wrist_pose(q)[0] for q in self._joints])
         last_s = self.exchange_time_s if back_time_s is None else back_time_s
         met = int(np.searchsorted(self.times, last_s).clip(0, len(self.times) - 1))
-        place = self._hand_path[: met + 1], self._wrist_path[met]
+        place = self.hand_path[: met + 1], self.wrist_path[met]
         self.figure = PartnerFigure(*place, floor_height_m=floor_height_m, stance=stance)
         if floor_height_m is None and model.base.position[2] < self.figure.floor_height_m:
             # an arm beside a lying person stands on the floor, too
@@ -250,17 +248,14 @@ class Scene(Closing):
             self.figure = PartnerFigure(*place, floor_height_m=floor_height_m, stance=stance)
         self.floor_height_m = self.figure.floor_height_m
         # Pictures must not depend on previous ones, so the figure's arm starts from these angles.
-        self._arm = np.array([p.joints for p in self.figure.postures(self._hand_path)])
+        self._arm = np.array([p.joints for p in self.figure.postures(self.hand_path)])
         self._surroundings = surroundings
         self._pieces: list[int] = []
         self._engine = Engine()
         self._bodies = FigureBodies(self.figure, self._engine)
         with TemporaryDirectory() as folder:
-            self._sphere = Path(folder) / 'sphere.obj'
-            self._cylinder = Path(folder) / 'cylinder.obj'
-            write_unit_sphere(self._sphere)
-            write_unit_cylinder(self._cylinder)
-            fine = refine(drawn_description(model), self._sphere, self._cylinder)
+            sphere, self._cylinder = write_unit_meshes(Path(folder))
+            fine = refine(drawn_description(model), sphere, self._cylinder)
             self._robot = load_robot(model, fine, self._engine)
             self._furnish()
         self._numbers = joint_numbers(model, self._robot, self._engine)
@@ -413,7 +408,7 @@ class Scene(Closing):
         return _at(time_s, self.times, self._joints)
 
     def _hand_pose(self, time_s: float) -> _Pose:
-        hand = _at(time_s, self.times, self._hand_path)
+        hand = _at(time_s, self.times, self.hand_path)
         posture = self.figure.posture(hand, _at(time_s, self.times, self._arm))
         return _Pose(posture.hand_position, posture.hand_rotation)
 
@@ -432,7 +427,7 @@ class Scene(Closing):
         for number, position in zip(self._numbers, joints, strict=True):
             self._engine.resetJointState(self._robot, number, float(position))
         posture = self._bodies.show(
-            _at(time_s, self.times, self._hand_path), _at(time_s, self.times, self._arm)
+            _at(time_s, self.times, self.hand_path), _at(time_s, self.times, self._arm)
         )
         hand = _Pose(posture.hand_position, posture.hand_rotation)
         pose = self._object_at(time_s, self._flange_pose(time_s), hand)
@@ -470,7 +465,7 @@ class Scene(Closing):
         simpler, but PyBullet's renderer never frees a mesh.
         """
         pieces = []
-        for path, colour in ((self._hand_path, HAND_COLOUR), (self._wrist_path, WRIST_COLOUR)):
+        for path, colour in ((self.hand_path, HAND_COLOUR), (self.wrist_path, WRIST_COLOUR)):
             corners = _spaced(path, TRAIL_RADIUS_M)
             for first in range(0, len(corners) - 1, 2):
                 piece = corners[first: first + 3]  # fmt: skip
@@ -511,7 +506,7 @@ class Scene(Closing):
         # the pelvis of a lying or bent person is beside the line between the two
         facing = self.figure.heading
         if self.figure.stance is UPRIGHT:
-            between = self._wrist_path[-1] - self.figure.pelvis
+            between = self.wrist_path[-1] - self.figure.pelvis
             facing = float(np.arctan2(between[1], between[0]))
         azimuth = facing - np.radians(aside_deg + self._past_the_robot(facing, aside_deg))
         elevation = np.radians(elevation_deg)
@@ -555,7 +550,7 @@ class Scene(Closing):
 
     def _extent(self) -> Array:
         """Return points around everything that is ever visible, (n, 3)."""
-        clouds = [self._hand_path, self._wrist_path]
+        clouds = [self.hand_path, self.wrist_path]
         for index in np.linspace(0, len(self.times) - 1, 12).astype(int):
             self.show(float(self.times[index]))
             for number in range(-1, self._engine.getNumJoints(self._robot)):
@@ -621,7 +616,7 @@ class Scene(Closing):
     @property
     def middle_time_s(self) -> float:
         """Time at which the robot's wrist was half way to the exchange, s."""
-        lengths = lengths_along(self._wrist_path)
+        lengths = lengths_along(self.wrist_path)
         half = 0.5 * float(np.interp(self.exchange_time_s, self.times, lengths))
         return float(self.times[np.searchsorted(lengths, half)])
 

@@ -50,16 +50,12 @@ class Stage:
         record: the recorded run.
         robot: the arm, on its base.
         scene: the scene to draw.
-        hand_path: (n, 3), m, of the partner's wrist at `scene.times`.
-        wrist_path: (n, 3), m, of the robot's wrist at the same times.
 
     """
 
     record: RunRecord
     robot: RobotModel
     scene: Scene
-    hand_path: Array
-    wrist_path: Array
 
     @property
     def span_s(self) -> tuple[float, float]:
@@ -129,7 +125,6 @@ def set_up(
     times = record.joint_times
     joints = record.joint_positions[:, _order(record, model)]
     hand = _interpolated(times, record.hand_times, record.hand_positions)
-    wrist = np.array([model.wrist_pose(q)[0] for q in joints])
     configuration = str(record.info.get('configuration') or '')
     first_s, back_s = _passes(record)
     with Scene(
@@ -137,7 +132,6 @@ def set_up(
         times,
         joints,
         hand,
-        wrist_path=wrist,
         direction='give' if is_session(record) else record.info.get('exchange') or 'give',
         exchange_time_s=first_s,
         back_time_s=back_s,
@@ -146,7 +140,7 @@ def set_up(
         surroundings=SURROUNDINGS.get(configuration),
         carried=record.info.get('object'),
     ) as scene:
-        yield Stage(record, model, scene, hand, wrist)
+        yield Stage(record, model, scene)
 
 
 def _interpolated(times: Array, at: Array, positions: Array) -> Array:

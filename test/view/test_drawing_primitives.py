@@ -20,17 +20,14 @@ from xml.etree import ElementTree
 
 import coal
 from handover_dmp.robot.model import RobotModel
-from handover_dmp.view.primitives import refine, write_unit_cylinder, write_unit_sphere
+from handover_dmp.view.primitives import refine, write_unit_meshes
 import numpy as np
 import pytest
 
 
 @pytest.fixture
 def meshes(tmp_path):
-    sphere, cylinder = tmp_path / 'sphere.obj', tmp_path / 'cylinder.obj'
-    write_unit_sphere(sphere)
-    write_unit_cylinder(cylinder)
-    return sphere, cylinder
+    return write_unit_meshes(tmp_path)
 
 
 def corners(path, keyword='v'):

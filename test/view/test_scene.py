@@ -84,7 +84,7 @@ def test_same_moment_gives_the_same_picture(scene):
 
 
 def test_middle_is_the_middle_of_the_way(scene):
-    wrist = scene._wrist_path
+    wrist = scene.wrist_path
     steps = np.linalg.norm(np.diff(wrist, axis=0), axis=1)
     made = steps[scene.times[1:] <= scene.middle_time_s].sum()
     assert made / steps.sum() == pytest.approx(0.5, abs=0.05)
@@ -133,8 +133,8 @@ def test_object_is_with_the_giver_first_and_does_not_jump(direction):
         for time_s in (0.0, 1.0 - 1e-6, 1.0 + 1e-6, 1.5):
             scene.show(time_s)
             index = np.searchsorted(scene.times, time_s)
-            hand = scene._hand_path[min(index, 59)]
-            wrist = scene._wrist_path[min(index, 59)]
+            hand = scene.hand_path[min(index, 59)]
+            wrist = scene.wrist_path[min(index, 59)]
             distance[time_s] = (
                 np.linalg.norm(scene.object_pose[0] - wrist),
                 np.linalg.norm(scene.object_pose[0] - hand),
@@ -154,7 +154,7 @@ def test_object_is_with_the_giver_first_and_does_not_jump(direction):
 def test_other_robots_are_drawn_too(robot):
     with handover(robot, options=SceneOptions(samples=1)) as scene:
         with_robot = scene.image(0.0, *SIZE)
-        x, y = scene.camera(*SIZE).project(scene._wrist_path[:1])[0]
+        x, y = scene.camera(*SIZE).project(scene.wrist_path[:1])[0]
     column, row = int((x + 1) / 2 * 240), int((1 - y) / 2 * 180)
     patch = with_robot[row - 12: row + 12, column - 12: column + 12].astype(float)  # fmt: skip
     assert patch.std() > 5  # something stands out from the flat background

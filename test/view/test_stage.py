@@ -37,7 +37,7 @@ def test_the_arm_stands_where_the_run_says(run_folder: Path) -> None:
         assert stage.robot.base == runs.BASE
         assert stage.robot.name == 'lwr4'
         for index in (0, 30, 70):
-            assert stage.wrist_path[index] == pytest.approx(
+            assert stage.scene.wrist_path[index] == pytest.approx(
                 stage.record.wrist_positions[index], abs=1e-9
             )
 
@@ -93,8 +93,8 @@ def test_who_has_the_object_first_is_what_the_run_says(tmp_path: Path, direction
     runs.write_run(tmp_path, direction=direction)
     with set_up(tmp_path) as stage:
         stage.scene.show(0.0)
-        to_wrist = np.linalg.norm(stage.scene.object_pose[0] - stage.wrist_path[0])
-        to_hand = np.linalg.norm(stage.scene.object_pose[0] - stage.hand_path[0])
+        to_wrist = np.linalg.norm(stage.scene.object_pose[0] - stage.scene.wrist_path[0])
+        to_hand = np.linalg.norm(stage.scene.object_pose[0] - stage.scene.hand_path[0])
         assert (to_wrist < to_hand) == (direction == 'give')
 
 
