@@ -50,10 +50,14 @@ def why_not_collided(path: Path, scale: Sequence[float]) -> str:
     place = ' '.join(map(repr, map(float, scale)))
     shape = f'<mesh filename="{escape(str(path))}" scale="{place}"/>'
     link = f'<link name="l"><collision><geometry>{shape}</geometry></collision></link>'
+    urdf = f'<robot name="r">{link}</robot>'
     try:
         # the loader caches only what Pinocchio makes it read
         with silenced():
-            _read_collisions(f'<robot name="r">{link}</robot>')
+            model = pin.buildModelFromXML(urdf)
+            pin.buildGeomFromUrdfString(
+                model, urdf, pin.GeometryType.COLLISION, mesh_loader=LOADER
+            )
     except (ValueError, RuntimeError) as error:
         reason = re.search(r'message: (.*?)(\nHint:|$)', str(error), re.DOTALL)
         words = (reason[1] if reason else str(error)).replace(
@@ -61,11 +65,6 @@ def why_not_collided(path: Path, scale: Sequence[float]) -> str:
         )
         return ' '.join(words.replace(str(path), path.name).split()).rstrip('.') or 'not a mesh'
     return ''
-
-
-def _read_collisions(urdf: str) -> None:
-    model = pin.buildModelFromXML(urdf)
-    pin.buildGeomFromUrdfString(model, urdf, pin.GeometryType.COLLISION, mesh_loader=LOADER)
 
 
 def why_not_drawn(path: Path) -> str:

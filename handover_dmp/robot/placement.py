@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 import itertools
 import math
 
@@ -174,20 +175,13 @@ def _chosen(wrist_path: _WristPath, model: RobotModel, *, upright: bool = False)
     if sideways < PLANE * reach and _depth(wrist_path) > PLANE * reach:
         # a smaller motion would not help
         raise UnreachableError(f'{model.name} {NO_WAY} {FLAT_REASON}', np.inf)
-    best = _search(
-        model,
-        wrist_path,
-        [np.array(offset) for _, offset in ranked[:TRIED]],
-        lambda offset: _placement(model, wrist_path, middle, offset),
-        upright,
-    )
+    search = partial(_search, model, wrist_path, upright)
+    nearest = [np.array(offset) for _, offset in ranked[:TRIED]]
+    best = search(nearest, partial(_placement, model, wrist_path, middle))
     if best.missing_m > 0.0 and not upright:
-        anchored = _search(
-            model,
-            wrist_path,
+        anchored = search(
             _anchored(model, wrist_path, middle),
             lambda place: BasePlacement((place[0], place[1], place[2]), place[3]),
-            upright,
         )
         best = max(best, anchored, key=_Trial.key)
     if best.missing_m > 0.0:
@@ -225,9 +219,9 @@ class _Trial:
 def _search(
     model: RobotModel,
     wrist_path: _WristPath,
+    upright: bool,
     starts: Iterable[Array],
     placed: Callable[[Array], BasePlacement],
-    upright: bool,
 ) -> _Trial:
     """Try placements, then the neighbourhood of the best, in its first three coordinates."""
     best, at = _Trial(-np.inf, BasePlacement(), np.inf), np.zeros(4)

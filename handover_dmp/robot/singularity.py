@@ -78,15 +78,9 @@ def singular_slope(
 
     """
     along = linear.T @ direction
-    pin.computeJointJacobiansTimeVariation(
-        model.pinocchio_model, model.pinocchio_data, joint_positions, along
-    )
-    change = pin.getFrameJacobianTimeVariation(
-        model.pinocchio_model,
-        model.pinocchio_data,
-        model.wrist_frame_id,
-        pin.LOCAL_WORLD_ALIGNED,
-    )
+    chain, data, wrist = model.pinocchio_model, model.pinocchio_data, model.wrist_frame_id
+    pin.computeJointJacobiansTimeVariation(chain, data, joint_positions, along)
+    change = pin.getFrameJacobianTimeVariation(chain, data, wrist, pin.LOCAL_WORLD_ALIGNED)
     return 2.0 * float(direction @ change[:3] @ along)
 
 

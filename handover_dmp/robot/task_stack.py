@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -124,18 +123,14 @@ class TaskStack:
         if unknown:
             raise UsageError(f'priority_ik has no parameter {unknown}: see docs/parameters.md')
         values = {**known, **parameters}
+
+        def made(kind: type[Any]) -> Any:
+            return kind(model, **parameters_of(kind, values))
+
         return cls(
-            limits=tuple(
-                _made(limit, model, values) for name, limit in SWITCHES.items() if values[name]
-            ),
-            levels=(
-                (_made(DirectionTask, model, values),),
-                (_made(OrientationTask, model, values),),
-            ),
-            preferences=(
-                _made(Posture, model, values),
-                _made(ElbowClearance, model, values),
-            ),
+            limits=tuple(made(limit) for name, limit in SWITCHES.items() if values[name]),
+            levels=((made(DirectionTask),), (made(OrientationTask),)),
+            preferences=(made(Posture), made(ElbowClearance)),
             braking_share=values['braking_share'],
             slowest=values['orientation_slows_to'],
         )
@@ -155,7 +150,3 @@ class TaskStack:
         tasks = (task for level in self.levels for task in level)
         followed = [t.off(rotation, target) for t in tasks if isinstance(t, OrientationTask)]
         return max(followed, default=0.0)
-
-
-def _made(kind: type[Any], model: RobotModel, values: Mapping[str, Any]) -> Any:
-    return kind(model, **parameters_of(kind, values))

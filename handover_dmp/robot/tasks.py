@@ -92,11 +92,7 @@ class IkInput:
         dt: float,
         box: tuple[list[float], list[float]],
     ) -> None:
-        pinocchio_model, data, wrist = (
-            model.pinocchio_model,
-            model.pinocchio_data,
-            model.wrist_frame_id,
-        )
+        chain, data, wrist = model.pinocchio_model, model.pinocchio_data, model.wrist_frame_id
         self.model = model
         self.joint_positions = joint_positions
         self.joints = joints
@@ -104,12 +100,10 @@ class IkInput:
         self.partner = partner
         self.dt = dt
         self.lower, self.upper = box
-        self.joint_jacobian = pin.computeJointJacobians(pinocchio_model, data, joint_positions)
-        self._pose = pin.updateFramePlacement(pinocchio_model, data, wrist)
+        self.joint_jacobian = pin.computeJointJacobians(chain, data, joint_positions)
+        self._pose = pin.updateFramePlacement(chain, data, wrist)
         self.position: Array = self._pose.translation
-        self.jacobian: Array = pin.getFrameJacobian(
-            pinocchio_model, data, wrist, pin.LOCAL_WORLD_ALIGNED
-        )
+        self.jacobian: Array = pin.getFrameJacobian(chain, data, wrist, pin.LOCAL_WORLD_ALIGNED)
         self.linear = self.jacobian[:3]
         self.singular_value = smallest_singular_value(self.linear)
         self.wrist_velocity = target.velocity
