@@ -27,7 +27,7 @@ from handover_dmp.robot import descriptions
 from handover_dmp.robot.descriptions import ArmEntry
 from handover_dmp.robot.effective_limits import effective_limits, EffectiveLimits, KnownLimits
 from handover_dmp.robot.errors import RobotDescriptionError
-from handover_dmp.robot.plain_description import parse_xml, pose_of, written
+from handover_dmp.robot.plain_description import ends_of, parse_xml, pose_of, written
 import numpy as np
 import pinocchio as pin
 
@@ -290,24 +290,6 @@ def moving_joints(
             '--base-frame (node parameter base_frame)'
         )
     return tuple(chain)
-
-
-def ends_of(joint: Element) -> tuple[str, str]:
-    """
-    Return the links that a joint connects.
-
-    Args:
-        joint: the joint.
-
-    Returns:
-        Its parent and its child; empty if it names none.
-
-    """
-    parent, child = joint.find('parent'), joint.find('child')
-    return (
-        '' if parent is None else parent.get('link', ''),
-        '' if child is None else child.get('link', ''),
-    )
 
 
 def hold_still(tree: Element, chain: Sequence[Element]) -> None:

@@ -19,9 +19,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from handover_dmp.common.arrays import Array
-from handover_dmp.robot.chain import ends_of
 from handover_dmp.robot.model import RobotModel
-from handover_dmp.robot.plain_description import parse_xml
+from handover_dmp.robot.plain_description import ends_of, parse_xml
 from handover_dmp.robot.published_description import root_link, shown_root
 import numpy as np
 import pinocchio as pin

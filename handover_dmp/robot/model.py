@@ -320,12 +320,10 @@ class RobotModel:
             (6, n), linear velocity above angular velocity, in the axes of `world`.
 
         """
+        model, data = self.pinocchio_model, self.pinocchio_data
+        q = np.asarray(joint_positions, dtype=float)
         jacobian: Array = pin.computeFrameJacobian(
-            self.pinocchio_model,
-            self.pinocchio_data,
-            np.asarray(joint_positions, dtype=float),
-            self.wrist_frame_id,
-            pin.LOCAL_WORLD_ALIGNED,
+            model, data, q, self.wrist_frame_id, pin.LOCAL_WORLD_ALIGNED
         )
         return jacobian
 
@@ -373,7 +371,6 @@ def _chain_urdf(
             for element in joint.findall(part):
                 joint.remove(element)
         if joint not in chain:
-            joint.set('type', 'fixed')
             continue
         i = chain.index(joint)
         if joint.get('type') == 'continuous':

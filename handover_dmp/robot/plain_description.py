@@ -110,6 +110,24 @@ def parse_xml(text: str) -> Element:
     return root
 
 
+def ends_of(joint: Element) -> tuple[str, str]:
+    """
+    Return the links that a joint connects.
+
+    Args:
+        joint: the joint.
+
+    Returns:
+        Its parent and its child; empty if it names none.
+
+    """
+    parent, child = joint.find('parent'), joint.find('child')
+    return (
+        '' if parent is None else parent.get('link', ''),
+        '' if child is None else child.get('link', ''),
+    )
+
+
 def make_plain(
     robot: Element, folder: Path | None, chain: Sequence[Element]
 ) -> tuple[Meshes, list[str]]:
@@ -191,11 +209,9 @@ def moved_links(robot: Element, chain: Sequence[Element]) -> set[str]:
     """
     children: dict[str, list[str]] = {}
     for joint in robot.findall('joint'):
-        parent, child = joint.find('parent'), joint.find('child')
-        if parent is not None and child is not None:
-            children.setdefault(parent.get('link', ''), []).append(child.get('link', ''))
-    ends = [joint.find('child') for joint in chain]
-    ahead = [end.get('link', '') for end in ends if end is not None]
+        parent, child = ends_of(joint)
+        children.setdefault(parent, []).append(child)
+    ahead = [ends_of(joint)[1] for joint in chain]
     moved: set[str] = set()
     while ahead:
         link = ahead.pop()

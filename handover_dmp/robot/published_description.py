@@ -26,9 +26,8 @@ from __future__ import annotations
 from pathlib import Path
 from xml.etree import ElementTree
 
-from handover_dmp.robot.chain import ends_of
 from handover_dmp.robot.mesh_files import find_mesh
-from handover_dmp.robot.plain_description import parse_xml
+from handover_dmp.robot.plain_description import ends_of, parse_xml
 
 
 def root_link(text: str) -> str:

@@ -19,8 +19,9 @@ from __future__ import annotations
 import re
 from xml.etree import ElementTree
 
-from handover_dmp.robot.chain import ends_of, moving_joints
+from handover_dmp.robot.chain import moving_joints
 from handover_dmp.robot.errors import RobotDescriptionError
+from handover_dmp.robot.plain_description import ends_of
 
 Element = ElementTree.Element
 

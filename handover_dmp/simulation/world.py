@@ -32,9 +32,8 @@ from handover_dmp.common.closing import Closing
 from handover_dmp.common.errors import DataError
 from handover_dmp.common.quiet_pybullet import pybullet, silenced
 from handover_dmp.common.settings import setting
-from handover_dmp.robot.chain import ends_of
 from handover_dmp.robot.model import RobotModel
-from handover_dmp.robot.plain_description import moved_links
+from handover_dmp.robot.plain_description import ends_of, moved_links
 from handover_dmp.simulation.engine import Engine
 from handover_dmp.simulation.partner_figure import FigureBodies, PartnerFigure
 import numpy as np
@@ -107,14 +106,11 @@ class World(Closing):
         self.robot = load_robot(self.model, moving_masses(self.model), engine)
         self.joints = joint_numbers(self.model, self.robot, engine)
         self._forces = [float(effort) for effort in self.model.limits.effort]
-        self._undamp()
-        self.bodies = FigureBodies(figure, engine) if figure is not None else None
-
-    def _undamp(self) -> None:
-        for link in range(-1, self.engine.getNumJoints(self.robot)):
-            self.engine.changeDynamics(
+        for link in range(-1, engine.getNumJoints(self.robot)):
+            engine.changeDynamics(
                 self.robot, link, linearDamping=0, angularDamping=0, jointDamping=0
             )
+        self.bodies = FigureBodies(figure, engine) if figure is not None else None
 
     def reset(self, positions: Sequence[float] | Array) -> None:
         """

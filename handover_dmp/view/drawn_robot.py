@@ -16,14 +16,12 @@
 
 from __future__ import annotations
 
-from typing import Any
 from xml.etree import ElementTree
 
 from handover_dmp.common.arrays import Array
-from handover_dmp.robot.chain import ends_of
 from handover_dmp.robot.collision import link_capsules
 from handover_dmp.robot.model import RobotModel
-from handover_dmp.robot.plain_description import add_capsule
+from handover_dmp.robot.plain_description import add_capsule, ends_of
 from handover_dmp.robot.published_description import root_link
 import numpy as np
 
@@ -48,13 +46,14 @@ def drawn_description(model: RobotModel) -> str:
     """
     robot = ElementTree.fromstring(model.chain_text)
     links = {link.get('name', ''): link for link in robot.findall('link')}
-    shown = {_joint_of(model, name) for name, link in links.items() if link.findall('visual')}
+    chain = model.pinocchio_model
+    frames = {name: chain.frames[chain.getFrameId(name)] for name in links}
+    shown = {frames[name].parentJoint for name, link in links.items() if link.findall('visual')}
     carriers = _carriers(robot, model)
     for joint in set(range(model.dof + 1)) - shown:
         name = carriers[joint]
-        frame = model.pinocchio_model.frames[model.pinocchio_model.getFrameId(name)]
         for start, end, radius in _stand_ins(model, joint):
-            ends = frame.placement.actInv(start), frame.placement.actInv(end)
+            ends = frames[name].placement.actInv(start), frames[name].placement.actInv(end)
             for piece in add_capsule(links[name], 'visual', *ends, radius):
                 material = ElementTree.SubElement(piece, 'material', name='stand-in')
                 ElementTree.SubElement(material, 'color', rgba=GREY)
@@ -62,12 +61,6 @@ def drawn_description(model: RobotModel) -> str:
         for shape in link.findall('collision'):
             link.remove(shape)
     return ElementTree.tostring(robot, encoding='unicode')
-
-
-def _joint_of(model: RobotModel, link: str) -> int:
-    """Return the index of the joint that moves a link, 0 if there is none."""
-    chain: Any = model.pinocchio_model
-    return int(chain.frames[chain.getFrameId(link)].parentJoint)
 
 
 def _carriers(robot: ElementTree.Element, model: RobotModel) -> list[str]:
