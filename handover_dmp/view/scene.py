@@ -434,8 +434,8 @@ class Scene(Closing):
         turn = Rotation.from_matrix(pose.rotation).as_quat()
         for body, part in zip(self._object, self.object_parts, strict=True):
             self._put(body, pose.position + pose.rotation @ np.array(part.middle), turn)
-        for trail in self._trails:
-            self._put(trail.body, ORIGIN if trail.until_s <= time_s else OUT_OF_SIGHT)
+        for body, until_s in self._trails:
+            self._put(body, ORIGIN if until_s <= time_s else OUT_OF_SIGHT)
 
     def _object_at(self, time_s: float, flange: _Pose, hand: _Pose) -> _Pose:
         """Place the object in the grasp of its holder."""
@@ -457,12 +457,16 @@ class Scene(Closing):
         position, orientation = self._engine.getBasePositionAndOrientation(self._object[0])
         return np.array(position), np.array(orientation)
 
-    def _lay_trails(self) -> list[_TrailPiece]:
+    def _lay_trails(self) -> list[tuple[int, float]]:
         """
         Make both trails at full length, in short pieces, out of sight.
 
         Pieces are moved into sight when they are passed. New trails for each picture would be
         simpler, but PyBullet's renderer never frees a mesh.
+
+        Returns:
+            The body of each piece, and the time at which it is passed, s.
+
         """
         pieces = []
         for path, colour in ((self.hand_path, HAND_COLOUR), (self.wrist_path, WRIST_COLOUR)):
@@ -481,7 +485,7 @@ class Scene(Closing):
                     indices=indices,
                 )
                 self._put(body, OUT_OF_SIGHT)
-                pieces.append(_TrailPiece(body, float(self.times[piece[-1]])))
+                pieces.append((body, float(self.times[piece[-1]])))
         return pieces
 
     def camera(self, width: int, height: int) -> Camera:
@@ -695,14 +699,6 @@ class _Pose:
 
 
 @dataclass(frozen=True)
-class _TrailPiece:
-    """A body, and the time at which it becomes visible, s."""
-
-    body: int
-    until_s: float
-
-
-@dataclass(frozen=True)
 class _Grasp:
     """Pose of the object in the frame of each holder."""
 
@@ -747,10 +743,9 @@ class _Backdrop:
         rows = (self.shadow_half_m - (y - centre[1])) * scale - 0.5
         columns = (x - centre[0] + self.shadow_half_m) * scale - 0.5
         first, last = np.minimum(rows, columns), np.maximum(rows, columns)
-        inside = falling & (first > 0) & (last < SHADOW_PIXELS)
-        self._inside = inside
-        self._coordinates = np.stack([rows[inside], columns[inside]])
-        self._depth = 0.45 * fade[inside]
+        self._inside = falling & (first > 0) & (last < SHADOW_PIXELS)
+        self._coordinates = np.stack([rows[self._inside], columns[self._inside]])
+        self._depth = 0.45 * fade[self._inside]
 
     def draw(self, shadow: Array) -> Array:
         """Return floor and sky, (h, w, 3), 0 to 1, with a shadow."""
