@@ -258,6 +258,15 @@ class PartnerFigure:
     The placement is chosen once from the path of the wrist, so that every point of it is within
     reach and in front of the body. If a wrist position is out of reach all the same, the whole
     figure moves towards it.
+
+    Attributes:
+        options: options for the placement.
+        stance: stance of the body.
+        floor_height_m: z of the floor, m.
+        heading: direction in which the figure faces, rad, about the vertical.
+        pelvis: (3,), m, position of the pelvis in `world`.
+        shoulder: (3,), m, position of the right shoulder in `world`.
+
     """
 
     def __init__(
