@@ -372,7 +372,7 @@ def _wrapped(points: Array) -> tuple[Array, Array, float]:
     """Enclose points in the smallest of the three capsules about their principal axes."""
     centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
     axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2]
-    best: tuple[float, Array, Array, float] | None = None
+    found: list[tuple[float, Array, Array, float]] = []
     for axis in axes:
         relative = points - centre
         along = relative @ axis
@@ -383,10 +383,9 @@ def _wrapped(points: Array) -> tuple[Array, Array, float]:
         if low > high:
             low = high = (low + high) / 2.0
         volume = radius**2 * (high - low + 4.0 / 3.0 * radius)
-        if best is None or volume < best[0]:
-            best = (volume, centre + low * axis, centre + high * axis, radius)
-    assert best is not None
-    return best[1], best[2], best[3]
+        found.append((volume, centre + low * axis, centre + high * axis, radius))
+    _, start, end, radius = min(found, key=lambda one: one[0])
+    return start, end, radius
 
 
 def _geometry_object(name: str, capsule: LinkCapsule) -> Any:
