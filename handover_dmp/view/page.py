@@ -40,8 +40,6 @@ from handover_dmp.view.scene import (
     FIELD_OF_VIEW_DEG,
     HAND_COLOUR,
     lengths_along,
-    ORIGIN,
-    PEDESTAL_COLOUR,
     tube,
     WRIST_COLOUR,
 )
@@ -152,11 +150,8 @@ class _Drawing:
         root.set_transform(_pose(-camera.target, NO_TURN))
         root['/Grid'].set_property('visible', False)
         root['floor'].set_object(self._floor(scene.floor_height_m, camera.target))
-        for index, (radius, low, high) in enumerate(scene.pedestal):
-            x, y, _ = self._stage.robot.base.position
-            place = np.array([x, y, (low + high) / 2 + scene.floor_height_m])
-            piece = Piece(ORIGIN, (2 * radius, 2 * radius, high - low), PEDESTAL_COLOUR, True)
-            self._draw_piece(f'pedestal/{index}', piece, place)
+        for index, (piece, position) in enumerate(scene.pedestal):
+            self._draw_piece(f'pedestal/{index}', piece, position)
         for index, (piece, position, turn) in enumerate(scene.around):
             self._draw_piece(f'around/{index}', piece, position, turn)
         for index, (piece, position) in enumerate(scene.table):

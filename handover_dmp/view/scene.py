@@ -264,10 +264,8 @@ class Scene(Closing):
 
     def _furnish(self) -> None:
         """Create pedestal and surroundings, the object at a preliminary pose, and its table."""
-        x, y, _ = self.model.base.position
-        for radius, low, high in self.pedestal:
-            piece = Piece(ORIGIN, (2 * radius, 2 * radius, high - low), PEDESTAL_COLOUR, True)
-            self._put(self._solid(piece), [x, y, self.floor_height_m + (low + high) / 2])
+        for piece, place in self.pedestal:
+            self._put(self._solid(piece), place)
         for piece, position, orientation in self.around:
             body = self._solid(piece)
             self._put(body, position, orientation)
@@ -276,13 +274,18 @@ class Scene(Closing):
         self._lay_on_table()
 
     @property
-    def pedestal(self) -> tuple[tuple[float, float, float], ...]:
-        """Return the pedestal: cylinders by radius, bottom and top above the floor, m."""
-        rise = self.model.base.position[2] - self.floor_height_m
+    def pedestal(self) -> list[tuple[Piece, Array]]:
+        """Return the pedestal: cylinders, and their positions, (3,), m."""
+        x, y, z = self.model.base.position
+        rise = z - self.floor_height_m
         if rise <= 0.02:
-            return ()
-        foot, column, plate = PEDESTAL_RADIUS_M, 0.10, 0.16
-        return (foot, 0.0, 0.02), (column, 0.02, rise - 0.02), (plate, rise - 0.02, rise)
+            return []
+        foot, column = (PEDESTAL_RADIUS_M, 0.0, 0.02), (0.10, 0.02, rise - 0.02)
+        pieces = []
+        for radius, low, high in (foot, column, (0.16, rise - 0.02, rise)):
+            piece = Piece(ORIGIN, (2 * radius, 2 * radius, high - low), PEDESTAL_COLOUR, True)
+            pieces.append((piece, np.array([x, y, self.floor_height_m + (low + high) / 2])))
+        return pieces
 
     @property
     def around(self) -> list[tuple[Piece, Array, Array]]:

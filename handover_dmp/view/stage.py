@@ -61,13 +61,13 @@ class Stage:
     def span_s(self) -> tuple[float, float]:
         """Shown time span, from shortly before the robot moves to the end, s."""
         first, last = float(self.scene.times[0]), float(self.scene.times[-1])
-        begins = [
+        reaching = self.record.reaching_time_s
+        begins = (
             time_s
             for time_s, state in self.record.states
-            if state == 'picking_up'
-            and (self.record.reaching_time_s is None or time_s < self.record.reaching_time_s)
-        ]
-        begin = begins[0] if begins else self.record.reaching_time_s
+            if state == 'picking_up' and (reaching is None or time_s < reaching)
+        )
+        begin = next(begins, reaching)
         return (first if begin is None else max(first, begin - BEFORE_S)), last
 
     def frame_times(self, rate_hz: float) -> Array:
