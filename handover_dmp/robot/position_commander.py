@@ -164,18 +164,15 @@ class PositionCommander(MeasuredArm):
             self._driver.halt(fault)
         elif ahead := self._ahead():
             self._driver.stop(ahead)
-        self._go_on(dt)
+        # integrate in steps short enough for the bounds at the position limits
+        bounds = max(1, ceil(dt / BOUNDS_EVERY_S - 1e-9))
+        for _ in range(bounds):
+            self._driver.steps(dt / bounds / STEPS, STEPS)
         at_rest = not self._driver.moving
         # a position controller keeps its last command; the arm may be moved meanwhile, and the
         # next motion begins at its measured position
         self._engaged = not at_rest or self._driver.deadline_s < float('inf')
         return PositionCommand(self._driver.reference, fault or self.report.reason)
-
-    def _go_on(self, dt: float) -> None:
-        """Integrate in steps short enough for the bounds at the position limits."""
-        bounds = max(1, ceil(dt / BOUNDS_EVERY_S - 1e-9))
-        for _ in range(bounds):
-            self._driver.steps(dt / bounds / STEPS, STEPS)
 
     def _fault(self, now_s: float) -> str:
         return self._joint_state_fault(now_s, self.options.joint_state_timeout_s)
