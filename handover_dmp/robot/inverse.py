@@ -16,15 +16,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.robot.errors import UnreachableError
+from handover_dmp.robot.limits import JointLimits
 import numpy as np
 import pinocchio as pin
-
-if TYPE_CHECKING:
-    from handover_dmp.robot.model import RobotModel
 
 TOLERANCE = 1e-6
 POSTURE_WEIGHT = 0.02
@@ -32,8 +30,50 @@ ATTEMPTS = 12
 POLISHING_STEPS = 20
 
 
+class Arm(Protocol):
+    """The part of an arm that inverse kinematics needs; `model.RobotModel` provides it."""
+
+    @property
+    def name(self) -> str:
+        """Name of the robot."""
+        ...
+
+    @property
+    def dof(self) -> int:
+        """Return the number of joints, n."""
+        ...
+
+    @property
+    def limits(self) -> JointLimits:
+        """Limits of the joints."""
+        ...
+
+    @property
+    def home(self) -> Array:
+        """Home configuration, (n,), rad."""
+        ...
+
+    @property
+    def shoulder(self) -> Array:
+        """Centre of the reachable space, (3,), m."""
+        ...
+
+    @property
+    def pinocchio_model(self) -> Any:
+        """Return the chain of joints."""
+        ...
+
+    def wrist_pose(self, joint_positions: Array) -> tuple[Array, Array]:
+        """Return position, (3,), m, and rotation, (3, 3), of the wrist in `world`."""
+        ...
+
+    def wrist_jacobian(self, joint_positions: Array) -> Array:
+        """Return the Jacobian of the wrist, (6, n), linear above angular."""
+        ...
+
+
 def inverse_kinematics(
-    model: RobotModel, position: Array, rotation: Array | None, q0: Array | None
+    model: Arm, position: Array, rotation: Array | None, q0: Array | None
 ) -> Array:
     """
     Solve the inverse kinematics for a pose, within the limits and close to a configuration.
@@ -81,7 +121,7 @@ def inverse_kinematics(
     )
 
 
-def shoulder(model: RobotModel) -> Array:
+def shoulder(model: Arm) -> Array:
     """
     Find the centre of the reachable space.
 
@@ -90,13 +130,15 @@ def shoulder(model: RobotModel) -> Array:
 
     Returns:
         The point on the first joint's axis nearest to the second axis, (3,), m; the origin of the
-        first joint if the two are parallel.
+        first joint if the two are parallel or there is only one.
 
     """
     pinocchio_model = model.pinocchio_model
     data = pinocchio_model.createData()
     jacobian = pin.computeJointJacobians(pinocchio_model, data, np.array(model.home))
     first: Array = data.oMi[1].translation.copy()
+    if model.dof < 2:
+        return first
     a, b = jacobian[3:, 0], jacobian[3:, 1]
     between = data.oMi[2].translation - first
     crossing = 1.0 - float(a @ b) ** 2
@@ -107,7 +149,7 @@ def shoulder(model: RobotModel) -> Array:
     return np.asarray(point)
 
 
-def greatest_reach(model: RobotModel) -> float:
+def greatest_reach(model: Arm) -> float:
     """
     Find the maximum distance of the wrist from the shoulder.
 
@@ -139,7 +181,7 @@ def greatest_reach(model: RobotModel) -> float:
     return float(np.sqrt(2.0 * best))
 
 
-def _pose_error(model: RobotModel, q: Array, goal: Array, rotation: Array | None) -> Array:
+def _pose_error(model: Arm, q: Array, goal: Array, rotation: Array | None) -> Array:
     """Return the pose error, (3,) or (6,), m and rad, in the axes of `world`."""
     position, current = model.wrist_pose(q)
     if rotation is None:
@@ -148,7 +190,7 @@ def _pose_error(model: RobotModel, q: Array, goal: Array, rotation: Array | None
 
 
 def _near_pose(
-    model: RobotModel,
+    model: Arm,
     goal: Array,
     rotation: Array | None,
     near: Array,
@@ -175,7 +217,7 @@ def _near_pose(
 
 
 def _polished(
-    model: RobotModel, goal: Array, rotation: Array | None, q: Array, low: Array, high: Array
+    model: Arm, goal: Array, rotation: Array | None, q: Array, low: Array, high: Array
 ) -> Array:
     rows = 3 if rotation is None else 6
     free = np.ones(model.dof, dtype=bool)
