@@ -16,8 +16,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 import re
 from typing import Any
@@ -45,6 +46,7 @@ MOVER_COLOURS = {ALONE: DMP_COLOUR, ARM: '#b9770e', PERSON: DEMONSTRATOR_COLOUR}
 INSIDE_COLOUR, OUTSIDE_COLOUR = '#2f9e55', '#d64533'
 BAND_COLOURS = {3: '#e1e6ec', 1: '#aab6c4'}
 AXES = 'XYZ'
+POSITION_LABELS = tuple(f'{axis}, m' for axis in AXES)
 AXES_COLOURS = ('#c8372d', '#2f8f4e', '#1f5fb4')
 
 MAX_TRIALS = 8
@@ -81,6 +83,16 @@ STYLE: Any = {
     'lines.solid_capstyle': 'round',
     'svg.hashsalt': 'handover_dmp',
 }
+
+NECK: Any = {'color': '#59626d', 'lw': 1.2, 'ls': (0, (4, 3))}
+"""Line at the width of a bottleneck."""
+
+LEARN_FIGURES = {
+    'single': ('07-09', 'Figs 7–9'),
+    'mean': ('10-12', 'Figs 10–12'),
+    'representative': ('13', 'not in the paper'),
+}
+"""Number in the file name, and in the caption, by source of learning."""
 
 _ROW_GAP = 0.26
 
@@ -154,27 +166,26 @@ def draw(panels: Sequence[Panel], folder: Path) -> Iterator[tuple[str, str]]:
     for configuration, group in by_configuration.items():
         title = configuration.replace('_', ' ')
         file = re.sub(r'[^A-Za-z0-9_-]+', '-', configuration).strip('-') or 'unnamed'
-        name = f'fig03_traces_{file}'
-        _save(_traces, group, title, folder / name)
-        yield name, f'{title}: wrists of P1 and P2 in all trials, exchanges shaded (Fig. 3)'
-        name = f'fig04-06_rollouts_{file}'
-        _save(_rollouts, group, title, folder / name)
-        yield (
-            name,
-            f'{title}: the DMP with the hand of its demonstration, and with another (Figs 4–6)',
-        )
-        for learn, numbers in (('single', '07-09'), ('mean', '10-12'), ('representative', '13')):
-            if learn not in group[0].shown:
-                continue
-            name = f'fig{numbers}_learn_{learn}_{file}'
-            _save(_bands, group, title, folder / name, learn)
-            yield (
-                name,
-                f'{title}: learn {learn} and the spread of people ({_figures(numbers)})',
-            )
-        name = f'why_{file}'
-        _save(_why, group, title, folder / name)
-        yield name, f'{title}: when curves leave the band of people, and width of the band'
+        for kind, make, caption in _figures(group[0].shown):
+            name = f'{kind}_{file}'
+            with rc_context(STYLE):
+                _save(make(group, title), folder / name)
+            yield name, f'{title}: {caption}'
+
+
+def _figures(learns: Container[str]) -> Iterator[tuple[str, Callable[..., Figure], str]]:
+    """Yield kind, maker and caption of the figures of a configuration."""
+    yield 'fig03_traces', _traces, 'wrists of P1 and P2 in all trials, exchanges shaded (Fig. 3)'
+    yield (
+        'fig04-06_rollouts',
+        _rollouts,
+        'the DMP with the hand of its demonstration, and with another (Figs 4–6)',
+    )
+    for learn, (numbers, paper) in LEARN_FIGURES.items():
+        if learn in learns:
+            caption = f'learn {learn} and the spread of people ({paper})'
+            yield f'fig{numbers}_learn_{learn}', partial(_bands, learn=learn), caption
+    yield 'why', _why, 'when curves leave the band of people, and width of the band'
 
 
 def draw_beside(
@@ -193,18 +204,13 @@ def draw_beside(
     """
     shown = [one for one in measures if len(one.pairs)]
     with rc_context(STYLE):
-        _write(_beside(shown, title, columns), folder / name)
+        _save(_beside(shown, title, columns), folder / name)
 
 
 def figure_count(panels: Sequence[Panel]) -> int:
     """Return the number of figures that `draw` makes of these cases."""
     configurations = {panel.case.configuration for panel in panels}
     return len(configurations) * (3 + len(panels[0].shown))
-
-
-def _figures(numbers: str) -> str:
-    paper = {'07-09': 'Figs 7–9', '10-12': 'Figs 10–12'}
-    return paper.get(numbers, 'not in the paper')
 
 
 def _traces(group: Sequence[Panel], title: str) -> Figure:
@@ -235,8 +241,7 @@ def _traces(group: Sequence[Panel], title: str) -> Figure:
             fontsize=8.5,
         )
         start = at[-1] + pause
-    for dimension, axis in enumerate(axes):
-        axis.set_ylabel(f'{AXES[dimension]}, m')
+    for axis in axes:
         axis.margins(x=0.01)
         for boundary in boundaries:
             axis.axvline(boundary, color='#9aa4af', lw=1.0, ls=(0, (4, 3)))
@@ -280,8 +285,6 @@ def _rollouts(group: Sequence[Panel], title: str) -> Figure:
             f'{trial.direction}: {what}\nlearnt from {learnt}, tested against {trial.number}'
         )
         column[-1].set_xlabel('time, s')
-    for dimension, axis in enumerate(axes[:, 0]):
-        axis.set_ylabel(f'{AXES[dimension]}, m')
     _legend(
         figure,
         f'The DMP replaces P2: {title}',
@@ -336,8 +339,6 @@ def _bands(group: Sequence[Panel], title: str, learn: str) -> Figure:
         figures = ', '.join(f'≤{k}σ {shown.within[k]:.0f} %' for k in BANDS)
         column[0].set_title(f'{panel.case.direction}\n{figures}\n', loc='left')
         column[-1].set_xlabel('time as a fraction of the duration')
-    for dimension, axis in enumerate(axes[:, 0]):
-        axis.set_ylabel(f'{AXES[dimension]}, m')
     _legend(
         figure,
         f'Learn {learn}: {title}',
@@ -354,7 +355,11 @@ def _bands(group: Sequence[Panel], title: str, learn: str) -> Figure:
 
 def _why(group: Sequence[Panel], title: str) -> Figure:
     figure, axes = _grid(
-        len(group), rows=2, width=max(NARROWEST, 5.2 * len(group) + 0.4), height=5.2, top=0.85
+        len(group),
+        width=max(NARROWEST, 5.2 * len(group) + 0.4),
+        height=5.2,
+        top=0.85,
+        labels=('outside 3σ, %', '−3σ to 3σ, mm'),
     )
     neck_mm = 1e3 * group[0].rejections.min_width_m
     for (above, below), panel in zip(axes.T, group, strict=True):
@@ -365,7 +370,7 @@ def _why(group: Sequence[Panel], title: str) -> Figure:
         for dimension, colour in enumerate(AXES_COLOURS):
             above.plot(u, share[:, dimension], color=colour, lw=1.8)
             below.plot(u, widths[:, dimension], color=colour, lw=1.8)
-        below.axhline(neck_mm, color='#59626d', lw=1.2, ls=(0, (4, 3)))
+        below.axhline(neck_mm, **NECK)
         above.set_title(
             f'{panel.case.direction}: {len(rejections.rejected)} of {rejections.curves} curves '
             f'leave the band, learn {rejections.learn}',
@@ -377,8 +382,6 @@ def _why(group: Sequence[Panel], title: str) -> Figure:
         above.margins(x=0.0)
         below.margins(x=0.0)
         below.set_xlabel('time as a fraction of the duration')
-    axes[0, 0].set_ylabel('outside 3σ, %')
-    axes[1, 0].set_ylabel('−3σ to 3σ, mm')
     _legend(
         figure,
         f'Why curves are rejected: {title}',
@@ -387,14 +390,7 @@ def _why(group: Sequence[Panel], title: str) -> Figure:
                 Line2D([], [], color=colour, lw=2, label=name)
                 for name, colour in zip(AXES, AXES_COLOURS, strict=True)
             ),
-            Line2D(
-                [],
-                [],
-                color='#59626d',
-                lw=1.2,
-                ls=(0, (4, 3)),
-                label=f'{neck_mm:.0f} mm, a bottleneck below',
-            ),
+            Line2D([], [], **NECK, label=f'{neck_mm:.0f} mm, a bottleneck below'),
         ],
     )
     return figure
@@ -403,7 +399,12 @@ def _why(group: Sequence[Panel], title: str) -> Figure:
 def _beside(measures: Sequence[Beside], title: str, columns: int) -> Figure:
     rows = -(-len(measures) // columns)
     figure, axes = _grid(
-        columns, rows=rows, width=2.9 * columns, height=1.15 + 2.3 * rows, top=0.85, row_gap=0.62
+        columns,
+        width=2.9 * columns,
+        height=1.15 + 2.3 * rows,
+        top=0.85,
+        labels=[''] * rows,
+        row_gap=0.62,
     )
     for axis in axes.ravel()[len(measures):]:  # fmt: skip
         axis.remove()
@@ -463,7 +464,7 @@ def _grid(
     width: float,
     height: float,
     top: float,
-    rows: int = 3,
+    labels: Sequence[str] = POSITION_LABELS,
     same_scale: bool = False,
     row_gap: float = _ROW_GAP,
 ) -> tuple[Figure, Any]:
@@ -472,10 +473,10 @@ def _grid(
 
     Args:
         columns: number of columns.
-        rows: number of rows.
         width: width of the figure, inch.
         height: height of the figure, inch.
         top: space for title and legend, inch.
+        labels: label of each row.
         same_scale: whether the axes of a row share their scale; then only the first has numbers.
         row_gap: gap between two rows, inch.
 
@@ -484,6 +485,7 @@ def _grid(
 
     """
     left, right, bottom = 0.75, 0.15, 0.55
+    rows = len(labels)
     between = 0.12 if same_scale else 0.65
     figure = Figure(figsize=(width, height))
     each = (width - left - right - between * (columns - 1)) / columns
@@ -503,7 +505,8 @@ def _grid(
             'hspace': row_gap / row,
         },
     )
-    for axis in axes[:, 0]:
+    for axis, label in zip(axes[:, 0], labels, strict=True):
+        axis.set_ylabel(label)
         axis.yaxis.set_label_coords(-0.54 / each, 0.5)
     for axis in axes[-1]:
         axis.xaxis.set_label_coords(0.5, -0.31 / row)
@@ -528,14 +531,7 @@ def _legend(figure: Figure, title: str, handles: list[Line2D | Patch]) -> None:
     )
 
 
-def _save(
-    make: Callable[..., Figure], group: Sequence[Panel], title: str, stem: Path, *arguments: str
-) -> None:
-    with rc_context(STYLE):
-        _write(make(group, title, *arguments), stem)
-
-
-def _write(figure: Figure, stem: Path) -> None:
+def _save(figure: Figure, stem: Path) -> None:
     for suffix, options in _FORMATS.items():
         with replacing(stem.with_name(stem.name + suffix)) as temporary:
             figure.savefig(temporary, **options)
