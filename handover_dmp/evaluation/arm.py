@@ -38,7 +38,7 @@ from handover_dmp.evaluation.rollouts import (
     RolloutTask,
     sources_of,
 )
-from handover_dmp.evaluation.scores import BANDS, judge, Scores
+from handover_dmp.evaluation.scores import judge, Scores
 from handover_dmp.handover.lockstep import Handover, REPLAY_AT_S
 from handover_dmp.handover.scenario import expected_path, Scenario
 from handover_dmp.mocap.filtering import smooth, velocities
@@ -143,7 +143,7 @@ class ArmEvaluation:
     def motions(self) -> dict[tuple[str, str, int], MotionBeside]:
         """Return the measures of each motion by configuration, direction and number."""
         return {
-            (one.case.configuration, one.case.direction, number): motion
+            (*one.case.key, number): motion
             for one in self.cases
             for number, motion in one.motions.items()
         }
@@ -193,14 +193,8 @@ def figures(*scores: Scores) -> dict[str, Any]:
         return dict.fromkeys(
             ('within', 'rms_m', 'final_gap_m', 'shifted_rms_m', 'lateness_s'),
         )
-    once = reduce(add, (one.totals(np.ones((1, one.counted.shape[1]))) for one in counted))
-    return {
-        'within': {str(k): float(once.within_percent[0, c]) for c, k in enumerate(BANDS)},
-        'rms_m': float(once.rms_m[0]),
-        'final_gap_m': float(once.gap_m[0]),
-        'shifted_rms_m': float(once.shifted_rms_m[0]),
-        'lateness_s': float(once.lateness_s[0]),
-    }
+    totals = (one.totals(np.ones((1, one.counted.shape[1]))) for one in counted)
+    return reduce(add, totals).as_json()
 
 
 def evaluate_arm(
@@ -246,7 +240,7 @@ def evaluate_arm(
     for judged, base in zip(evaluation.cases, placed, strict=True):
         case = judged.case
         if isinstance(base, str):
-            refused.append((case.configuration, case.direction, base))
+            refused.append((*case.key, base))
             continue
         for task in plan(case, learn, leave_one_out=protocol.leave_one_out):
             units += [(judged, task, index, base) for index in task.tested]
@@ -357,12 +351,7 @@ def _judge(
     case = judged.case
     alone = judged.scores[learn, 'decoupled']
     band = band_of(case, leave_one_out=protocol.leave_one_out)
-    shape = alone.gap_m.shape
-    shifted, lateness = np.zeros((2, *shape))
-    counted = np.zeros(shape, dtype=np.bool_)
-    arm = Scores(
-        np.zeros((*shape, 3)), np.zeros(shape), np.zeros(shape), counted, shifted, lateness
-    )
+    arm = Scores.blank(*alone.gap_m.shape)
     apart, unreached, went = [], [], []
     motions: dict[int, MotionBeside] = {}
     measured = sources_of(case, learn, leave_one_out=protocol.leave_one_out)
@@ -379,15 +368,8 @@ def _judge(
             band.at([index]),
             durations_s=case.durations_s[[index]],
         )
-        assert scores.shifted_m2 is not None and scores.lateness_s is not None
-        spot = task.row, index
-        arm.sigmas[spot] = scores.sigmas[0, 0]
-        arm.squared_m2[spot] = scores.squared_m2[0, 0]
-        arm.gap_m[spot] = scores.gap_m[0, 0]
-        shifted[spot] = scores.shifted_m2[0, 0]
-        lateness[spot] = scores.lateness_s[0, 0]
-        counted[spot] = True
-        drawn = np.flatnonzero((judged.kept[learn] == spot).all(axis=1))
+        arm.enter(task.row, [index], scores)
+        drawn = np.flatnonzero((judged.kept[learn] == (task.row, index)).all(axis=1))
         if len(drawn):
             away = one.curve - judged.curves[learn][drawn[0]]
             apart.append(float((away**2).sum(axis=1).mean()))
@@ -397,7 +379,7 @@ def _judge(
     ]
     return ArmCase(
         case=case,
-        primitive=replace(alone, counted=counted),
+        primitive=replace(alone, counted=arm.counted),
         arm=arm,
         apart_m=float(np.sqrt(np.mean(apart))) if apart else float('nan'),
         limits=mean_limits(went) if went else None,

@@ -109,6 +109,11 @@ class Case:
     def __len__(self) -> int:
         return len(self.trials)
 
+    @property
+    def key(self) -> tuple[str, str]:
+        """Return configuration and direction."""
+        return self.configuration, self.direction
+
     @cached_property
     def durations_s(self) -> Array:
         """(n,) duration of each trial, s."""

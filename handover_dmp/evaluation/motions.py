@@ -92,15 +92,12 @@ class MotionBeside:
 
     def as_json(self) -> dict[str, Any]:
         """Return every measure by its name; None if there is none."""
-        empty = dict.fromkeys(name for name, *_ in MEASURES)
-        parts = [asdict(one) for one in (self.motion, self.synchrony, self.fluency) if one]
-        found: dict[str, Any] = {
-            **empty,
-            'distance_min_m': self.distance_min_m,
-            'relative_speed_m_s': self.relative_speed_m_s,
-        }
-        for part in parts:
-            found |= part
+        found: dict[str, Any] = dict.fromkeys(name for name, *_ in MEASURES)
+        found['distance_min_m'] = self.distance_min_m
+        found['relative_speed_m_s'] = self.relative_speed_m_s
+        for part in (self.motion, self.synchrony, self.fluency):
+            if part is not None:
+                found |= asdict(part)
         return _finite(found)
 
 
@@ -127,7 +124,7 @@ class TrialMeasures:
     @property
     def label(self) -> tuple[str, str, int]:
         """Return configuration, direction and number."""
-        return self.case.configuration, self.case.direction, self.number
+        return *self.case.key, self.number
 
     def as_json(self) -> dict[str, Any]:
         """Return everything as plain types."""

@@ -16,7 +16,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
 from operator import add
@@ -150,14 +151,15 @@ def evaluate(
     cases = make_cases(trials, min_trials=min_trials, cutoff_hz=protocol.learning.cutoff_hz)
     units = [unit for case in cases for unit in _units(case, protocol)]
     total, done = sum(len(unit.tasks) for unit in units), 0
-    blocks: list[list[_Block]] = []
+    blocks: defaultdict[tuple[str, ...], list[_Block]] = defaultdict(list)
     run = Parallel(n_jobs=jobs, return_as='generator')
-    for block in run(delayed(_carry_out)(unit, protocol) for unit in units):
-        done += len(block)
-        blocks.append(block)
+    results = run(delayed(_carry_out)(unit, protocol) for unit in units)
+    for unit, result in zip(units, results, strict=True):
+        done += len(result)
+        blocks[unit.key] += result
         if progress is not None:
             progress(done, total)
-    judged = [_collect(case, protocol, units, blocks) for case in cases]
+    judged = [_collect(case, protocol, blocks) for case in cases]
     measures = measure_trials(
         cases,
         protocol.learning,
@@ -176,6 +178,10 @@ class _Unit:
     learn: str
     method: str
     tasks: Sequence[RolloutTask]
+
+    @property
+    def key(self) -> tuple[str, ...]:
+        return *self.case.key, self.learn, self.method
 
 
 @dataclass(frozen=True)
@@ -237,7 +243,7 @@ def _drawn(unit: _Unit) -> bool:
 
 
 def _collect(
-    case: Case, protocol: Protocol, units: Sequence[_Unit], blocks: Sequence[list[_Block]]
+    case: Case, protocol: Protocol, blocks: Mapping[tuple[str, ...], list[_Block]]
 ) -> CaseScores:
     scores: dict[tuple[str, str], Scores] = {}
     curves: dict[str, Array] = {}
@@ -245,12 +251,8 @@ def _collect(
     rejections: dict[str, Rejections] = {}
     for learn in protocol.learn:
         for method in protocol.learning.methods:
-            own = [
-                block
-                for unit, result in zip(units, blocks, strict=True)
-                if unit.case is case and (unit.learn, unit.method) == (learn, method)
-                for block in result
-            ]
+            key = *case.key, learn, method
+            own = blocks[key]
             scores[learn, method] = _table_of(own, len(case))
             if method == 'decoupled':
                 drawn = [block for block in own if len(block.curves)]
@@ -281,25 +283,9 @@ def _why(
 
 
 def _table_of(blocks: Sequence[_Block], trials: int) -> Scores:
-    rows = 1 + max(block.task.row for block in blocks)
-    shifted, lateness = np.zeros((2, rows, trials))
-    table = Scores(
-        sigmas=np.zeros((rows, trials, 3)),
-        squared_m2=np.zeros((rows, trials)),
-        gap_m=np.zeros((rows, trials)),
-        counted=np.zeros((rows, trials), dtype=np.bool_),
-        shifted_m2=shifted,
-        lateness_s=lateness,
-    )
+    table = Scores.blank(1 + max(block.task.row for block in blocks), trials)
     for block in blocks:
-        place = block.task.row, list(block.task.tested)
-        table.sigmas[place] = block.scores.sigmas[0]
-        table.squared_m2[place] = block.scores.squared_m2[0]
-        table.gap_m[place] = block.scores.gap_m[0]
-        if block.scores.shifted_m2 is not None and block.scores.lateness_s is not None:
-            shifted[place] = block.scores.shifted_m2[0]
-            lateness[place] = block.scores.lateness_s[0]
-        table.counted[place] = True
+        table.enter(block.task.row, block.task.tested, block.scores)
     return table
 
 
@@ -314,9 +300,7 @@ def _judge_minimum_jerk(case: Case, protocol: Protocol) -> Scores:
 def _judge_people(case: Case) -> Scores:
     """Score each person's motion against the others': the upper bound for any imitation."""
     if len(case) < MIN_TRIALS_LEFT_OUT:
-        nothing = np.zeros((1, len(case)))
-        wide = nothing[..., None].repeat(3, axis=2)
-        return Scores(wide, nothing, nothing, nothing > 0.0, nothing, nothing)
+        return Scores.blank(1, len(case))
     others = Envelope.of_the_others(case.curves)
     return judge(case.curves[None], others.mean, others, durations_s=case.durations_s)
 
@@ -334,8 +318,8 @@ def _tabulate(cases: Sequence[CaseScores], protocol: Protocol) -> tuple[list[Row
         for (learn, method), scores in judged.scores.items():
             totals = scores.totals(once), scores.totals(counts)
             sums.setdefault((learn, method), []).append(totals)
-            place = case.configuration, case.direction, learn, method
-            rows.append(Row(*place, len(case), scores.curves, Summary.of(*totals)))
+            figures = Summary.of(*totals)
+            rows.append(Row(*case.key, learn, method, len(case), scores.curves, figures))
     trials = sum(len(judged.case) for judged in cases)
     summary = []
     for (learn, method), parts in sums.items():

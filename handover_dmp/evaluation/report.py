@@ -33,7 +33,6 @@ from handover_dmp.evaluation.motions import measures_table, motions_beside
 from handover_dmp.evaluation.page import page, picture
 from handover_dmp.evaluation.protocol import Evaluation
 from handover_dmp.evaluation.rollouts import moved_from
-from handover_dmp.evaluation.scores import BANDS
 from handover_dmp.evaluation.sessions import SessionOutcome, sessions_beside, sessions_table
 from handover_dmp.evaluation.table import as_csv, as_text, PAPER
 from handover_dmp.evaluation.why import explanation, why_tables
@@ -121,14 +120,7 @@ def _distances(evaluation: Evaluation, arm: ArmEvaluation | None) -> list[dict[s
                     'trial': case.trials[index].number,
                     'method': method,
                     'learn': None if method == 'human' else learn,
-                    'within': {
-                        str(k): float(totals.within_percent[index, column])
-                        for column, k in enumerate(BANDS)
-                    },
-                    'rms_m': float(totals.rms_m[index]),
-                    'final_gap_m': float(totals.gap_m[index]),
-                    'shifted_rms_m': float(totals.shifted_rms_m[index]),
-                    'lateness_s': float(totals.lateness_s[index]),
+                    **totals.as_json(index),
                 }
             )
     return found

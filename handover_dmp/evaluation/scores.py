@@ -16,7 +16,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
 
 from handover_dmp.common.arrays import Array
 from handover_dmp.evaluation.bootstrap import interval
@@ -56,6 +58,37 @@ class Scores:
     counted: NDArray[np.bool_]
     shifted_m2: Array | None = None
     lateness_s: Array | None = None
+
+    @classmethod
+    def blank(cls, models: int, trials: int) -> Scores:
+        """
+        Make a table in which nothing counts yet.
+
+        Args:
+            models: number of rows.
+            trials: number of columns.
+
+        Returns:
+            Zeros, with shifts in time.
+
+        """
+        shape = models, trials
+        gap, squared, shifted, lateness = np.zeros((4, *shape))
+        counted = np.zeros(shape, dtype=np.bool_)
+        return cls(np.zeros((*shape, 3)), squared, gap, counted, shifted, lateness)
+
+    def enter(self, row: int, trials: Sequence[int], scores: Scores) -> None:
+        """
+        Enter the scores of one model.
+
+        Args:
+            row: row of the model.
+            trials: columns of its trials.
+            scores: one row for these trials, with shifts in time.
+
+        """
+        for field in fields(self):
+            getattr(self, field.name)[row, list(trials)] = getattr(scores, field.name)[0]
 
     @property
     def curves(self) -> int:
@@ -149,6 +182,26 @@ class Totals:
         """Return (rounds,) standard deviation of that shift, s."""
         variance = self._mean(_LATE_SQUARED) - self.lateness_s**2
         return np.sqrt(np.maximum(variance, 0.0))
+
+    def as_json(self, row: int = 0) -> dict[str, Any]:
+        """
+        Return the means of one row as plain types.
+
+        Args:
+            row: the row.
+
+        Returns:
+            Percentages within 1σ, 2σ and 3σ; distance, final gap and distance after the best
+            shift in time, m; that shift, s.
+
+        """
+        return {
+            'within': dict(zip(map(str, BANDS), self.within_percent[row].tolist(), strict=True)),
+            'rms_m': float(self.rms_m[row]),
+            'final_gap_m': float(self.gap_m[row]),
+            'shifted_rms_m': float(self.shifted_rms_m[row]),
+            'lateness_s': float(self.lateness_s[row]),
+        }
 
     def _mean(self, column: int) -> Array:
         if column >= self.sums.shape[1]:
