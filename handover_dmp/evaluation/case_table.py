@@ -53,9 +53,7 @@ class CaseTable:
     remarks: Sequence[str] = ()
 
     def _as_table(self) -> Table:
-        table = Table(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1))
-        for number, name in enumerate(self.head):
-            table.add_column(name, justify='right' if number else 'left', no_wrap=True)
+        table = table_with_columns(self.head[:1], self.head[1:])
         for line in self.lines:
             table.add_row(*line)
         if self.total:
@@ -99,6 +97,16 @@ class CaseTable:
             )
         parts += [f'<p>{escape(remark)}</p>' for remark in self.remarks]
         return NEW_LINE.join(parts)
+
+
+def table_with_columns(of_text: Sequence[str], of_numbers: Sequence[str] = ()) -> Table:
+    """Make an empty table for rich, from the headings of its columns."""
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1))
+    for name in of_text:
+        table.add_column(name, no_wrap=True)
+    for name in of_numbers:
+        table.add_column(name, justify='right', no_wrap=True)
+    return table
 
 
 def heading(title: str) -> Text:

@@ -21,9 +21,8 @@ from html import escape
 import math
 
 from handover_dmp.common.digits import rounded
-from handover_dmp.evaluation import LEARN
-from handover_dmp.evaluation.scores import BANDS, Summary
-from handover_dmp.evaluation.table import LEARNING_METHODS, PAPER, Row, TITLE, TITLES
+from handover_dmp.evaluation.scores import BANDS
+from handover_dmp.evaluation.table import each_once, millis, paper_table, Row, TITLE, TITLES
 
 _STYLE = """
 :root { color-scheme: light; --ink: #1b2430; --soft: #5b6673; --line: #dde2e8; --tint: #f5f7f9; }
@@ -99,7 +98,6 @@ def page(
         HTML; it loads nothing but those figures.
 
     """
-    learns = [learn for learn in LEARN if any(row.learn == learn for row in summary)]
     answers = ''.join(
         f'<dt>{escape(question)}</dt><dd>{escape(answer)}</dd>'
         for question, answer in in_short.items()
@@ -120,7 +118,7 @@ href="table.json">table.json</a></nav>
 <h2>In short</h2>
 <dl>{answers}</dl>
 <h2>{TITLE}</h2>
-<div class="wide"><table>{_paper_table(rows, summary, learns)}</table></div>
+<div class="wide"><table>{_paper_table(rows, summary)}</table></div>
 <h2>All cases, every method</h2>
 <p class="soft">In brackets: 95 % interval from resampled trials. Distance: root mean square to P2
 in the same trial. End: mean distance to P2's position at the exchange. P2 itself is compared with
@@ -136,44 +134,30 @@ deviation).</p>
 """
 
 
-def _paper_table(rows: Sequence[Row], summary: Sequence[Row], learns: Sequence[str]) -> str:
+def _paper_table(rows: Sequence[Row], summary: Sequence[Row]) -> str:
+    shown = paper_table(rows, summary)
     head = '<th class="text" rowspan="2">configuration</th><th class="text" rowspan="2">exchange'
     head += '</th><th rowspan="2">trials</th>'
-    head += ''.join(f'<th class="group" colspan="3">learn {learn}</th>' for learn in learns)
-    bands = ''.join(_cell('th', f'≤{k}σ', first=k == 1) for _ in learns for k in BANDS)
-    ours = {
-        (row.configuration, row.direction, row.learn): row.figures
-        for row in (*rows, *summary)
-        if row.method == 'decoupled'
-    }
-    lines = []
-    cases = dict.fromkeys((row.configuration, row.direction, row.trials) for row in rows)
-    for configuration, direction, trials in cases:
-        numbers = [ours[configuration, direction, learn] for learn in learns]
-        lines.append(_line('', configuration.replace('_', ' '), direction, trials, numbers))
-    trials = sum(number for _, _, number in cases)
-    lines.append(_line('sum', 'all', '', trials, [ours['', '', learn] for learn in learns]))
-    paper = ''.join(
-        _cell('td', f'{PAPER[learn][k]:.1f}' if learn in PAPER else '', first=k == 1)
-        for learn in learns
-        for k in BANDS
-    )
+    head += ''.join(f'<th class="group" colspan="3">learn {learn}</th>' for learn in shown.learns)
+    bands = _cells('th', [f'≤{k}σ' for _ in shown.learns for k in BANDS])
+    lines = [
+        _line('', configuration.replace('_', ' '), direction, trials, percentages)
+        for configuration, direction, trials, percentages in shown.cases
+    ]
+    lines.append(_line('sum', 'all', '', shown.trials, shown.total))
     lines.append(
         '<tr class="paper"><td class="text" colspan="2">the paper, its own recordings</td>'
-        f'<td>30</td>{paper}</tr>'
+        f'<td>30</td>{_cells("td", shown.paper)}</tr>'
     )
     return f'<thead><tr>{head}</tr><tr>{bands}</tr></thead><tbody>{"".join(lines)}</tbody>'
 
 
 def _line(
-    kind: str, configuration: str, direction: str, trials: int, numbers: Sequence[Summary]
+    kind: str, configuration: str, direction: str, trials: int, percentages: Sequence[str]
 ) -> str:
-    cells = ''.join(
-        _cell('td', f'{figures.within[k]:.1f}', first=k == 1) for figures in numbers for k in BANDS
-    )
     return (
         f'<tr class="{kind}"><td class="text">{escape(configuration)}</td>'
-        f'<td class="text">{direction}</td><td>{trials}</td>{cells}</tr>'
+        f'<td class="text">{direction}</td><td>{trials}</td>{_cells("td", percentages)}</tr>'
     )
 
 
@@ -181,31 +165,30 @@ def _methods_table(summary: Sequence[Row]) -> str:
     bands = ''.join(f'<th>≤{k}σ, %</th>' for k in BANDS)
     head = '<th class="text">method</th><th class="text">learn</th><th>curves</th>'
     head += f'{bands}<th>distance, mm</th><th>end, mm</th><th>shifted, mm</th><th>late by, ms</th>'
-    lines, shown = [], set()
-    for row in sorted(summary, key=lambda row: list(TITLES).index(row.method)):
-        learns = row.method in LEARNING_METHODS
-        if not learns and row.method in shown:
-            continue
-        shown.add(row.method)
+    lines = []
+    for row, learn in each_once(summary):
         figures = row.figures
         cells = [_number(figures.within[k], figures.within_interval[k]) for k in BANDS]
         cells.append(_number(1e3 * figures.rms_m, [1e3 * m for m in figures.rms_interval_m]))
-        gap = '–' if math.isnan(figures.final_gap_m) else f'{1e3 * figures.final_gap_m:.0f}'
-        shifted, late = '–', '–'
-        if not math.isnan(figures.shifted_rms_m):
+        cells += [millis(figures.final_gap_m), millis(figures.shifted_rms_m, 1)]
+        late = '–'
+        if not math.isnan(figures.lateness_s):
             spread = f'± {1e3 * figures.lateness_deviation_s:.0f}'
-            shifted = f'{1e3 * figures.shifted_rms_m:.1f}'
             late = f'{rounded(1e3 * figures.lateness_s, 0, "+")} <small>{spread}</small>'
         lines.append(
             f'<tr><td class="text">{TITLES[row.method]}</td>'
-            f'<td class="text">{row.learn if learns else "–"}</td><td>{row.curves}</td>'
-            f'{"".join(f"<td>{cell}</td>" for cell in (*cells, gap, shifted, late))}</tr>'
+            f'<td class="text">{learn}</td><td>{row.curves}</td>'
+            f'{"".join(f"<td>{cell}</td>" for cell in (*cells, late))}</tr>'
         )
     return f'<thead><tr>{head}</tr></thead><tbody>{"".join(lines)}</tbody>'
 
 
-def _cell(tag: str, text: str, *, first: bool) -> str:
-    return f'<{tag} class="first">{text}</{tag}>' if first else f'<{tag}>{text}</{tag}>'
+def _cells(tag: str, texts: Sequence[str]) -> str:
+    """Make cells, with a line before the first band of each source of learning."""
+    return ''.join(
+        f'<{tag}>{text}</{tag}>' if number % len(BANDS) else f'<{tag} class="first">{text}</{tag}>'
+        for number, text in enumerate(texts)
+    )
 
 
 def _number(value: float, ends: Sequence[float]) -> str:

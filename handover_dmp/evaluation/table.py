@@ -25,9 +25,8 @@ from typing import Any
 
 from handover_dmp.common.digits import rounded
 from handover_dmp.evaluation import LEARN, METHODS
-from handover_dmp.evaluation.case_table import CaseTable, heading
+from handover_dmp.evaluation.case_table import CaseTable, heading, table_with_columns
 from handover_dmp.evaluation.scores import BANDS, Summary
-from rich import box
 from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
@@ -192,50 +191,81 @@ def renderable(rows: Sequence[Row], summary: Sequence[Row]) -> Group:
     )
 
 
-def _paper_table(rows: Sequence[Row], summary: Sequence[Row]) -> Table:
+@dataclass(frozen=True)
+class PaperTable:
+    """
+    The cells of the paper's table.
+
+    Attributes:
+        learns: sources of learning, with one column per band each.
+        cases: configuration, exchange, number of trials and percentages of each case.
+        trials: number of all trials.
+        total: percentages over all cases.
+        paper: percentages of the paper; empty where it has none.
+
+    """
+
+    learns: list[str]
+    cases: list[tuple[str, str, int, list[str]]]
+    trials: int
+    total: list[str]
+    paper: list[str]
+
+
+def paper_table(rows: Sequence[Row], summary: Sequence[Row]) -> PaperTable:
+    """
+    Arrange the decoupled primitive as in the paper.
+
+    Args:
+        rows: rows of the cases.
+        summary: rows over all cases.
+
+    Returns:
+        The cells.
+
+    """
     learns = [learn for learn in LEARN if any(row.learn == learn for row in summary)]
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1))
-    table.add_column('configuration', no_wrap=True)
-    table.add_column('exchange')
-    table.add_column('n', justify='right')
-    for learn in learns:
-        for k in BANDS:
-            head = learn if k == 1 else ''
-            table.add_column(f'{head}\n≤{k}σ', justify='right', no_wrap=True)
     ours = {
-        (row.configuration, row.direction, row.learn): row
+        (row.configuration, row.direction, row.learn): row.figures.within
         for row in (*rows, *summary)
         if row.method == 'decoupled'
     }
+
+    def within(configuration: str, direction: str) -> list[str]:
+        found = [ours[configuration, direction, learn] for learn in learns]
+        return [f'{one[k]:.1f}' for one in found for k in BANDS]
+
     cases = dict.fromkeys((row.configuration, row.direction, row.trials) for row in rows)
-    for configuration, direction, trials in cases:
-        cells = _within(ours, configuration, direction, learns)
+    return PaperTable(
+        learns,
+        [(*case, within(*case[:2])) for case in cases],
+        sum(trials for _, _, trials in cases),
+        within('', ''),
+        [f'{PAPER[learn][k]:.1f}' if learn in PAPER else '' for learn in learns for k in BANDS],
+    )
+
+
+def _paper_table(rows: Sequence[Row], summary: Sequence[Row]) -> Table:
+    shown = paper_table(rows, summary)
+    table = table_with_columns(['configuration'])
+    table.add_column('exchange')
+    table.add_column('n', justify='right')
+    for learn in shown.learns:
+        for k in BANDS:
+            head = learn if k == 1 else ''
+            table.add_column(f'{head}\n≤{k}σ', justify='right', no_wrap=True)
+    for configuration, direction, trials, cells in shown.cases:
         table.add_row(configuration, direction, str(trials), *cells)
     table.add_section()
-    trials = sum(number for _, _, number in cases)
-    table.add_row('all', '', str(trials), *_within(ours, '', '', learns), style='bold')
-    paper = [f'{PAPER[learn][k]:.1f}' if learn in PAPER else '' for learn in learns for k in BANDS]
-    table.add_row('the paper', '', '30', *paper, style='dim')
+    table.add_row('all', '', str(shown.trials), *shown.total, style='bold')
+    table.add_row('the paper', '', '30', *shown.paper, style='dim')
     return table
 
 
-def _within(
-    rows: dict[tuple[str, str, str], Row], configuration: str, direction: str, learns: list[str]
-) -> list[str]:
-    found = [rows[configuration, direction, learn] for learn in learns]
-    return [f'{row.figures.within[k]:.1f}' for row in found for k in BANDS]
-
-
 def _methods_table(summary: Sequence[Row]) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1))
-    table.add_column('method', no_wrap=True)
-    table.add_column('learn', no_wrap=True)
-    table.add_column('curves', justify='right', no_wrap=True)
-    for k in BANDS:
-        table.add_column(f'≤{k}σ, %', justify='right', no_wrap=True)
-    table.add_column('rms,\nmm', justify='right', no_wrap=True)
-    table.add_column('end,\nmm', justify='right', no_wrap=True)
-    for row, learn in _each_once(summary):
+    bands = [f'≤{k}σ, %' for k in BANDS]
+    table = table_with_columns(['method', 'learn'], ['curves', *bands, 'rms,\nmm', 'end,\nmm'])
+    for row, learn in each_once(summary):
         figures = row.figures
         table.add_row(
             TITLES[row.method],
@@ -243,7 +273,7 @@ def _methods_table(summary: Sequence[Row]) -> Table:
             str(row.curves),
             *(_with_interval(figures.within[k], figures.within_interval[k]) for k in BANDS),
             _with_interval(1e3 * figures.rms_m, [1e3 * end for end in figures.rms_interval_m]),
-            _millis(figures.final_gap_m),
+            millis(figures.final_gap_m),
         )
     return table
 
@@ -255,25 +285,30 @@ def _with_interval(value: float, ends: Sequence[float]) -> str:
 
 
 def _timing_table(summary: Sequence[Row]) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 0, 0, 1))
-    table.add_column('method', no_wrap=True)
-    table.add_column('learn', no_wrap=True)
-    for head in ('rms, mm', 'shifted, mm', 'late by, ms'):
-        table.add_column(head, justify='right', no_wrap=True)
-    for row, learn in _each_once(summary):
+    table = table_with_columns(['method', 'learn'], ['rms, mm', 'shifted, mm', 'late by, ms'])
+    for row, learn in each_once(summary):
         figures = row.figures
         table.add_row(
             TITLES[row.method],
             learn,
-            _millis(figures.rms_m, 1),
-            _millis(figures.shifted_rms_m, 1),
+            millis(figures.rms_m, 1),
+            millis(figures.shifted_rms_m, 1),
             _lateness(figures),
         )
     return table
 
 
-def _each_once(summary: Sequence[Row]) -> Iterator[tuple[Row, str]]:
-    """Yield rows in the order of their methods, with the source of learning if there is one."""
+def each_once(summary: Sequence[Row]) -> Iterator[tuple[Row, str]]:
+    """
+    Order rows by method.
+
+    Args:
+        summary: rows over all cases.
+
+    Yields:
+        Each row, and its source of learning; methods that do not learn have one row.
+
+    """
     shown = set()
     for row in sorted(summary, key=lambda row: METHODS.index(row.method)):
         learns = row.method in LEARNING_METHODS
@@ -282,7 +317,8 @@ def _each_once(summary: Sequence[Row]) -> Iterator[tuple[Row, str]]:
         shown.add(row.method)
 
 
-def _millis(value: float, digits: int = 0) -> str:
+def millis(value: float, digits: int = 0) -> str:
+    """Return metres in mm, or seconds in ms."""
     return '–' if math.isnan(value) else rounded(1e3 * value, digits)
 
 
