@@ -93,19 +93,14 @@ def _draw_motions(
     axes: Axes, elapsed: Array, curve: Array, u: Array, goal: Array, motions: dict[float, Array]
 ) -> None:
     axes.plot(elapsed, curve[:, 0], color=LEARNT, linewidth=5.0, alpha=0.35, label='learnt curve')
-    axes.axhline(goal[0], color=GOAL, linewidth=1.2, linestyle=(0, (1, 1.5)))
-    axes.annotate(
-        'new goal', (0.0, goal[0]), (4, 4), textcoords='offset points', color=GOAL, va='bottom'
-    )
-    axes.axhline(curve[-1, 0], color=LEARNT, linewidth=0.8, linestyle=(0, (1, 1.5)))
-    axes.annotate(
-        'learnt goal',
-        (0.0, curve[-1, 0]),
-        (4, 4),
-        textcoords='offset points',
-        color=LEARNT,
-        va='bottom',
-    )
+    for name, height, colour, width in (
+        ('new goal', goal[0], GOAL, 1.2),
+        ('learnt goal', curve[-1, 0], LEARNT, 0.8),
+    ):
+        axes.axhline(height, color=colour, linewidth=width, linestyle=(0, (1, 1.5)))
+        axes.annotate(
+            name, (0.0, height), (4, 4), textcoords='offset points', color=colour, va='bottom'
+        )
     for (mu, motion), (colour, stroke) in zip(motions.items(), LINES, strict=False):
         axes.plot(u, motion, color=colour, linestyle=stroke, linewidth=2.0, label=f'μ = {mu:g}')
     axes.set_ylabel('position [m]')

@@ -23,7 +23,7 @@ narrower than 4 cm.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from handover_dmp.common.arrays import Array
@@ -121,8 +121,7 @@ class Rejections:
             'curves': self.curves,
             'min_width_m': self.min_width_m,
             'bottlenecks': {
-                axis: {'at': b.at, 'width_m': b.width_m, 'narrow': b.narrow}
-                for axis, b in zip(AXES, self.bottlenecks, strict=True)
+                axis: asdict(neck) for axis, neck in zip(AXES, self.bottlenecks, strict=True)
             },
             'outside': dict(zip(AXES, self.outside.T.tolist(), strict=True)),
             'widths_m': dict(zip(AXES, self.widths_m.T.round(6).tolist(), strict=True)),

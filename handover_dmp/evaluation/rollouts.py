@@ -115,21 +115,20 @@ def plan(case: Case, learn_from: str, *, leave_one_out: bool = False) -> list[Ro
 
     """
     everyone = tuple(range(len(case)))
+    others = [tuple(i for i in everyone if i != j) for j in everyone]
     if learn_from == 'single':
-        if leave_one_out:
-            return [RolloutTask(i, (i,), tuple(j for j in everyone if j != i)) for i in everyone]
-        return [RolloutTask(i, (i,), everyone) for i in everyone]
+        tested = others if leave_one_out else [everyone] * len(case)
+        return [RolloutTask(i, (i,), tested[i]) for i in everyone]
     if not leave_one_out:
         sources = everyone if learn_from == 'mean' else (nearest_to_mean(case.curves),)
         return [RolloutTask(0, sources, everyone)]
-    others = [tuple(i for i in everyone if i != j) for j in everyone]
     if learn_from == 'mean':
         return [RolloutTask(0, sources, (j,)) for j, sources in zip(everyone, others, strict=True)]
-    tested: dict[int, list[int]] = {}
+    tested_by: dict[int, list[int]] = {}
     for j, sources in zip(everyone, others, strict=True):
         representative = sources[nearest_to_mean(case.curves[list(sources)])]
-        tested.setdefault(representative, []).append(j)
-    return [RolloutTask(0, (i,), tuple(against)) for i, against in tested.items()]
+        tested_by.setdefault(representative, []).append(j)
+    return [RolloutTask(0, (i,), tuple(against)) for i, against in tested_by.items()]
 
 
 def moved_from(learn: Sequence[str]) -> str:
