@@ -50,7 +50,6 @@ MIN_TRIALS = 4
 CANDIDATES = 192
 REFINEMENTS = 3
 WITHIN = len(BANDS) - 1
-SQUARED, GAP, COUNT = 3, 4, 5
 
 REST_SPEED = 0.1
 """A slower hand is at rest, m/s."""
@@ -256,26 +255,23 @@ def starts_at_rest(trial: HandoverTrial) -> bool:
     return bool(max(speeds) < REST_SPEED)
 
 
+@dataclass
 class _Court:
     """Scores candidates on all cases, several at a time."""
 
-    def __init__(
-        self,
-        cases: Sequence[Case],
-        splits: Sequence[Sequence[Split]],
-        jobs: int,
-        expected: int,
-        progress: Callable[[int, int], None] | None,
-    ) -> None:
-        self.cases, self.splits, self.progress = cases, splits, progress
-        self.parallel = Parallel(n_jobs=jobs, return_as='generator')
-        self.done, self.expected = 0, expected
+    cases: Sequence[Case]
+    splits: Sequence[Sequence[Split]]
+    jobs: int
+    expected: int
+    progress: Callable[[int, int], None] | None
+    done: int = 0
 
     def judge(self, candidates: Sequence[Candidate]) -> list[list[Verdict]]:
         """Return a verdict for each candidate and case."""
         verdicts = []
         pairs = list(zip(self.cases, self.splits, strict=True))
-        for verdict in self.parallel(delayed(_try_all)(pairs, each) for each in candidates):
+        run = Parallel(n_jobs=self.jobs, return_as='generator')
+        for verdict in run(delayed(_try_all)(pairs, each) for each in candidates):
             verdicts.append(verdict)
             self.done += 1
             if self.progress is not None:
@@ -327,7 +323,6 @@ class _Search:
         within = np.array([total.within_percent[0, WITHIN] for total in sums])
         allowed = within >= within[0]
         if among_spread:
-            allowed = allowed.copy()
             allowed[0] = False
             if not allowed.any():
                 allowed[1:] = True
@@ -370,17 +365,16 @@ def _compare(
             unseen = list(part.unseen)
             if not unseen:
                 continue
-            if learn == 'single':
-                default[unseen] = search.verdicts[0][number].unseen[unseen]
-                tuned[unseen] = search.verdicts[choice][number].unseen[unseen]
-            else:
-                for table, which in ((default, 0), (tuned, choice)):
+            for table, which in ((default, 0), (tuned, choice)):
+                if learn == 'single':
+                    table[unseen] = search.verdicts[which][number].unseen[unseen]
+                else:
                     candidate = Candidate(search.tried[which])
                     table[unseen] = learn_mean_unseen(case, part, candidate)
         pairs.append((default, tuned))
     once = [np.ones((1, len(case))) for case in cases]
-    before, after = (_sum(pairs, once, which) for which in (0, 1))
-    drawn_before, drawn_after = (_sum(pairs, draws, which) for which in (0, 1))
+    before, after = _sums(pairs, once)
+    drawn_before, drawn_after = _sums(pairs, draws)
     gains = drawn_before.rms_m - drawn_after.rms_m
     changes = (drawn_after.within_percent - drawn_before.within_percent)[:, WITHIN]
     return Comparison(
@@ -394,9 +388,11 @@ def _compare(
     )
 
 
-def _sum(pairs: Sequence[tuple[Array, Array]], draws: Sequence[Array], which: int) -> Totals:
-    parts = [counts @ pair[which] for pair, counts in zip(pairs, draws, strict=True)]
-    return Totals(np.sum(parts, axis=0))
+def _sums(pairs: Sequence[tuple[Array, Array]], draws: Sequence[Array]) -> Iterator[Totals]:
+    """Sum the trials of all cases, before and after a change."""
+    for tables in zip(*pairs, strict=True):
+        parts = [counts @ table for table, counts in zip(tables, draws, strict=True)]
+        yield Totals(np.sum(parts, axis=0))
 
 
 def _worth(totals: Totals) -> Worth:
@@ -416,8 +412,8 @@ def _attempts(
     attempts = []
     for (what, _), cases in zip(changes, verdicts, strict=True):
         pairs = [(a.unseen, b.unseen) for a, b in zip(verdicts[0], cases, strict=True)]
-        before, after = (_sum(pairs, once, which) for which in (0, 1))
-        drawn_before, drawn_after = (_sum(pairs, draws, which) for which in (0, 1))
+        before, after = _sums(pairs, once)
+        drawn_before, drawn_after = _sums(pairs, draws)
         attempts.append(
             Attempt(
                 what,
