@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from importlib import import_module
@@ -30,7 +30,6 @@ from handover_dmp.bench.ik_scenarios import (
     limit_drives,
     minimum_jerk_path,
     PERIOD_S,
-    Run,
 )
 from handover_dmp.bench.measurement import Measurement, time_call
 from handover_dmp.common.arrays import Array
@@ -45,7 +44,6 @@ LONG_RUN = 100_000
 STEPS, BLOCK = 3000, 50
 ARMS = ('lwr4', 'iiwa14', 'panda', 'ur5')
 ROUNDING = 1e-9
-PEERS = ('pink', 'pink with AccelerationLimit', 'placo')
 
 
 def run(progress: Callable[[str], None]) -> list[Measurement]:
@@ -61,19 +59,21 @@ def run(progress: Callable[[str], None]) -> list[Measurement]:
     """
     model = RobotModel.load('lwr4')
     plain = PriorityIk(model, self_collision=False, forearm_collision=False)
+    start, _ = model.wrist_pose(model.home)
+    still = np.zeros(model.dof), start, np.zeros(3)
     peers = {}
-    missing = []
-    for name in PEERS:
+    for name, make in _PEERS.items():
         progress(f'looking for {name}')
         with suppress(ImportError, RuntimeError, ValueError):
-            peers[name] = _PEER_FOLLOWERS[name](model)
-        if name not in peers:
-            missing.append(name)
+            follower = make(model)
+            follower(model.home, *still)
+            peers[name] = follower
+    missing = [name for name in _PEERS if name not in peers]
     note = f'not installed: {", ".join(missing)}' if missing else ''
     results = _times(model, plain, peers, note, progress)
     for arm in ARMS:
         results += _limits_kept(RobotModel.load(arm), progress)
-    results += _quality(model, _follower(plain), peers, note, progress)
+    results += _quality(model, {'ours': _follower(plain), **peers}, note, progress)
     results.append(_interpolation(model, progress))
     return results
 
@@ -175,44 +175,34 @@ def _limits_kept(model: RobotModel, progress: Callable[[str], None]) -> list[Mea
         )
         failed += not solution.solved
     return [
-        Measurement(
-            f'{model.name}, of {LONG_RUN:,} steps: those that break a limit',
-            float(broken),
-            '',
-            0.0,
-        ),
-        Measurement(
-            f'{model.name}, of {LONG_RUN:,} steps: those without a solution',
-            float(failed),
-            '',
-            0.0,
-        ),
+        Measurement(f'{model.name}, of {LONG_RUN:,} steps: those {what}', float(count), '', 0.0)
+        for what, count in (('that break a limit', broken), ('without a solution', failed))
     ]
 
 
 def _quality(
     model: RobotModel,
-    ours: Follower,
-    peers: dict[str, Follower],
+    followers: dict[str, Follower],
     note: str,
     progress: Callable[[str], None],
 ) -> list[Measurement]:
+    """Compare what followers make of difficult motions."""
     progress('driven into joint limits')
     drives = [(start, path) for start, path, _ in limit_drives(model, duration_s=4.0)]
     driven = {
         name: [follow(model, follower, start, path, 4.5) for start, path in drives]
-        for name, follower in {'ours': ours, **peers}.items()
+        for name, follower in followers.items()
     }
     errors = {n: 1e3 * max(float(r.errors.max()) for r in runs) for n, runs in driven.items()}
+    accelerations = {
+        name: max(run.excess(model)['acceleration'] for run in runs)
+        for name, runs in driven.items()
+    }
+    bound = 1.0 + ROUNDING
+    what = 'IK driven into a joint limit'
     results = [
-        _compared('IK driven into a joint limit, error', errors, 'mm', 0.1, note),
-        _compared(
-            'IK driven into a joint limit, acceleration over its bound',
-            {name: _worst(model, runs, 'acceleration') for name, runs in driven.items()},
-            'times',
-            1.0 + ROUNDING,
-            note,
-        ),
+        _compared(f'{what}, error', errors, 'mm', 0.1, note),
+        _compared(f'{what}, acceleration over its bound', accelerations, 'times', bound, note),
     ]
     progress('beyond reach')
     towards = np.array([1.0, 0.5, 0.3]) / np.linalg.norm([1.0, 0.5, 0.3])
@@ -220,7 +210,7 @@ def _quality(
     beyond = minimum_jerk_path(start, model.shoulder + (model.reach_m + 0.05) * towards, 1.5)
     beyond_reach = {
         name: follow(model, follower, model.home, beyond, 5.0)
-        for name, follower in {'ours': ours, **peers}.items()
+        for name, follower in followers.items()
     }
     edge = model.shoulder + model.reach_m * towards
     standoff = {
@@ -237,7 +227,7 @@ def _quality(
     curve = np.array([rush(time_s)[0] for time_s in np.linspace(0.0, 0.6, 2000)])
     q = model.inverse(ends[0])
     for stopping, target in ((False, 15.0), (True, 10.0)):
-        run = follow(model, ours, q, rush, 2.5, phase_stopping=stopping)
+        run = follow(model, followers['ours'], q, rush, 2.5, phase_stopping=stopping)
         deviation = max(float(np.linalg.norm(curve - at, axis=1).min()) for at in run.wrist)
         results.append(
             Measurement(
@@ -275,10 +265,6 @@ def _compared(
     return Measurement(name, figures['ours'], unit, target, None, peers, note=note)
 
 
-def _worst(model: RobotModel, runs: Iterable[Run], limit: str) -> float:
-    return max(run.excess(model)[limit] for run in runs)
-
-
 def _pink(model: RobotModel, *, bound_acceleration: bool = False) -> Follower:
     """Set up pink with the same task: wrist position with high weight, posture with low."""
     pink = import_module('pink')
@@ -307,7 +293,6 @@ def _pink(model: RobotModel, *, bound_acceleration: bool = False) -> Follower:
             raise RuntimeError(str(error)) from error
         return np.asarray(answer), 1.0
 
-    step(model.home, np.zeros(model.dof), *_at_home(model))
     return step
 
 
@@ -334,16 +319,10 @@ def _placo(model: RobotModel) -> Follower:
         change: Any = solver.solve(False)
         return np.asarray(change)[-model.dof:] / PERIOD_S, 1.0  # fmt: skip
 
-    step(model.home, np.zeros(model.dof), *_at_home(model))
     return step
 
 
-def _at_home(model: RobotModel) -> tuple[Array, Array]:
-    position, _ = model.wrist_pose(model.home)
-    return position, np.zeros(3)
-
-
-_PEER_FOLLOWERS: dict[str, Callable[[RobotModel], Follower]] = {
+_PEERS: dict[str, Callable[[RobotModel], Follower]] = {
     'pink': _pink,
     'pink with AccelerationLimit': partial(_pink, bound_acceleration=True),
     'placo': _placo,

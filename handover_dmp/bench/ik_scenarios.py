@@ -41,7 +41,6 @@ class Run:
         wrist: (m + 1, 3), m, wrist positions.
         targets: (m + 1, 3), m, targets at the same times.
         scales: (m,), the speed scale of each period.
-        failed: number of periods without a solution.
 
     """
 
@@ -50,7 +49,6 @@ class Run:
     wrist: Array
     targets: Array
     scales: Array
-    failed: int
 
     @property
     def errors(self) -> Array:
@@ -69,7 +67,6 @@ class Run:
         beyond = np.maximum(self.joints - limits.upper, limits.lower - self.joints)
         return {
             'position': float(beyond.max()),
-            'velocity': float((np.abs(self.velocities) / limits.velocity).max()),
             'acceleration': float((np.abs(changes) / limits.acceleration).max()),
         }
 
@@ -100,13 +97,11 @@ def follow(
     """
     q, velocity, clock, rate = start.copy(), np.zeros(model.dof), 0.0, 1.0
     joints, velocities, scales, targets = [q], [], [], [path(0.0)[0]]
-    failed = 0
     for _ in range(round(duration_s / PERIOD_S)):
         position, speed = path(clock)
         try:
             velocity, rate = follower(q, velocity, position, speed)
         except RuntimeError:
-            failed += 1
             velocity = np.zeros(model.dof)
         q = q + velocity * PERIOD_S
         clock += (rate if phase_stopping else 1.0) * PERIOD_S
@@ -114,10 +109,8 @@ def follow(
         velocities.append(velocity)
         scales.append(rate)
         targets.append(path(clock)[0])
-    wrist = np.array([model.wrist_pose(q)[0] for q in joints])
-    return Run(
-        np.array(joints), np.array(velocities), wrist, np.array(targets), np.array(scales), failed
-    )
+    wrist = [model.wrist_pose(q)[0] for q in joints]
+    return Run(*map(np.array, (joints, velocities, wrist, targets, scales)))
 
 
 def minimum_jerk_path(

@@ -17,11 +17,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 import gc
 from statistics import median
 from time import perf_counter
-from typing import Any
 
 
 @dataclass(frozen=True)
@@ -56,10 +55,6 @@ class Measurement:
         if self.target is None:
             return None
         return self.value >= self.target if self.higher_is_better else self.value <= self.target
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the figure as plain types."""
-        return asdict(self)
 
 
 def time_call(work: Callable[[], object], *, rounds: int = 15, calls: int = 1) -> float:

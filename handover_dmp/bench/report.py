@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import datetime, timezone
 import json
 import os
@@ -104,7 +104,7 @@ def write_json(path: Path, description: dict[str, Any], results: Sequence[Measur
         results: the figures.
 
     """
-    document = {'machine': description, 'results': [result.as_json() for result in results]}
+    document = {'machine': description, 'results': [asdict(result) for result in results]}
     write_text(path, json.dumps(document, indent=2, ensure_ascii=False) + '\n')
 
 
