@@ -93,40 +93,37 @@ def tracker_faults(seed: int) -> dict[str, SampleFault]:
     }
 
 
+@dataclass(frozen=True)
 class FaultyHand(TrackedHand):
-    """A tracked hand whose tracker fails from one time to another."""
+    """
+    A tracked hand whose tracker fails from one time to another.
 
-    def __init__(
-        self, hand: TrackedHand, fault: SampleFault, from_s: float, until_s: float
-    ) -> None:
-        """
-        Combine a hand and a fault.
+    Attributes:
+        hand: the hand without faults.
+        fault: the fault.
+        from_s: start of the fault, s.
+        until_s: end of the fault, s.
 
-        Args:
-            hand: the hand without faults.
-            fault: the fault.
-            from_s: start of the fault, s.
-            until_s: end of the fault, s.
+    """
 
-        """
-        self._hand = hand
-        self._fault = fault
-        self._from_s = from_s
-        self._until_s = until_s
+    hand: TrackedHand
+    fault: SampleFault
+    from_s: float
+    until_s: float
 
     @property
     def start_s(self) -> float:
         """Start of the replay, s."""
-        return self._hand.start_s
+        return self.hand.start_s
 
     def start(self, at_s: float) -> None:
         """Start the replay at a time, s."""
-        self._hand.start(at_s)
+        self.hand.start(at_s)
 
     def due(self, now_s: float) -> Samples:
         """Return the poses that arrive at a time, s."""
-        samples = self._hand.due(now_s)
-        return self._fault(samples) if self._from_s <= now_s < self._until_s else samples
+        samples = self.hand.due(now_s)
+        return self.fault(samples) if self.from_s <= now_s < self.until_s else samples
 
 
 class _Frozen:
@@ -275,9 +272,7 @@ class InvariantChecker:
         was, now = before.command.state, period.command.state
         if now is not was and now not in self.next_states[was]:
             broken.append(f'state went from {was.value} to {now.value}')
-        change = (
-            a - b for a, b in zip(period.command.velocity, before.command.velocity, strict=True)
-        )
+        change = np.subtract(period.command.velocity, before.command.velocity)
         if hypot(*change) > self.wrist_acceleration * self.period_s * (1.0 + ROUNDING) + 1e-9:
             broken.append('the wrist command accelerates beyond its limit')
         told, tells = before.answer.velocities, period.answer.velocities

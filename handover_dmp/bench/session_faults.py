@@ -39,6 +39,8 @@ from handover_dmp.bench.soak import (
     ORDERS,
     Span,
     TARGET_FAULTS,
+    TRACKER,
+    TRACKER_FAULTS,
 )
 from handover_dmp.handover.controller import HandoverState
 from handover_dmp.handover.session_lockstep import SessionLoop
@@ -58,12 +60,11 @@ MAX_S = 60.0
 IN_MOTION = (HandoverState.PICKING_UP, HandoverState.REACHING)
 DELAY_S = {name: 0.4 if state in IN_MOTION else 0.0 for name, state, _ in STAGES}
 """Time from the beginning of a stage to the fault, s; the arm must be in motion."""
-TRACKER, JOINTS = 'tracker ', 'joint states '
 WRENCH_FAULTS = ('force sensor silent', 'force sensor at zero', 'force not finite')
 FAULTS = (
-    *(TRACKER + name for name in tracker_faults(0)),
+    *TRACKER_FAULTS,
     *WRENCH_FAULTS,
-    *(JOINTS + name for name in JOINT_STATE_FAULTS),
+    *JOINT_STATE_FAULTS,
     *TARGET_FAULTS,
     *COMMAND_FAULTS,
     'abort',
@@ -133,9 +134,7 @@ class FaultySession(SessionLoop):
         self.fault = Span(fault, self.time_s, self.time_s + LASTS_S)
         assert isinstance(self.arm, FaultyArm)
         assert isinstance(self.wrist_controller, FaultyWristController)
-        self.arm.spans = [self.fault]
-        told = Span(fault.removeprefix(JOINTS), self.fault.from_s, self.fault.until_s)
-        self.wrist_controller.spans = [told]
+        self.arm.spans = self.wrist_controller.spans = [self.fault]
         self._of_tracker = tracker_faults(0).get(fault.removeprefix(TRACKER))
         if fault in ORDERS:
             getattr(self.controller, fault)()

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 import gc
 from time import monotonic
 
@@ -51,44 +52,46 @@ STILL_RAD_S = 0.01
 MAX_GROWTH = 5.0
 
 JOINT_STATE_FAULTS = (
-    'stale',
-    'lack a joint',
-    'lack a position',
-    'name a joint twice',
-    'not finite',
-    'permuted',
-    'among unknown joints',
-    'of other joints alone',
+    'joint states stale',
+    'joint states lack a joint',
+    'joint states lack a position',
+    'joint states name a joint twice',
+    'joint states not finite',
+    'joint states permuted',
+    'joint states among unknown joints',
+    'joint states of other joints alone',
 )
 TARGET_FAULTS = ('dmp silent', 'wrist command not finite')
-COMMAND_FAULTS = (
-    'priority_ik silent',
-    'joint command not finite',
-    'joint command infinite',
-    'joint command too short',
-    'joint command empty',
-    'joint command over the limits',
-    'joint commands in a flood',
-)
+SILENT, FLOOD = 'priority_ik silent', 'joint commands in a flood'
+ALTERED_COMMANDS: dict[str, Callable[[Array], Array]] = {
+    'joint command not finite': lambda sent: np.full(len(sent), np.nan),
+    'joint command infinite': lambda sent: np.full(len(sent), np.inf),
+    'joint command too short': lambda sent: sent[:-1],
+    'joint command empty': lambda sent: sent[:0],
+    'joint command over the limits': lambda sent: sent * 100.0 + 10.0 * np.sign(sent),
+}
+COMMAND_FAULTS = (SILENT, *ALTERED_COMMANDS, FLOOD)
 ORDERS = ('abort', 'reset', 'start')
+TRACKER = 'tracker '
+TRACKER_FAULTS = tuple(TRACKER + name for name in tracker_faults(0))
+FAULTS = (*TRACKER_FAULTS, *JOINT_STATE_FAULTS, *TARGET_FAULTS, *COMMAND_FAULTS, *ORDERS)
 
 
+@dataclass(frozen=True)
 class Span:
-    """A fault that lasts from one time to another."""
+    """
+    A fault that lasts from one time to another.
 
-    def __init__(self, name: str, from_s: float, until_s: float) -> None:
-        """
-        Set a fault and its time.
+    Attributes:
+        name: name of the fault.
+        from_s: start, s.
+        until_s: end, s.
 
-        Args:
-            name: name of the fault.
-            from_s: start, s.
-            until_s: end, s.
+    """
 
-        """
-        self.name = name
-        self.from_s = from_s
-        self.until_s = until_s
+    name: str
+    from_s: float
+    until_s: float
 
     def holds(self, now_s: float) -> bool:
         """Tell whether it is active at a time, s."""
@@ -113,21 +116,21 @@ class FaultyWristController(WristController):
         """Take joint states as altered by the active fault."""
         names = list(names)
         place, speed = np.array(positions, float), np.array(velocities, float)
-        if self._fails('stale', arrival_s):
+        if self._fails('joint states stale', arrival_s):
             return False
-        if self._fails('lack a joint', arrival_s):
+        if self._fails('joint states lack a joint', arrival_s):
             names, place, speed = names[:-1], place[:-1], speed[:-1]
-        if self._fails('lack a position', arrival_s):
+        if self._fails('joint states lack a position', arrival_s):
             place = place[:-1]
-        if self._fails('name a joint twice', arrival_s):
+        if self._fails('joint states name a joint twice', arrival_s):
             names = [names[0], *names[:-1]]
-        if self._fails('of other joints alone', arrival_s):
+        if self._fails('joint states of other joints alone', arrival_s):
             names, place, speed = ['gripper'], np.array([7.0]), np.array([7.0])
-        if self._fails('not finite', arrival_s):
+        if self._fails('joint states not finite', arrival_s):
             place[2] = np.nan
-        if self._fails('permuted', arrival_s):
+        if self._fails('joint states permuted', arrival_s):
             names, place, speed = names[::-1], place[::-1], speed[::-1]
-        if self._fails('among unknown joints', arrival_s):
+        if self._fails('joint states among unknown joints', arrival_s):
             names = ['gripper', *names]
             place, speed = np.append(7.0, place), np.append(7.0, speed)
         return super().set_joint_state(names, place, speed, arrival_s)
@@ -149,23 +152,14 @@ class FaultyArm(SimulatedArm):
     def command(self, velocities: Sequence[float] | Array) -> CommandOutcome:
         """Take a joint command as altered by the active fault."""
         sent = np.array(velocities, float)
-        for span in self.spans:
-            if span.holds(self.time_s):
-                if span.name == 'priority_ik silent':
-                    return CommandOutcome.IGNORED
-                if span.name == 'joint command not finite':
-                    sent = np.full(len(sent), np.nan)
-                elif span.name == 'joint command infinite':
-                    sent = np.full(len(sent), np.inf)
-                elif span.name == 'joint command too short':
-                    sent = sent[:-1]
-                elif span.name == 'joint command empty':
-                    sent = sent[:0]
-                elif span.name == 'joint command over the limits':
-                    sent = sent * 100.0 + 10.0 * np.sign(sent)
-                elif span.name == 'joint commands in a flood':
-                    for _ in range(50):
-                        super().command(sent)
+        for name in [span.name for span in self.spans if span.holds(self.time_s)]:
+            if name == SILENT:
+                return CommandOutcome.IGNORED
+            if name in ALTERED_COMMANDS:
+                sent = ALTERED_COMMANDS[name](sent)
+            elif name == FLOOD:
+                for _ in range(50):
+                    super().command(sent)
         return super().command(sent)
 
 
@@ -229,14 +223,11 @@ class Soak:
 
     def _draw(self, duration_s: float) -> list[Span]:
         random = self._random
-        of_the_tracker = [f'tracker {name}' for name in tracker_faults(0)]
-        of_joint_states = [f'joint states {name}' for name in JOINT_STATE_FAULTS]
-        names = (*of_the_tracker, *of_joint_states, *TARGET_FAULTS, *COMMAND_FAULTS, *ORDERS)
         spans = []
         for _ in range(random.integers(0, MAX_FAULTS + 1)):
             from_s = random.uniform(0.2, duration_s)
             until_s = from_s + random.uniform(*FAULT_S)
-            spans.append(Span(str(random.choice(names)), from_s, until_s))
+            spans.append(Span(str(random.choice(FAULTS)), from_s, until_s))
         return spans
 
     def _prepare(self, scenario: Scenario, spans: Sequence[Span]) -> Handover:
@@ -247,15 +238,12 @@ class Soak:
         handover.arm.close()
         handover.arm = arm
         wrist = FaultyWristController(scenario.robot, handover.wrist_controller.ik)
-        wrist.spans = [
-            Span(span.name.removeprefix('joint states '), span.from_s, span.until_s)
-            for span in spans
-        ]
+        wrist.spans = spans
         handover.wrist_controller = wrist
         faults = tracker_faults(int(self._random.integers(2**31)))
         for span in spans:
-            fault = faults.get(span.name.removeprefix('tracker '))
-            if fault is not None and span.name.startswith('tracker '):
+            if span.name in TRACKER_FAULTS:
+                fault = faults[span.name.removeprefix(TRACKER)]
                 handover.hands[0] = FaultyHand(handover.hands[0], fault, span.from_s, span.until_s)
         return handover
 

@@ -24,8 +24,7 @@ from handover_dmp.simulation.arm import SimulatedArm
 import numpy as np
 import pytest
 
-STRIKES = [f'joint states {name}' for name in JOINT_STATE_FAULTS]
-STRIKES += [*TARGET_FAULTS, *COMMAND_FAULTS]
+STRIKES = [*JOINT_STATE_FAULTS, *TARGET_FAULTS, *COMMAND_FAULTS]
 
 
 class Struck(Soak):
