@@ -21,7 +21,7 @@ from typing import Any
 
 from handover_dmp.common.digits import rounded
 from handover_dmp.evaluation.arm import ArmEvaluation
-from handover_dmp.evaluation.case_table import case_name, CaseTable
+from handover_dmp.evaluation.case_table import case_name, CaseTable, name_of
 
 HEAD = (
     'case', 'trials', '≤3σ, %\nalone', '\narm', 'rms, mm\nalone', '\narm',
@@ -71,7 +71,7 @@ def arm_tables(evaluation: ArmEvaluation) -> list[CaseTable]:
     title = f'With the arm: {evaluation.arm}, learn {evaluation.learn}'
     everything = evaluation.total()
     total = _line(everything, 'all', everything['trials']) if cases else ()
-    lines = [_line(case, _name(case), number - len(case['unreached'])) for case, number in cases]
+    lines = [_line(case, name_of(case), number - len(case['unreached'])) for case, number in cases]
     near = CaseTable(title, NOTE, HEAD if cases else (), lines, total, refused)
     if not cases:
         return [near]
@@ -106,7 +106,7 @@ def arm_remarks(evaluation: ArmEvaluation) -> list[str]:
 def _remark(case: Mapping[str, Any]) -> str:
     kind = max(case['limits'], key=lambda one: case['limits'][one])
     text = (
-        f'{_name(case)}: a joint is at a limit in '
+        f'{name_of(case)}: a joint is at a limit in '
         f'{100 * case["any_limited"]:.0f} % of the time, at its {kind} limit in '
         f'{100 * case["limits"][kind]:.0f} % ({_most_limited(case["limited"])}); half of that '
         f'time has passed at {case["limited_by"]:.2f} of the duration.'
@@ -127,10 +127,6 @@ def _remark(case: Mapping[str, Any]) -> str:
     return f'{text} The movement waits for the arm and loses {behind_ms:.0f} ms.'
 
 
-def _name(case: Mapping[str, Any]) -> str:
-    return case_name(case['configuration'], case['exchange'])
-
-
 def _line(case: Mapping[str, Any], name: str, trials: int) -> list[str]:
     both = case['primitive'], case['arm']
     return [
@@ -148,7 +144,7 @@ def _limits_line(case: Mapping[str, Any]) -> list[str]:
     by, possible = case['limited_by'], case['acceleration_possible']
     asked, behind_s = case['acceleration_asked'], case['slowed_s']
     return [
-        _name(case),
+        name_of(case),
         f'{100 * case["any_limited"]:.0f}',
         _most_limited(case['limited']) or '–',
         '–' if by is None else f'{by:.2f}',

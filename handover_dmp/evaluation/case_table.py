@@ -16,9 +16,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
+from typing import Any
 
 from rich import box
 from rich.console import Console
@@ -117,6 +118,11 @@ def heading(title: str) -> Text:
 def case_name(configuration: str, direction: str) -> str:
     """Return the name of a case for tables and sentences."""
     return f'{configuration} {direction}'.strip()
+
+
+def name_of(case: Mapping[str, Any]) -> str:
+    """Return the name of a case, or of the case of a trial, from `table.json`."""
+    return case_name(case['configuration'], case['exchange'])
 
 
 def _cells(line: Sequence[str]) -> str:

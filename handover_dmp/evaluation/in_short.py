@@ -20,7 +20,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from handover_dmp.common.digits import rounded
-from handover_dmp.evaluation.case_table import case_name
+from handover_dmp.evaluation.case_table import name_of
 from handover_dmp.evaluation.rejections import AXES
 
 SHOWN_TRIALS = 3
@@ -82,8 +82,7 @@ def _why(why: Sequence[Mapping[str, Any]], learn: str) -> str:
         f'first at {everything["leaves_at"]:.2f} of the duration and by '
         f'{1e3 * everything["beyond_median_m"]:.0f} mm (medians); '
         f'{everything["in_bottleneck"]} of them in a bottleneck. The largest share is in '
-        f'{case_name(worst["configuration"], worst["exchange"])} '
-        f'({worst["rejected"]} of {worst["curves"]}'
+        f'{name_of(worst)} ({worst["rejected"]} of {worst["curves"]}'
     )
     against = next(iter(worst['by_tested']), None)
     return text + (f', most against #{against}).' if against else ').')
@@ -93,15 +92,13 @@ def _trials(distances: Sequence[Mapping[str, Any]], learn: str) -> str:
     own = [one for one in distances if one['method'] == 'decoupled' and one['learn'] == learn]
     own.sort(key=lambda one: -one['rms_m'])
     far = ', '.join(
-        f'{case_name(one["configuration"], one["exchange"])} #{one["trial"]} '
-        f'({1e3 * one["rms_m"]:.0f} mm, {_timing(one["lateness_s"])})'
+        f'{name_of(one)} #{one["trial"]} ({_rms(one)} mm, {_timing(one["lateness_s"])})'
         for one in own[:SHOWN_TRIALS]
     )
     near = own[-1]
     return (
-        f'Farthest from P2 are {far}; nearest is '
-        f'{case_name(near["configuration"], near["exchange"])} #{near["trial"]} '
-        f'({1e3 * near["rms_m"]:.0f} mm).'
+        f'Farthest from P2 are {far}; nearest is {name_of(near)} #{near["trial"]} '
+        f'({_rms(near)} mm).'
     )
 
 
@@ -130,7 +127,7 @@ def _arm(arm: Mapping[str, Any] | None) -> str:
     )
     if _rms(lost['arm']) != _rms(lost['primitive']):
         text += (
-            f'; it loses most in {case_name(lost["configuration"], lost["exchange"])}, '
+            f'; it loses most in {name_of(lost)}, '
             f'{_rms(lost["primitive"])} → {_rms(lost["arm"])} mm'
         )
     return f'{text}.'

@@ -21,7 +21,7 @@ from collections.abc import Callable, Mapping, Sequence
 from statistics import median
 from typing import Any
 
-from handover_dmp.evaluation.case_table import case_name, CaseTable
+from handover_dmp.evaluation.case_table import CaseTable, name_of
 from handover_dmp.evaluation.rejections import AXES
 
 WHICH = ('case', 'rejected', 'X', 'Y', 'Z', 'learnt from', 'tested against', 'beyond,\nmm')
@@ -103,8 +103,7 @@ def _by_trial(
 
 def _begun(one: Mapping[str, Any]) -> list[str]:
     """Begin a line: which case, and how much of it is rejected."""
-    case = case_name(one['configuration'], one['exchange'])
-    return [case, f'{one["rejected"]} of {one["curves"]}']
+    return [name_of(one), f'{one["rejected"]} of {one["curves"]}']
 
 
 def _which(one: Mapping[str, Any]) -> list[str]:
