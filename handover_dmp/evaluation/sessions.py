@@ -27,7 +27,7 @@ from handover_dmp.evaluation.case_table import CaseTable
 from handover_dmp.evaluation.motions import ALONE, ARM
 from handover_dmp.evaluation.protocol import Progress
 from handover_dmp.evaluation.rollouts import Learning
-from handover_dmp.evaluation.session_runs import run_alone, run_arm
+from handover_dmp.evaluation.session_runs import run_alone, run_arm, SessionMotion
 from handover_dmp.handover.session import SessionModels
 from handover_dmp.handover.session_scenario import make_session_scenario, trials_of
 from handover_dmp.handover.teaching import learn_from_trials
@@ -200,11 +200,17 @@ def _go_through(
     choice: ArmChoice | None,
     base: BasePlacement | str | None,
 ) -> SessionOutcome:
-    movers: dict[str, SessionFluency | None] = {ALONE: None}
-    if choice is not None:
-        movers[ARM] = None
+    movers: dict[str, SessionFluency | None] = dict.fromkeys(
+        (ALONE,) if choice is None else (ALONE, ARM)
+    )
     done: dict[str, bool] = {}
     reasons: dict[str, str] = {}
+
+    def record(who: str, motion: SessionMotion) -> None:
+        movers[who], done[who] = motion.fluency(), motion.done
+        if not motion.done:
+            reasons[who] = motion.unfinished()
+
     partner_model = 'off' if learning.partner is None else 'auto'
     low_passed = session.low_passed(learning.cutoff_hz or 0.0)
     try:
@@ -212,10 +218,7 @@ def _go_through(
     except DataError as error:
         reasons = dict.fromkeys(movers, str(error))
     else:
-        alone = run_alone(low_passed, models, partner_model)
-        movers[ALONE], done[ALONE] = alone.fluency(), alone.done
-        if not alone.done:
-            reasons[ALONE] = alone.unfinished()
+        record(ALONE, run_alone(low_passed, models, partner_model))
         if isinstance(base, str):
             reasons[ARM] = base
         elif choice is not None:
@@ -226,10 +229,7 @@ def _go_through(
             except UnreachableError as error:
                 reasons[ARM] = str(error)
             else:
-                moved = run_arm(scenario)
-                movers[ARM], done[ARM] = moved.fluency(), moved.done
-                if not moved.done:
-                    reasons[ARM] = moved.unfinished()
+                record(ARM, run_arm(scenario))
     movers[PERSON] = people_fluency(session)
     learnt = tuple(one.number for one in taught)
     return SessionOutcome(
