@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 import gc
 from time import monotonic
@@ -209,8 +210,7 @@ class Soak:
         self.handovers += 1
         spans = self._draw(scenario.trial.duration_s)
         self.faults.update(span.name for span in spans)
-        handover = self._prepare(scenario, spans)
-        try:
+        with closing(self._prepare(scenario, spans)) as handover:
             self._run(handover, spans)
             if not spans:
                 end = handover.arm.joint_positions
@@ -218,8 +218,6 @@ class Soak:
                 self.drift = max(self.drift, float(difference))
             gc.collect()
             self.resident = int(self._process.memory_info().rss)
-        finally:
-            handover.close()
 
     def _draw(self, duration_s: float) -> list[Span]:
         random = self._random

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import lru_cache, reduce
 from math import isfinite, isinf, isnan, sqrt
@@ -319,14 +320,11 @@ def reach(
     except UnreachableError:
         return None
     model = _learn(case, sources, protocol)
-    handover = Handover(Scenario(trial, model, robot, q_start, protocol.seed))
-    try:
+    with closing(Handover(Scenario(trial, model, robot, q_start, protocol.seed))) as handover:
         handover.begin()
         periods = []
         while handover.time_s <= REPLAY_AT_S + trial.duration_s:
             periods.append(handover.step())
-    finally:
-        handover.close()
     times = np.array([1e-9 * period.time_ns - REPLAY_AT_S for period in periods])
     kept = np.flatnonzero(times > -1e-9)
     wrist = np.array([periods[i].wrist_position for i in kept])

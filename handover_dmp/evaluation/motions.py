@@ -18,10 +18,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import cache, partial
 from typing import Any
 
 from handover_dmp.common.arrays import Array
-from handover_dmp.dmp import ClassicalDmp, DecoupledDmp
 from handover_dmp.evaluation.beside import Beside, beside_table, NOTE, PERSON
 from handover_dmp.evaluation.case_table import CaseTable
 from handover_dmp.evaluation.cases import Case
@@ -179,17 +179,12 @@ def measure_trials(
     """
     found = []
     for case in cases:
-        models: dict[tuple[int, ...], tuple[DecoupledDmp | ClassicalDmp, Array]] = {}
-        chosen = sources_of(case, learn, leave_one_out=leave_one_out)
+        learnt = cache(partial(learn_from_case, case, method='decoupled', learning=learning))
+        sources = sources_of(case, learn, leave_one_out=leave_one_out)
         for index, trial in enumerate(case.trials):
-            sources = chosen[index]
-            if sources not in models:
-                models[sources] = learn_from_case(case, sources, 'decoupled', learning)
-            rollout = roll_out(*models[sources], case, [index])[0]
-            primitive, person = (
-                measure_beside(trial, one)
-                for one in (rollout[: len(trial.times)], trial.demonstrator)
-            )
+            rollout = roll_out(*learnt(sources[index]), case, [index])[0]
+            primitive = measure_beside(trial, rollout[: len(trial.times)])
+            person = measure_beside(trial, trial.demonstrator)
             partner = measure_motion(trial.times, trial.partner)
             found.append(TrialMeasures(case, trial.number, primitive, person, partner))
     return found
