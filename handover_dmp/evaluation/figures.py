@@ -301,13 +301,14 @@ def _shown(panel: Panel) -> tuple[int, int]:
     """Choose the learnt trial and, of the others, the one with the median distance."""
     if panel.tested is not None:
         return panel.learnt, panel.tested
-    errors = []
-    for index, trial in enumerate(panel.case.trials):
+
+    def away_m2(index: int) -> float:
+        trial = panel.case.trials[index]
         away = panel.rollouts[index, : len(trial.times)] - trial.demonstrator
-        errors.append(float((away**2).sum(axis=1).mean()))
-    others = [index for index in range(len(errors)) if index != panel.learnt]
-    others.sort(key=lambda index: errors[index])
-    return panel.learnt, others[len(others) // 2]
+        return float((away**2).sum(axis=1).mean())
+
+    others = [index for index in range(len(panel.case)) if index != panel.learnt]
+    return panel.learnt, sorted(others, key=away_m2)[len(others) // 2]
 
 
 def _bands(group: Sequence[Panel], title: str, learn: str) -> Figure:
