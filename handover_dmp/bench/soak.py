@@ -128,7 +128,7 @@ class FaultyWristController(WristController):
         if self._fails('joint states of other joints alone', arrival_s):
             names, place, speed = ['gripper'], np.array([7.0]), np.array([7.0])
         if self._fails('joint states not finite', arrival_s):
-            place[2] = np.nan
+            place[-1] = np.nan
         if self._fails('joint states permuted', arrival_s):
             names, place, speed = names[::-1], place[::-1], speed[::-1]
         if self._fails('joint states among unknown joints', arrival_s):

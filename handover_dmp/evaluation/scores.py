@@ -127,8 +127,9 @@ class Scores:
         pairs = [((counts @ measure) * counts).sum(axis=1) for measure in self.measures]
         others = np.stack(pairs, axis=1) - np.einsum('mii,bi->bm', self.measures, counts**2)
         drawn = trials**2 - (counts**2).sum(axis=1, keepdims=True)
-        with np.errstate(invalid='ignore', divide='ignore'):
-            return Totals(own + others * (trials * (trials - 1) / drawn))
+        # without a pair, what is left of the difference is a rounding error
+        share = trials * (trials - 1) / np.where(drawn > 0, drawn, np.nan)
+        return Totals(own + others * share)
 
     def by_trial(self) -> Totals:
         """Sum the rollouts against each trial: one row per trial instead of per round."""

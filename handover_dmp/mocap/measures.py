@@ -21,6 +21,7 @@ docs/method.md has the formulas and their sources.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from math import ceil, inf, log, log2
 
 from handover_dmp.common.arrays import Array
@@ -312,7 +313,7 @@ def _delay(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> int:
     answers = _begins(second)
     ends = _begins(~first)
     starts = _begins(first)
-    for end, after in zip(ends, [*ends[1:], len(first)], strict=True):
+    for end, after in pairwise([*ends, len(first)]):
         # from the start of this motion to the end of the next one
         begun = starts[starts < end].max(initial=-1)
         found = answers[(answers > begun) & (answers <= after)]

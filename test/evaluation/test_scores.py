@@ -86,6 +86,12 @@ def test_a_resampled_total_is_the_total_of_the_resampled_trials(models):
             assert np.isnan(sums).all()
 
 
+def test_rounds_that_drew_one_trial_alone_have_no_pairs():
+    curves, references = random_case(30, trials=30)
+    scores = judge(curves, references, Envelope.of(references))
+    assert np.isnan(scores.totals(30.0 * np.eye(30)).sums).all()
+
+
 def test_the_interval_lies_around_the_figure():
     generator = np.random.default_rng(0)
     own = 3.0 * generator.normal(size=(30, 1)) + generator.normal(size=(30, 30))

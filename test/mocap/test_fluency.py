@@ -106,3 +106,10 @@ def test_people_wait_for_each_other_as_the_session_was_made():
         assert 0.2 < found.whole.person_idle < 0.7
         assert 0.4 < found.whole.robot_idle < 0.7
         assert 0.1 < found.whole.concurrent < 0.4
+
+
+def test_who_never_stops_leaves_no_delay():
+    times = np.arange(0.0, 2.0, 1.0 / RATE_HZ)
+    moving, resting = np.full(len(times), 0.5), np.zeros(len(times))
+    assert session_fluency(moving, resting, RATE_HZ).whole.functional_delay == 0.0
+    assert session_fluency(moving, moving, RATE_HZ).whole.concurrent == 1.0
