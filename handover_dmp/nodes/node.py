@@ -26,6 +26,7 @@ from builtin_interfaces.msg import Time
 from handover_dmp.common.errors import UsageError
 from handover_dmp.nodes.conversions import NANOSECONDS, nanoseconds
 from handover_dmp.nodes.once_per_second import OncePerSecond
+from handover_dmp.nodes.other_types import other_types
 from handover_dmp.nodes.parameters import (
     check_names,
     COMMON,
@@ -95,6 +96,7 @@ class HandoverNode(Node):  # type: ignore[misc]
             raise UsageError(f'{self.NAME}: lockstep needs use_sim_time:=true')
         self.add_on_set_parameters_callback(_keep_the_clock)
         self.once_per_second = OncePerSecond(self)
+        self.once_per_second.add(other_types(self))
         self.period_s = 1.0 / self.values.get('rate_hz', 1.0)
         self.periods = Periods(self.period_s)
 

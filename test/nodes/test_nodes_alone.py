@@ -259,6 +259,23 @@ def test_a_clock_in_long_steps_is_told_of(tmp_path: Path) -> None:
         player.close()
 
 
+def test_a_topic_of_another_type_is_told_of(tmp_path: Path) -> None:
+    """DDS connects nobody then, and says nothing."""
+    process = start('dmp', tmp_path, '-p', 'tracker.type:=geometry_msgs/msg/PointStamped')
+    partner = Partner()
+    try:
+        assert partner.hears(
+            process,
+            '/hand/pose is not heard: it is published as geometry_msgs/msg/PoseStamped, '
+            'expected geometry_msgs/msg/PointStamped',
+        )
+        process.send_signal(signal.SIGINT)
+        assert process.wait(30) == 0
+    finally:
+        process.kill()
+        partner.close()
+
+
 def test_leaves_when_its_turn_comes_and_not_before(tmp_path: Path) -> None:
     """A node that hears of a neighbour's end while it ends itself may hang in Fast DDS."""
     processes = [start(node, tmp_path) for node in ('dmp', 'priority_ik')]
