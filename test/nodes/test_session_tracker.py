@@ -38,6 +38,7 @@ from handover_dmp.topics import (
 )
 import numpy as np
 import pytest
+from rclpy.duration import Duration
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Bool, String
 
@@ -64,6 +65,12 @@ class Partner:
     def publisher(self, topic: Topic) -> Any:
         kind, profile = message_class(topic.type_name), qos_profile(topic.quality)
         return self.graph.node.create_publisher(kind, topic.name, profile)
+
+    def tell(self, publisher: Any, message: Any) -> None:
+        """Publish a latched message, and wait until the node has it."""
+        self.until(publisher.get_subscription_count)
+        publisher.publish(message)
+        assert publisher.wait_for_all_acked(Duration(seconds=40.0))
 
     def until(self, done: Any, act: Any = lambda: None, every_s: float = 0.15) -> None:
         end, due = time.monotonic() + 40.0, 0.0
@@ -98,7 +105,8 @@ def test_in_lockstep_the_partner_waits_for_the_object(tmp_path: Path) -> None:
     ) as graph:
         partner = Partner(graph)
         clock, holder = partner.publisher(CLOCK), partner.publisher(OBJECT_HOLDER)
-        holder.publish(String(data='robot'))
+        # or it would play on until it discovers who tells it of the object
+        partner.tell(holder, String(data='robot'))
         poses = partner.heard[HAND_POSE.name]
         still, passed = 0, []
         for count in range(1, 600):
@@ -147,9 +155,9 @@ def test_on_the_wall_clock_it_begins_by_itself_and_the_gripper_tells_of_the_obje
         tmp_path, {'hand_tracker': values}, lockstep=False, nodes=('hand_tracker',)
     ) as graph:
         partner = Partner(graph)
-        partner.publisher(WRIST_POSE)
         gripper = partner.publisher(GRIPPER_COMMAND)
-        gripper.publish(Bool(data=True))
+        partner.tell(gripper, Bool(data=True))
+        partner.publisher(WRIST_POSE)
         poses = partner.heard[HAND_POSE.name]
 
         def waits() -> bool:
@@ -158,6 +166,6 @@ def test_on_the_wall_clock_it_begins_by_itself_and_the_gripper_tells_of_the_obje
 
         partner.until(waits)
         held = np.array(position_of(poses[-1]))
-        gripper.publish(Bool(data=False))
+        partner.tell(gripper, Bool(data=False))
         partner.until(lambda: np.linalg.norm(np.array(position_of(poses[-1])) - held) > 0.2)
     assert len(partner.heard[SIGNAL.name]) == 1
