@@ -97,6 +97,8 @@ EXTRAS = {
         'placo>=0.6',
         'psutil>=5.9',
         'pydmps>=0.2',
+        # movement-primitives needs it, but does not say so
+        'pytransform3d>=3.0',
         'scikit-learn>=1.4',
     ],
 }

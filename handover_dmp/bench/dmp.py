@@ -17,7 +17,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib.util import find_spec
+from contextlib import suppress
+from importlib import import_module
 from math import erf, sqrt
 from typing import Any
 
@@ -34,6 +35,7 @@ BASIS = 50
 BATCH = 1000
 SPEED = 0.2  # speed of the followed hand, m/s
 PEER, OLD_PEER = 'movement-primitives', 'pydmps'
+MODULES = {PEER: 'movement_primitives.dmp', OLD_PEER: 'pydmps.dmp_discrete'}
 
 
 def run(progress: Callable[[str], None]) -> list[Measurement]:
@@ -310,11 +312,9 @@ def _moving_goals(times: Array, count: int) -> tuple[Array, Array]:
 
 def _peer(times: Array, path: Array) -> Any:
     """Learn with movement-primitives; None if it is not installed."""
-    try:
-        from movement_primitives.dmp import DMP
-    except ImportError:
+    if (module := _imported(PEER)) is None:
         return None
-    peer = DMP(3, execution_time=DURATION_S, dt=float(times[1]), n_weights_per_dim=BASIS)
+    peer = module.DMP(3, execution_time=DURATION_S, dt=float(times[1]), n_weights_per_dim=BASIS)
     peer.imitate(times, path)
     peer.configure(start_y=path[0], goal_y=path[-1])
     return peer
@@ -322,17 +322,21 @@ def _peer(times: Array, path: Array) -> Any:
 
 def _old_peer(path: Array) -> Any:
     """Learn with pydmps; None if it is not installed."""
-    try:
-        from pydmps.dmp_discrete import DMPs_discrete
-    except ImportError:
+    if (module := _imported(OLD_PEER)) is None:
         return None
-    peer = DMPs_discrete(n_dmps=3, n_bfs=BASIS, dt=1.0 / (SAMPLES - 1))
+    peer = module.DMPs_discrete(n_dmps=3, n_bfs=BASIS, dt=1.0 / (SAMPLES - 1))
     peer.imitate_path(path.T.copy())
     peer.reset_state()
     return peer
 
 
+def _imported(peer: str) -> Any:
+    """Import a peer; None if it, or what it needs, is not installed."""
+    with suppress(ImportError):
+        return import_module(MODULES[peer])
+    return None
+
+
 def _missing() -> str:
-    names = {PEER: 'movement_primitives', OLD_PEER: 'pydmps'}
-    absent = [name for name, module in names.items() if find_spec(module) is None]
+    absent = [peer for peer in MODULES if _imported(peer) is None]
     return f'not installed: {", ".join(absent)}' if absent else ''
