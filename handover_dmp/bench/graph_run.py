@@ -52,6 +52,8 @@ MAX_WAIT_S = 60.0
 ROUNDING_S = 1e-6
 PROBES = ('empty', 'sleep', 'echo', 'ping', 'listener')
 CONDUCTOR = 'conductor'
+HAND_RATE_HZ = 199.0
+"""Rate of the hand: its poses come at every phase of the periods of `dmp`, as a tracker's do."""
 LEAD_S = 0.1
 """Time from the return of the hand until its next start, s."""
 
@@ -267,6 +269,8 @@ def _graph(
     # the conductor starts each handover once the hand is back
     parameters['dmp']['start'] = 'service'
     parameters['hand_tracker'] |= {'lead_s': LEAD_S, 'replay_at_s': -1.0}
+    if not lockstep:
+        parameters['hand_tracker']['rate_hz'] = HAND_RATE_HZ
     progress('starting the graph')
     with Graph(folder, parameters, lockstep=lockstep) as graph, _probe(CONDUCTOR, folder):
         if lockstep:
