@@ -54,8 +54,8 @@ class Scenario:
         model: the learnt movement.
         robot: the arm, placed.
         q_start: (n,), rad, with the wrist at the start of P2's.
-        taught_by: description of the data that the movement was learnt from.
         seed: random seed.
+        partner_model: how `dmp` expects the hand to move on; its parameter of that name.
         carried: the carried object; the movement is adapted to it.
 
     """
