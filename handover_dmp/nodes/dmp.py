@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import partial
@@ -197,7 +197,7 @@ class Dmp(HandoverNode):
         # latched signals arrive at both subscriptions
         self._signals_heard: deque[int] = deque(maxlen=SIGNALS_REMEMBERED)
         self._over_s: float | None = None
-        self._faults: dict[str, int] = {}
+        self._faults: Counter[str] = Counter()
         self._clock_of_periods = Lockstep(
             self.period_s,
             self._answer,
@@ -601,28 +601,31 @@ class Dmp(HandoverNode):
     # Condition
 
     def _fault(self, fault: str) -> None:
-        self._faults[fault] = self._faults.get(fault, 0) + 1
+        self._faults[fault] += 1
 
     def _condition(self) -> tuple[str, dict[str, str]]:
-        faults, self._faults = self._faults, {}
+        faults = [f'{fault} (× {count})' for fault, count in self._faults.items()]
+        self._faults.clear()
         now_s = self.arrival_s()
         age_s = self._controller.hand_age_s(now_s)
         if self._overdue:
-            faults['the exchange takes too long: waiting for the partner'] = 1
+            faults.append('the exchange takes too long: waiting for the partner')
         if age_s > self._controller.hand_timeout_s:
-            faults['no recent pose of the hand: braking'] = 1
+            faults.append('no recent pose of the hand: braking')
         unchanged_s = self._controller.estimator.unchanged_s
         if self._controller.state in MOVING and unchanged_s > self.values['hand_filter.frozen_s']:
-            faults['hand unchanged to the last bit: a replay at rest, or a frozen tracker'] = 1
+            faults.append('hand unchanged to the last bit: a replay at rest, or a frozen tracker')
         trackers = self._controller.estimator.report(self.now_s())
-        faults |= {tracker.fault: 1 for tracker in trackers if tracker.fault}
+        faults += [tracker.fault for tracker in trackers]
+        if self._gripper is not None:
+            faults.append(self._gripper.fault)
         values = {
             'state': self._controller.state.value,
             'age of the hand (s)': f'{age_s:.3f}',
             'age of the wrist (s)': f'{now_s - self._wrist_arrival_s:.3f}',
             **of_the_hand(self._controller.estimator, trackers),
         }
-        return '; '.join(f'{fault} ({count} times)' for fault, count in faults.items()), values
+        return '; '.join(filter(None, faults)), values
 
 
 def _options(values: Values) -> HandoverOptions:

@@ -61,6 +61,11 @@ class Gripper:
         if name := node.values['session.gripper_action']:
             self._action = GripperAction(node, name)
 
+    @property
+    def fault(self) -> str:
+        """Fault of the newest command, as far as the action tells; empty if there is none."""
+        return '' if self._action is None else self._action.fault
+
     def command(self, closed: bool) -> None:
         """
         Close or open the gripper.

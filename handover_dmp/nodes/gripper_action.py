@@ -54,6 +54,7 @@ class GripperAction:
 
     Attributes:
         patience_s: time without a server, an answer or a result after which the log says so, s.
+        fault: fault of the newest command; empty if there is none.
 
     """
 
@@ -82,7 +83,7 @@ class GripperAction:
         self._commands = 0
         self._missing = Missing.NOTHING
         self._since_s = self._commanded_s = 0.0
-        self._told = False
+        self.fault = ''
         self._asks = 0
         self._goal: Any = None
         node.once_per_second.add(self._look)
@@ -95,7 +96,7 @@ class GripperAction:
             closed: whether to close it.
 
         """
-        self._closed, self._told, self._asks = closed, False, 0
+        self._closed, self.fault, self._asks = closed, '', 0
         self._commands += 1
         self._commanded_s = monotonic()
         if self._client.server_is_ready():
@@ -144,7 +145,8 @@ class GripperAction:
             self._warn(
                 f'{self._name} {FAILURES[status]} at {result.position:.3f} m, told to {self._verb}'
             )
-        elif self._told:
+        elif self.fault:
+            self.fault = ''
             self._node.say(
                 f'gripper: {self._done}, {monotonic() - self._commanded_s:.1f} s after the command'
             )
@@ -192,12 +194,12 @@ class GripperAction:
         self._missing, self._since_s = missing, monotonic()
 
     def _warn_once(self, text: str) -> None:
-        if not self._told:
+        if not self.fault:
             self._warn(text)
 
     def _warn(self, text: str) -> None:
-        self._told = True
-        self._node.get_logger().warning(f'gripper: {text}')
+        self.fault = f'gripper: {text}'
+        self._node.get_logger().warning(self.fault)
 
     @property
     def _verb(self) -> str:

@@ -153,7 +153,7 @@ class RobotSim(HandoverNode):
         self._timeouts_told = report.timeouts
         if times > 0 and report.state is not ArmState.STOPPED:
             self.get_logger().warning(
-                f'no command for {self.values["command_timeout_s"]:g} s ({times} times): braked, '
+                f'no command for {self.values["command_timeout_s"]:g} s (× {times}): braked, '
                 'continues when commands are back. Is this machine too busy?'
             )
 

@@ -25,6 +25,7 @@ import sys
 import time
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 from handover_dmp.common.errors import UsageError
 from handover_dmp.nodes.graph import isolate
 from handover_dmp.nodes.gripper import OF_GRIPPER
@@ -140,6 +141,8 @@ class Room:
 
         self.until(heard)
         assert len(self._said.splitlines()) == 1, self._said
+        assert self.action.fault in self._said
+        assert bool(self.action.fault) is ('WARN' in self._said)
         self._said = ''
 
     def is_silent(self) -> bool:
@@ -287,6 +290,30 @@ def test_dmp_closes_a_gripper_that_it_discovers_later(room: Room) -> None:
     assert process.returncode == 0
     assert 'WARN' not in said
     assert 'leaked' not in said
+
+
+def test_diagnostics_tell_of_a_gripper_until_it_is_closed(room: Room) -> None:
+    reports: list[str] = []
+    room.other.create_subscription(
+        DiagnosticArray, '/diagnostics', lambda array: reports.append(array.status[0].message), 10
+    )
+    words = ['-p', 'session.enabled:=true', '-p', f'session.gripper_action:={NAME}']
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'handover_dmp.nodes.dmp', '--ros-args', *words],
+        stderr=subprocess.DEVNULL,
+    )
+    fault = f'gripper: nobody serves {NAME}'
+    try:
+        room.until(lambda: any(fault in report for report in reports))
+        driver = room.driver()
+        room.until(lambda: driver.runs)
+        driver.end('succeed')
+        reports.clear()
+        room.until(lambda: any('gripper' not in report for report in reports))
+        process.send_signal(signal.SIGINT)
+        process.wait(timeout=30)
+    finally:
+        process.kill()
 
 
 @pytest.mark.parametrize('name', ['gripper move', '/gripper//move', 'gripper/', '1st_gripper'])

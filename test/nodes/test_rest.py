@@ -87,7 +87,7 @@ def test_a_report_is_news_where_it_says_something_else_or_after_a_while() -> Non
     assert [i // 2 for i, news in enumerate(told) if news] == [0, 0, 60, 60, 120, 120]
     assert REPEATED_S == 60.0
     now_ns = 130 * SECOND_NS
-    assert reports.are_news(report('dmp', 'no fresh hand: braking (2 times)'), now_ns)
-    assert not reports.are_news(report('dmp', 'no fresh hand: braking (31 times)'), now_ns)
+    assert reports.are_news(report('dmp', 'no fresh hand: braking (× 2)'), now_ns)
+    assert not reports.are_news(report('dmp', 'no fresh hand: braking (× 31)'), now_ns)
     assert not reports.are_news(report('robot_sim'), now_ns)
     assert reports.are_news(report('robot_sim', stage='end'), now_ns)
