@@ -96,7 +96,7 @@ clean:
 # Each file below stands for "is installed".
 
 # Files in `lib/` and `share/` are copied, so their changes need a new install.
-COPIED := $(wildcard config/* launch/* urdf/* scripts/* package.xml)
+COPIED := $(filter-out %/__pycache__,$(wildcard config/* launch/* urdf/* scripts/* package.xml))
 INSTALL = pip install --quiet
 
 $(BIN)/python $(LINTERS)/bin/python $(SITE)/bin/python:

@@ -464,6 +464,21 @@ def test_the_oldest_libraries_are_those_of_setup_py() -> None:
     assert found | of_pinocchio == wanted
 
 
+@pytest.mark.parametrize(
+    ('changed', 'again'), [('package.xml', True), ('scripts/__pycache__', False)]
+)
+def test_make_installs_again_if_a_file_has_changed(
+    tmp_path: Path, changed: str, again: bool
+) -> None:
+    (ROOT / 'scripts' / '__pycache__').mkdir(exist_ok=True)
+    (tmp_path / 'bin').mkdir()
+    for name in ('bin/python', '.demo', '.test'):
+        (tmp_path / name).touch()
+    command = ['make', '--dry-run', f'--what-if={changed}', f'VENV={tmp_path}', 'test']
+    told = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    assert ('pip install' in told) is again
+
+
 def test_the_workflow_has_the_form_that_github_wants() -> None:
     pytest.importorskip('check_jsonschema')
     files = (ROOT / '.github' / 'workflows').glob('*.yml')
