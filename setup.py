@@ -66,7 +66,6 @@ EXTRAS = {
         'hypothesis>=6.100',
         'psutil>=5.9',
         'pytest>=7.4',
-        'pytest-rerunfailures>=12.0',
         'pytest-timeout>=2.2',
         'pytest-xdist>=3.4',
         'scikit-learn>=1.4',
