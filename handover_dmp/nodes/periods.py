@@ -16,8 +16,10 @@
 
 from __future__ import annotations
 
-from statistics import quantiles
+from math import inf
 from time import perf_counter
+
+import numpy as np
 
 OVERRUN = 1.5
 
@@ -45,6 +47,7 @@ class Periods:
         self._nominal_s = period_s
         self._last_s: float | None = None
         self._periods_s: list[float] = []
+        self._summary = {'rate (Hz)': '0'}
 
     def tick(self) -> None:
         """Note that a period begins."""
@@ -62,18 +65,22 @@ class Periods:
         """
         Summarise the last second and start the next.
 
+        A node that ends does so once more, maybe before its next period: the last summary holds.
+
         Returns:
             Rate, Hz; median and 99 % error of the period, ms; overruns.
 
         """
         periods, self._periods_s = self._periods_s, []
-        if len(periods) < 2:
-            return {'rate (Hz)': f'{len(periods)}'}
+        if not periods:
+            since_s = inf if self._last_s is None else perf_counter() - self._last_s
+            return self._summary if since_s < OVERRUN * self._nominal_s else {'rate (Hz)': '0'}
         errors_ms = [abs(period - self._nominal_s) * 1e3 for period in periods]
-        cuts = quantiles(errors_ms, n=100, method='inclusive')
-        return {
+        median, most = np.percentile(errors_ms, [50, 99])
+        self._summary = {
             'rate (Hz)': f'{len(periods) / sum(periods):.1f}',
-            'period error, median (ms)': f'{cuts[49]:.3f}',
-            'period error, 99 % (ms)': f'{cuts[98]:.3f}',
+            'period error, median (ms)': f'{median:.3f}',
+            'period error, 99 % (ms)': f'{most:.3f}',
             'overruns': str(sum(period > OVERRUN * self._nominal_s for period in periods)),
         }
+        return self._summary

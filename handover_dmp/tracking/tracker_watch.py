@@ -34,7 +34,7 @@ _LASTING = 10
 
 class TrackerReport(NamedTuple):
     """
-    Report on a tracker since the last report.
+    Report on a tracker since the last report, or once more the last one if no pose was due since.
 
     Attributes:
         name: name of the tracker.
@@ -90,6 +90,8 @@ class TrackerWatch:
         self._reported_s = -math.inf
         self._squares = 0.0
         self._compared = 0
+        self._intervals = 0
+        self._report: TrackerReport | None = None
         self.forget()
 
     def forget(self) -> None:
@@ -139,6 +141,10 @@ class TrackerWatch:
         if reason:
             self._refused += 1
         if math.isfinite(stamp):
+            if math.isfinite(self._newest_s):
+                self._intervals += 1
+            else:
+                self._reported_s = stamp
             self._newest_s = max(self._newest_s, stamp)
         if math.isfinite(distance):
             self._squares += distance * distance
@@ -146,11 +152,14 @@ class TrackerWatch:
 
     def report(self, age_s: float, bias_m: Point) -> TrackerReport:
         """Return the report with the given age (s) and bias (m), and begin the next one."""
+        last = self._report
+        if last and last.rate_hz and not self.heard and age_s - last.age_s < 1.0 / last.rate_hz:
+            # no pose was due since: a node that ends reports once more, maybe at once
+            return last._replace(age_s=age_s, bias_m=bias_m, fault=self._fault())
         elapsed = self._newest_s - self._reported_s
-        known = math.isfinite(elapsed) and elapsed > 0.0
-        report = TrackerReport(
+        self._report = TrackerReport(
             self.tracker.name,
-            self.heard / elapsed if known else 0.0,
+            self._intervals / elapsed if elapsed > 0.0 else 0.0,
             age_s,
             bias_m,
             self._refused / self.heard if self.heard else 0.0,
@@ -158,9 +167,9 @@ class TrackerWatch:
             self._fault(),
         )
         self._reported_s = self._newest_s
-        self.heard = self._refused = self._compared = 0
+        self.heard = self._refused = self._compared = self._intervals = 0
         self._squares = 0.0
-        return report
+        return self._report
 
     def _fault(self) -> str:
         name = self.tracker.name

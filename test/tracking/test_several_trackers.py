@@ -216,6 +216,20 @@ def test_a_report_tells_rate_age_share_and_distance():
     assert (mocap.fault, camera.fault) == ('', '')
 
 
+def test_a_report_before_the_next_pose_is_due_tells_of_a_live_tracker():
+    estimator = GoalEstimator(trackers=BOTH)
+    for k in range(30):
+        estimator.update(k / 30, (0.3, 0.0, 1.0), k / 30, tracker='camera')
+    first = estimator.report(1.0)[1]
+    assert first.rate_hz == pytest.approx(30.0, rel=0.05)
+    at_once = estimator.report(1.005)[1]
+    assert at_once.age_s == pytest.approx(first.age_s + 0.005)
+    assert at_once._replace(age_s=first.age_s) == first
+    silent = estimator.report(1.1)[1]
+    assert silent.rate_hz == 0.0
+    assert math.isnan(silent.distance_m)
+
+
 def test_a_slow_tracker_is_waited_for_and_a_fast_one_is_not():
     slow = GoalEstimator(trackers=[Tracker('body', rate_hz=5.5)])
     assert 2.0 / 5.5 < slow.timeout_s < 3.0 / 5.5
