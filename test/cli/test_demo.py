@@ -101,7 +101,7 @@ def test_hands_over_to_every_recorded_person(
     report = json.loads((tmp_path / 'run' / 'report.json').read_text())
     assert report['handed_over'] is True
     assert report['limits']['met'] is True
-    assert 'base at' in (tmp_path / 'run' / 'report.md').read_text()
+    assert 'base position, m' in (tmp_path / 'run' / 'report.md').read_text()
 
 
 def test_says_so_when_a_node_dies(tmp_path: Path) -> None:
