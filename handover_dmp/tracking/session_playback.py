@@ -17,7 +17,8 @@ Playback of the partner of a recorded session, with a wait at each exchange.
 
 The recording runs until the held-out hand would be withdrawn. There it stops until the object has
 changed hands, so a late robot drops nothing. If the object is still on a table, the partner
-signals, and waits until it is picked up.
+signals, and waits until it is picked up. If the robot offers the object once more after the last
+exchange, the partner stays while both hold it.
 """
 
 from __future__ import annotations
@@ -39,6 +40,8 @@ RECEIVERS = {'give': 'partner', 'take': 'robot'}
 """Holder of the object after an exchange, as on `object/holder`."""
 NOT_FETCHED = 'table'
 """Holder before the object is picked up, as on `object/holder`."""
+HELD_BY_BOTH = 'both'
+"""Holder during an exchange, as on `object/holder`."""
 SIGNAL_AHEAD_S = 0.1
 """Time between the signal of a reach and its start, so that it arrives in time, s."""
 BEFORE_PARTING_S = 0.1
@@ -138,7 +141,8 @@ class SessionPlayback:
     def _rewind(self) -> None:
         self._clock = WaitingClock(self._first_s, self._last_s)
         self._at_exchange = self._signalled = 0
-        self._told = self._asks = False
+        self._told = self._asks = self._stays = False
+        self._apart_s = 0.0
 
     def is_waiting(self, now_s: float) -> bool:
         """Return whether the partner holds out the hand and waits for the object, at a time, s."""
@@ -174,6 +178,7 @@ class SessionPlayback:
         """Continue if the object has changed hands, otherwise wait."""
         part = self.next_exchange
         if part is None:
+            self._stay_with_what_both_hold(elapsed_s, holder)
             return
         if holder is None:
             if not self._told and self._clock.recorded(elapsed_s) >= _waiting_place(part):
@@ -195,6 +200,16 @@ class SessionPlayback:
             self._at_exchange += 1
             following = self.next_exchange
             place = _waiting_place(following) if following else self._last_s
+            self._clock.go_on(elapsed_s, place)
+
+    def _stay_with_what_both_hold(self, elapsed_s: float, holder: str | None) -> None:
+        """Stand still after the last exchange while both hold the object, or patience ends."""
+        if holder != HELD_BY_BOTH:
+            self._apart_s = elapsed_s
+        stays = 0.0 < elapsed_s - self._apart_s <= self._patience_s
+        if stays != self._stays:
+            self._stays = stays
+            place = self._clock.recorded(elapsed_s) if stays else self._last_s
             self._clock.go_on(elapsed_s, place)
 
     def _due_signals(self, now_s: float) -> list[SessionSignal]:
