@@ -46,7 +46,7 @@ ON_THE_WALL_CLOCK = ('test_graph', 'test_interfaces', 'test_played_bags')
 # These take longest, and begin first: in the end no process is to wait for another.
 LONGEST = (
     *ON_THE_WALL_CLOCK, 'test_faults_graph', 'test_commands', 'test_demo', 'test_packaging',
-    'test_calibration_motion_node',
+    'test_calibration_motion_node', 'test_session_processes', 'test_approach',
 )  # fmt: skip
 
 

@@ -200,7 +200,7 @@ def run_own(words: list[str], folder: Path, request: pytest.FixtureRequest) -> N
         # 1 says that something got slower, as it may on a machine that does much else
         assert result.returncode in (0, 1), result.stdout + result.stderr
         assert 'is worse by more than' in result.stdout or result.returncode == 1
-    elif words[0] in ('bench', 'demo', '--help'):
+    elif words[0] in ('bench', 'calibrate', 'demo', '--help'):
         run(command, folder)
     else:
         request.getfixturevalue('monkeypatch').chdir(folder)

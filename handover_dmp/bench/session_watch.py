@@ -91,7 +91,9 @@ class SessionWatch:
         """Start without observations."""
         self.broken: list[str] = []
         self.is_dropped = False
-        self._nearest_m = 0.0
+        self._hand: Sequence[float] = ()
+        self._wrists: list[Sequence[float]] = []
+        self._farthest_m = 0.0
         self._is_told = False
 
     def see_wrist(
@@ -109,12 +111,17 @@ class SessionWatch:
         """
         if hand is None:
             return
-        distance = dist(wrist, hand)
         if age_s < STANDS_S:
-            self._nearest_m, self._is_told = distance, False
-            return
-        nearer_m = self._nearest_m - distance
-        self._nearest_m = max(self._nearest_m, distance)
+            self._wrists.clear()
+            self._is_told = False
+        self._wrists.append(wrist)
+        distance = dist(wrist, hand)
+        if len(self._wrists) == 1 or tuple(hand) != tuple(self._hand):
+            # a pose that was held up may come when the hand is lost already
+            self._farthest_m = max(dist(each, hand) for each in self._wrists)
+        self._hand = hand
+        self._farthest_m = max(self._farthest_m, distance)
+        nearer_m = self._farthest_m - distance
         if nearer_m > NEARER_M and not self._is_told:
             self._is_told = True
             self.broken.append(

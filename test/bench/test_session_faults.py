@@ -49,6 +49,27 @@ def test_a_wrist_that_stands_or_goes_away_from_a_lost_hand_is_not_told() -> None
     assert watch.broken == []
 
 
+def test_a_pose_that_comes_late_is_no_motion_of_the_wrist() -> None:
+    watch = SessionWatch()
+    approached(watch, 0.5, 0.1)
+    wrist = (HAND[0] - 0.5, HAND[1], HAND[2])
+    for step in range(100):
+        # the last poses before a tracker is stalled arrive when it goes on
+        late = HAND if step < 50 else (HAND[0] - 0.05, HAND[1], HAND[2])
+        watch.see_wrist(2.0 + 0.01 * step, wrist, late, 0.5)
+    assert watch.broken == []
+
+
+def test_a_wrist_that_follows_poses_which_are_all_late_is_told() -> None:
+    watch = SessionWatch()
+    approached(watch, 0.5, 0.1)
+    for step in range(100):
+        moved_m = 0.001 * step
+        hand = (HAND[0] - 0.5 * moved_m, HAND[1], HAND[2])
+        watch.see_wrist(2.0 + 0.01 * step, (HAND[0] - 0.5 + moved_m, 0.0, 1.0), hand, 0.5)
+    assert len(watch.broken) == 1
+
+
 def test_a_dropped_object_is_told() -> None:
     watch = SessionWatch()
     for holder in ('robot', 'both', 'partner', 'both', 'robot'):
