@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from contextlib import suppress
 import gc
 import os
@@ -73,9 +74,17 @@ def _draw_the_same_whatever_is_imported() -> None:
             providers._get_local_constants = lambda: nothing
 
 
+@pytest.hookimpl(tryfirst=True)  # before the slow ones are left out
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the longest files first."""
+    """Put the longest files first; mark as slow what is not in the sample of many alike cases."""
     items.sort(key=lambda item: item.path.stem not in LONGEST)
+    cases: Counter[str] = Counter()
+    for item in items:
+        if sample := item.get_closest_marker('sample'):
+            function = item.nodeid.partition('[')[0]
+            if cases[function] % sample.args[0]:
+                item.add_marker(pytest.mark.slow)
+            cases[function] += 1
 
 
 def pytest_collection_finish() -> None:

@@ -31,7 +31,7 @@ SHORTER = {
     'dmp': {},
     'ik': {'LONG_RUN': 300, 'STEPS': 100},
     'rvm': {},
-    'sim': {},
+    'sim': {'PERIODS': 50},
 }
 
 

@@ -69,6 +69,7 @@ def test_the_zoo_is_found_by_looking() -> None:
     assert not any('anymal.urdf' in name or 'laikago' in name for name in ARMS)
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize('name', ARMS)
 def test_an_arm_is_read_as_its_file_has_it(name: str) -> None:
     arm = ARMS[name]

@@ -43,6 +43,17 @@ LEFT_BEHIND = {
 }  # fmt: skip
 
 
+SIMULATE = """
+from pathlib import Path
+from handover_dmp.handover.lockstep import simulate
+from handover_dmp.handover.scenario import make_scenario
+from handover_dmp.runs.bag import write_run_bag
+from handover_dmp.runs.folder import run_info
+scenario = make_scenario()
+write_run_bag(Path('one'), scenario, simulate(scenario), run_info(scenario, 1.0))
+"""
+
+
 def command(*words: str) -> list[str]:
     return [sys.executable, '-m', 'handover_dmp', *words]
 
@@ -191,11 +202,11 @@ def test_an_unreachable_way_names_the_distance(tmp_path: Path) -> None:
 
 def test_simulates_the_same_every_time(tmp_path: Path) -> None:
     """In another process, too, to the last bit; the report as well, as test_report.py has it."""
-    assert run('simulate', '-o', 'one', folder=tmp_path).returncode == 0
+    assert subprocess.run([sys.executable, '-c', SIMULATE], cwd=tmp_path).returncode == 0
     scenario = make_scenario()
     write_run_bag(tmp_path / 'two', scenario, simulate(scenario), run_info(scenario, 1.0))
     recorded = []
-    for bag in (tmp_path / 'one' / 'bag', tmp_path / 'two'):
+    for bag in (tmp_path / 'one', tmp_path / 'two'):
         (file,) = bag.glob('*.mcap')
         with file.open('rb') as stream:
             # In the order of the file: where its chunks end depends on the time that writing took,
@@ -211,6 +222,10 @@ def test_simulates_the_same_every_time(tmp_path: Path) -> None:
             )
     assert len(recorded[0]) > 5000
     assert recorded[0] == recorded[1]
-    done = run('simulate', '-o', 'one', folder=tmp_path)
-    assert done.returncode == 1
-    assert 'never overwritten' in done.stderr
+
+
+def test_a_run_is_never_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / 'mine.txt').touch()
+    assert main(['simulate', '-o', str(tmp_path)]) == 1
+    assert 'never overwritten' in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ['mine.txt']

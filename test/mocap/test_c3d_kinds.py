@@ -182,6 +182,7 @@ COUNTED = [
 ]  # fmt: skip
 
 
+@pytest.mark.sample(5)
 @pytest.mark.parametrize('counted', COUNTED, ids=' + '.join)
 @pytest.mark.parametrize('processor', PROCESSORS)
 @pytest.mark.parametrize(('first', 'frames'), [

@@ -58,7 +58,8 @@ def may_be_urgent() -> bool:
     return os.geteuid() == 0 or resource.getrlimit(resource.RLIMIT_RTPRIO)[0] > PRIORITY
 
 
-@pytest.mark.parametrize('priority', [pytest.param(0, marks=pytest.mark.slow), PRIORITY])
+@pytest.mark.slow
+@pytest.mark.parametrize('priority', [0, PRIORITY])
 def test_every_stranger_finds_all_nodes_and_is_answered(prepare: Any, priority: int) -> None:
     """Counted: a call that was in vain once in four is seen in eight, nine times of ten."""
     if priority and not may_be_urgent():

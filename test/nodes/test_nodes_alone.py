@@ -378,6 +378,7 @@ def priorities(pid: int) -> set[int]:
     return {os.sched_getparam(thread).sched_priority for thread in threads}
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     ('node', 'words', 'fault'),
     [

@@ -86,6 +86,7 @@ def test_on_a_played_clock_the_object_changes_hands(
     check_states(prepare, scenario.trial, tmp_path, ONE, '--clock', '40', **on_it)
 
 
+@pytest.mark.slow
 def test_a_bag_in_a_loop_gives_one_handover_a_loop(
     prepare: Any, scenario: Scenario, tmp_path: Path
 ) -> None:

@@ -47,6 +47,7 @@ def arc(length=0.5, turn=0.4, height=1.0):
     )
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('robot', ['lwr4', 'iiwa14', 'panda', 'ur5'])
 @pytest.mark.parametrize('length', [0.0, 0.4, 0.8])
 def test_the_arm_follows_from_where_it_is_put(robot, length):
@@ -151,6 +152,7 @@ def test_names_what_is_missing(lwr4):
     assert caught.value.missing_m >= 1.25 - lwr4.reach_m
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize('configuration', ['raw', 'p01', 'p02', 'p03', 'p04'])
 def test_recorded_ways_of_people(kth_folder, lwr4, configuration):
     trials = [t for t in read_data_set(kth_folder) if t.configuration == configuration]

@@ -287,6 +287,7 @@ def test_too_fast_a_path_is_left_by_little_and_by_less_with_phase_stopping(lwr4)
     assert deviations[0] < 0.015 and deviations[1] < 0.010
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize('orientation', ['full', 'level', 'upright', 'point'])
 def test_orientation_does_not_disturb_the_position(arm, orientation):
     # a period this short, for between two answers an ideal arm leaves the straight line by an

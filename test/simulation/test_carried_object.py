@@ -311,6 +311,7 @@ def test_a_hand_that_is_told_to_jump_goes_there_with_the_object(mass_kg: float) 
         assert gone == pytest.approx([0.4, -0.3, 0.2], abs=0.002)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('mass_kg', [0.1, 0.8, 3.0])
 @pytest.mark.parametrize('gap_s', [0.03, 0.06, 0.09, 0.15, 0.3])
 def test_a_hand_that_is_not_heard_of_for_a_while_does_not_lose_the_object(

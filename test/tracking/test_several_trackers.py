@@ -84,6 +84,7 @@ def test_it_is_the_kalman_filter_with_a_bias_in_the_order_of_the_stamps():
     np.testing.assert_allclose(bias, state[6:], atol=1e-10)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('name', BY_NAME)
 def test_both_are_never_worse_than_the_better_one(name):
     row = compare_trackers(BY_NAME[name], range(3))
