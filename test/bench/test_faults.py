@@ -133,6 +133,7 @@ def test_a_hand_where_no_hand_can_be_served_gives_a_calm_stop(
     check_calm_stop(handover, where)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('robot', ['panda', 'iiwa14'])
 def test_so_do_other_arms_at_a_limit_and_a_singularity(robot: str) -> None:
     run = Handover(make_scenario(arm=ArmChoice(robot)))

@@ -159,6 +159,7 @@ def test_goals_move_straight_from_sample_to_sample_unless_told_otherwise(model):
     assert np.abs(batch[0] - left_out.positions).max() < AGREE
 
 
+@pytest.mark.sample(5)
 @pytest.mark.parametrize('phase_rate', [0.0, 0.3, 0.97, 1.8])
 def test_a_slowed_phase_is_the_solution_too(model, exact, phase_rate):
     times = np.arange(0.0, 2.0, 0.01)

@@ -134,6 +134,7 @@ def place_of(message: PoseStamped) -> np.ndarray:
     return np.array([place.x, place.y, place.z])
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('robot', ['iiwa14', 'ur5'])
 def test_priority_ik_follows_poses_alone_on_any_robot(tmp_path: Path, robot: str) -> None:
     arm = {'robot': robot}

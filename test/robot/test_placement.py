@@ -71,6 +71,7 @@ def test_the_ends_of_a_way_there_and_back_are_in_reach(lwr4):
         assert np.linalg.norm(there[-1] - placed.shoulder) < 0.9 * lwr4.reach_m
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ('file', 'wrist', 'base', 'length'),
     [

@@ -173,6 +173,7 @@ def test_no_limit_is_broken_and_no_step_fails(seed, robot, orientation):
         assert arm.limits.inside(posture, tolerance=1e-12)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('robot', ARMS)
 def test_no_limit_is_broken_in_many_steps(robot):
     arm = _loaded(robot)

@@ -47,6 +47,7 @@ def in_room(carried: dict[str, tuple[str, pin.SE3]], frame: str) -> pin.SE3:
     return in_room(carried, parent) * placement
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('robot', ['lwr4', 'ur5'])
 def test_the_arm_of_a_bag_stands_where_it_stood_and_moves_as_it_moved(
     tmp_path: Path, robot: str
