@@ -341,7 +341,10 @@ class _Fit:
         middle *= count / (count - self._size / 3.0)
         # not less than the covariance for independent errors
         plain = float(np.square(off).sum()) / (3 * count - self._size) * inverse
-        robust = inverse @ middle @ inverse
+        strengths, axes = np.linalg.eigh(middle)
+        # as a product with itself: rounding would make variances of what is undetermined negative
+        root = inverse @ axes * np.sqrt(np.maximum(strengths, 0.0))
+        robust = root @ root.T
         short = np.diag(robust) < np.diag(plain)
         covariance = plain if short.all() else robust
         grown = np.sqrt(np.maximum(np.diag(plain) / np.maximum(np.diag(covariance), 1e-300), 1.0))

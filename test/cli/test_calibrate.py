@@ -165,6 +165,7 @@ def test_a_tracker_that_calls_its_frame_world_is_refused(
     check(output, 'camera')
 
 
+@pytest.mark.filterwarnings('error')
 def test_what_is_not_determined_is_not_written(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -193,7 +193,7 @@ def test_a_target_that_is_not_finite_is_refused(
 ) -> None:
     assert not controller.set_target(WristTarget(np.array([bad, 0.0, 0.0])), 0.0)
     assert not controller.set_target(WristTarget(np.zeros(3), np.array([bad, 0.0, 0.0])), 0.0)
-    assert not controller.set_target(WristTarget(np.zeros(3), rotation=bad * np.eye(3)), 0.0)
+    assert not controller.set_target(WristTarget(np.zeros(3), rotation=np.diag([bad] * 3)), 0.0)
 
 
 def test_tells_how_near_to_singular_it_is_while_braking_too(
