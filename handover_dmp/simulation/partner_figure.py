@@ -23,7 +23,7 @@ not part of the physics: the recorded hand moves as recorded, whatever the robot
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -51,6 +51,8 @@ ARM_STIFFNESS = np.array([3.0, 0.25, 0.35, 0.25, 0.25, 0.6, 0.8, 0.8])
 # The same for the wrist's position, in 1/m, and for the direction of the fingers.
 WRIST_WEIGHT = 1e3
 FINGER_WEIGHT = 0.3
+SHIFT_DIGITS = 5
+"""Decimals of the displacement of parts that do not move by themselves, in m."""
 
 Colour = tuple[float, float, float, float]
 SKIN: Colour = (0.86, 0.66, 0.53, 1.0)
@@ -549,12 +551,13 @@ class FigureBodies:
 
         """
         posture = self.figure.posture(hand, start)
-        # Fixed parts are moved only if the figure has moved.
-        stepped = self._shift is None or not np.allclose(self._shift, posture.shift, atol=1e-5)
+        # Fixed parts are moved only if the figure has moved. Rounded, for what is shown may not
+        # depend on what was shown before: several processes share the pictures of a film.
+        fixed = replace(posture, shift=np.round(posture.shift, SHIFT_DIGITS))
+        stepped = not np.array_equal(fixed.shift, self._shift)
         for part, body in zip(self.figure.parts, self._bodies, strict=True):
             if stepped or part.joint:
-                pose = self.figure.part_pose(part, posture)
+                pose = self.figure.part_pose(part, posture if part.joint else fixed)
                 self._engine.resetBasePositionAndOrientation(body, *pose)
-        if stepped:
-            self._shift = posture.shift
+        self._shift = fixed.shift
         return posture

@@ -47,6 +47,7 @@ from handover_dmp.view.primitives import refine, write_unit_meshes
 from handover_dmp.view.surroundings import Surroundings
 import numpy as np
 from numpy.typing import NDArray
+import pinocchio as pin
 from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.spatial.transform import Rotation
 
@@ -77,6 +78,7 @@ PALM_M = 0.09  # from the wrist along the fingers
 TRAIL_RADIUS_M = 0.008
 ORIGIN, OUT_OF_SIGHT = (0.0, 0.0, 0.0), (0.0, 0.0, -1000.0)
 UNTURNED = (0.0, 0.0, 0.0, 1.0)
+UPWARDS = np.array([0.0, 0.0, 1.0])
 SHADOW_PIXELS = 256
 SHADOW_M, WIDE_SHADOW_M = 1.6, 2.6
 """Half the side of the square with shadows, m, without and with surroundings."""
@@ -352,10 +354,10 @@ class Scene(Closing):
         if not np.isfinite(self.pick_up_time_s):
             return
         held = self._flange_pose(self.pick_up_time_s) @ self._grasp.by_robot
-        upwards = np.array([0.0, 0.0, 1.0])
-        axis = upwards if self._look.stands else np.append(held.rotation[:2, 2], 0.0)
-        turn, _ = Rotation.align_vectors([axis], [held.rotation[:, 2]])
-        self._lying = _Pose(held.position, turn.as_matrix() @ held.rotation)
+        axis = np.append(held.rotation[:2, 2], 0.0)
+        if self._look.stands or not axis.any():
+            axis = UPWARDS
+        self._lying = _Pose(held.position, _turn(held.rotation[:, 2], axis) @ held.rotation)
         depths = [
             self._lying.rotation[2] @ part.middle
             - 0.5 * np.abs(self._lying.rotation[2]) @ part.size
@@ -388,13 +390,13 @@ class Scene(Closing):
         middle = flange.position + along * (half if robot_gives else gap - half)
         # its z axis, with the handle, towards the receiver
         taken = along if robot_gives or self._look.length_m is None else -along
-        turn, _ = Rotation.align_vectors([taken], [[0.0, 0.0, 1.0]])
+        turn = _turn(UPWARDS, taken)
         if self._look.stands:
             away = flange.position - self.model.base.position
-            turn = Rotation.from_euler('z', np.arctan2(away[1], away[0]))
-            deep = turn.apply([0.5 * self._look.depth_m, 0.0, 0.0])
+            turn = Rotation.from_euler('z', np.arctan2(away[1], away[0])).as_matrix()
+            deep = turn @ [0.5 * self._look.depth_m, 0.0, 0.0]
             middle = flange.position + (deep if self._look.depth_m else 0.5 * gap * along)
-        met_at = _Pose(middle, turn.as_matrix())
+        met_at = _Pose(middle, turn)
         return _Grasp(flange.inverse() @ met_at, hand.inverse() @ met_at)
 
     def joint_positions(self, time_s: float) -> Array:
@@ -771,6 +773,11 @@ def _line(coordinate: Array, pixel: Array) -> Array:
     width = 0.006
     cover = np.clip((width + pixel / 2 - distance) / np.maximum(pixel, 1e-9), 0.0, 1.0)
     return np.asarray(cover * np.minimum(1.0, 2 * width / np.maximum(pixel, 1e-9)))
+
+
+def _turn(before: Array, after: Array) -> Array:
+    """Return the smallest rotation, (3, 3), from one direction to another."""
+    return np.asarray(pin.Quaternion.FromTwoVectors(before, after).toRotationMatrix())
 
 
 def _smooth_step(share: float) -> float:

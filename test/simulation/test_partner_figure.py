@@ -76,6 +76,27 @@ def test_shown_meshes_are_where_the_posture_says():
             assert nearest < 2e-6
 
 
+def test_what_is_shown_does_not_depend_on_what_was_shown_before():
+    """The processes that draw a film show different pictures before the same one."""
+    figure = PartnerFigure(reach(), PARTNER)
+    arm = figure.postures(reach())[100].joints
+    # steps of the figure of some micrometres and of some millimetres, and none
+    away = (reach()[100] - figure.shoulder) / np.linalg.norm(reach()[100] - figure.shoulder)
+    hands = [figure.shoulder + away * far_m for far_m in (0.3, *np.linspace(0.44, 0.60, 40))]
+    with Engine() as engine:
+        bodies = FigureBodies(figure, engine)
+
+        def shown(hand):
+            bodies.show(hand, arm)
+            return [
+                engine.getBasePositionAndOrientation(body) for body in range(engine.getNumBodies())
+            ]
+
+        forwards = [shown(hand) for hand in hands]
+        assert [shown(hand) for hand in reversed(hands)] == forwards[::-1]
+    assert len({tuple(body[0] for body in bodies) for bodies in forwards}) == len(hands)
+
+
 def test_joints_stay_within_their_limits_and_move_smoothly():
     model = PartnerFigure(reach(), PARTNER)._model
     coarse = np.array([p.joints for p in PartnerFigure(reach(), PARTNER).postures(reach(200))])
