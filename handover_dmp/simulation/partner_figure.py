@@ -524,7 +524,7 @@ class FigureBodies:
         self._engine = engine
         with silenced():
             self._bodies = [self._body(part) for part in figure.parts]
-        self._shift: Array | None = None
+        self._shift = np.full(3, np.nan)  # not shown yet
 
     def _body(self, part: BodyPart) -> int:
         shape = self._engine.createVisualShapeArray(
