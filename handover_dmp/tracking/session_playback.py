@@ -17,7 +17,7 @@ Playback of the partner of a recorded session, with a wait at each exchange.
 
 The recording runs until the held-out hand would be withdrawn. There it stops until the object has
 changed hands, so a late robot drops nothing. If the object is still on a table, the partner
-signals, and waits until it is picked up. If the robot offers the object once more after the last
+signals, and waits until it is picked up. If the robot offers the object once more after an
 exchange, the partner stays while both hold it.
 """
 
@@ -177,8 +177,10 @@ class SessionPlayback:
     def _hear(self, elapsed_s: float, holder: str | None) -> None:
         """Continue if the object has changed hands, otherwise wait."""
         part = self.next_exchange
-        if part is None:
+        is_between = part is None or self._clock.recorded(elapsed_s) < part.start_s
+        if self._at_exchange and (is_between or self._stays):
             self._stay_with_what_both_hold(elapsed_s, holder)
+        if part is None:
             return
         if holder is None:
             if not self._told and self._clock.recorded(elapsed_s) >= _waiting_place(part):
@@ -198,18 +200,22 @@ class SessionPlayback:
         begun = self._clock.recorded(elapsed_s) >= part.start_s
         if (begun and holder == RECEIVERS[part.direction]) or waited_s > self._patience_s:
             self._at_exchange += 1
-            following = self.next_exchange
-            place = _waiting_place(following) if following else self._last_s
-            self._clock.go_on(elapsed_s, place)
+            self._clock.go_on(elapsed_s, self._next_place_s)
+
+    @property
+    def _next_place_s(self) -> float:
+        """Time in the recording at which the partner waits next, or its end, s."""
+        part = self.next_exchange
+        return _waiting_place(part) if part else self._last_s
 
     def _stay_with_what_both_hold(self, elapsed_s: float, holder: str | None) -> None:
-        """Stand still after the last exchange while both hold the object, or patience ends."""
+        """Stand still after an exchange while both hold the object, or patience ends."""
         if holder != HELD_BY_BOTH:
             self._apart_s = elapsed_s
         stays = 0.0 < elapsed_s - self._apart_s <= self._patience_s
         if stays != self._stays:
             self._stays = stays
-            place = self._clock.recorded(elapsed_s) if stays else self._last_s
+            place = self._clock.recorded(elapsed_s) if stays else self._next_place_s
             self._clock.go_on(elapsed_s, place)
 
     def _due_signals(self, now_s: float) -> list[SessionSignal]:
